@@ -1,0 +1,53 @@
+"""The verdict: what the planner says of every tick, whether or not it found a reference."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class VerdictCode(IntEnum):
+    """Why there is, or is not, a new reference. OK is the only code that comes with one."""
+
+    OK = 0
+    HOLD_REQUESTED = 1
+    NO_GOAL = 2
+    STALE_STATE = 3
+    STALE_OBSTACLES = 4
+    NO_FEASIBLE_PATH = 5
+    IN_COLLISION = 6
+    GOAL_OUT_OF_SUPPORT = 7
+    START_OUT_OF_SUPPORT = 8
+    DEADLINE_MISSED = 9
+    BAD_INPUT = 10
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Outcome of one planning step.
+
+    Attributes
+    ----------
+    code, reason : the outcome, and a sentence for a person.
+    clearance : smallest distance [m] from the tool spheres to any obstacle along the reference, already reduced
+        by the certificate's allowance between samples; inf without obstacles, nan without a path.
+    energy_per_edge : largest squared Riemannian length of one edge of the path; nan without a path.
+    in_support : whether the whole path stays where the decoder can be trusted.
+    start_offset, goal_offset : distance [m] between the asked pose and the manifold's nearest pose to it.
+    start_offset_angle, goal_offset_angle : the same for the orientation [rad].
+    """
+
+    code: VerdictCode
+    reason: str = ""
+    clearance: float = math.nan
+    energy_per_edge: float = math.nan
+    in_support: bool = False
+    start_offset: float = math.nan
+    goal_offset: float = math.nan
+    start_offset_angle: float = math.nan
+    goal_offset_angle: float = math.nan
+
+    @property
+    def ok(self) -> bool:
+        return self.code is VerdictCode.OK
