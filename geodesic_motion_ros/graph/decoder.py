@@ -1,0 +1,126 @@
+"""The trained decoder in plain numpy: what the control tick and the graph evaluate.
+
+The networks are learned in torch (`manifold`); their weights are evaluated here, so that running a skill needs no
+torch. Both agree to rounding (tested).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from geodesic_motion_ros.errors import SkillError
+from geodesic_motion_ros.quaternions import normalise
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """What the decoder says of latent points, one row each.
+
+    Attributes
+    ----------
+    positions : (n, 3) mean tool positions [m] in the skill's base frame.
+    quaternions : (n, 4) mean directions of the von Mises-Fisher distribution on S^3 (w, x, y, z).
+    sigma : (n, 3) standard deviation of the position [m].
+    kappa : (n,) concentration of the orientation.
+    """
+
+    positions: np.ndarray
+    quaternions: np.ndarray
+    sigma: np.ndarray
+    kappa: np.ndarray
+
+    @property
+    def spread(self) -> np.ndarray:
+        """kappa^(-1/2) (n,): the angular standard deviation, the same role for orientation as sigma for position."""
+        return self.kappa**-0.5
+
+    def __getitem__(self, index: slice | np.ndarray) -> Decoded:
+        return Decoded(self.positions[index], self.quaternions[index], self.sigma[index], self.kappa[index])
+
+
+@dataclass(frozen=True)
+class TaskSpaceDecoder:
+    """p(x, q | z): two tanh layers for the means, RBF networks for sigma^-1 and kappa.
+
+    h1 = tanh(W1 z + b1), h2 = tanh(W2 h1 + b2), o = W3 h2 + b3 (7),
+    position = position_offset + position_scale * o[:3], quaternion = o[3:] / |o[3:]|,
+    v_k = exp(-rbf_rate |z - c_k|^2), 1 / sigma = sigma_weights v + sigma_floor [1/m],
+    kappa = kappa_weights v + kappa_floor. Weights of the RBF networks are positive, so sigma grows and kappa falls
+    away from the data.
+    """
+
+    W1: np.ndarray
+    b1: np.ndarray
+    W2: np.ndarray
+    b2: np.ndarray
+    W3: np.ndarray
+    b3: np.ndarray
+    position_offset: np.ndarray
+    position_scale: np.ndarray
+    rbf_centres: np.ndarray
+    rbf_rate: np.ndarray
+    sigma_weights: np.ndarray
+    sigma_floor: np.ndarray
+    kappa_weights: np.ndarray
+    kappa_floor: np.ndarray
+
+    @property
+    def latent_dimension(self) -> int:
+        return self.W1.shape[1]
+
+    def decode(self, latent: np.ndarray) -> Decoded:
+        """Decode latent points (n, d)."""
+        hidden = np.tanh(latent @ self.W1.T + self.b1)
+        hidden = np.tanh(hidden @ self.W2.T + self.b2)
+        out = hidden @ self.W3.T + self.b3
+        sigma, kappa = self.uncertainty(latent)
+        return Decoded(
+            self.position_offset + self.position_scale * out[:, :3], normalise(out[:, 3:]), sigma, kappa
+        )
+
+    def uncertainty(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """sigma (n, 3) [m] and kappa (n,) alone: cheaper than decoding, enough to prune a grid."""
+        squared = (
+            np.sum(latent**2, axis=1)[:, None]
+            - 2.0 * latent @ self.rbf_centres.T
+            + np.sum(self.rbf_centres**2, axis=1)
+        )
+        activation = np.exp(-self.rbf_rate * np.maximum(squared, 0.0))
+        sigma = 1.0 / (activation @ self.sigma_weights.T + self.sigma_floor)
+        return sigma, activation @ self.kappa_weights + self.kappa_floor
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The weights by name, float64, as they are stored on disk."""
+        return {field.name: np.asarray(getattr(self, field.name), dtype=float) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, np.ndarray]) -> TaskSpaceDecoder:
+        """Build from weights by name; SkillError names missing, non-finite or ill-shaped ones."""
+        names = [field.name for field in fields(cls)]
+        missing = [name for name in names if name not in arrays]
+        if missing:
+            raise SkillError(f"decoder weights lack {', '.join(missing)}; they must hold {', '.join(names)}")
+        decoder = cls(**{name: np.asarray(arrays[name], dtype=float) for name in names})
+        decoder._check_shapes()
+        return decoder
+
+    def _check_shapes(self) -> None:
+        latent, first, second, centres = self.W1.shape[-1], len(self.b1), len(self.b2), len(self.rbf_centres)
+        expected = {
+            "W1": (first, latent), "W2": (second, first), "W3": (7, second), "b3": (7,),
+            "position_offset": (3,), "position_scale": (), "rbf_centres": (centres, latent), "rbf_rate": (),
+            "sigma_weights": (3, centres), "sigma_floor": (3,), "kappa_weights": (centres,), "kappa_floor": (),
+        }  # fmt: skip
+        for name, shape in expected.items():
+            array = getattr(self, name)
+            if array.shape != shape:
+                raise SkillError(f"decoder weight {name} has shape {array.shape}, expected {shape}")
+            if not np.all(np.isfinite(array)):
+                raise SkillError(f"decoder weight {name} holds NaN or infinite values")
+
+
+def rms_sigma(decoded_sigma: np.ndarray) -> np.ndarray:
+    """Root mean square over the coordinates of sigma (n, 3): one number [m] per latent point, the support's measure."""
+    return np.sqrt(np.mean(decoded_sigma**2, axis=-1))
