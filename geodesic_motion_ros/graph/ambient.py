@@ -1,0 +1,74 @@
+"""The ambient metric: how obstacles stretch the space around the robot's body points.
+
+The paper's factor of an obstacle with radius r at o is m(p) = 1 + zeta exp(-|p - o|^2 / (2 r^2)); several obstacles
+add. The Gaussian never ends, so it is shifted to reach zero, continuously, at CUTOFF widths:
+
+    m(p) = 1 + zeta sum_o max(0, (exp(-|p - o|^2 / (2 s^2)) - c) / (1 - c)),   c = exp(-CUTOFF^2 / 2)
+
+Beyond the cut m is exactly 1: an obstacle that leaves also leaves no trace in the weights.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+#: Distance, in Gaussian widths, at which an obstacle's influence has fallen to nothing (from 1.1 % before the shift).
+CUTOFF = 3.0
+
+
+@numba.njit(cache=True, nogil=True)
+def ambient_factors(
+    points: np.ndarray,
+    point_radii: np.ndarray,
+    centres: np.ndarray,
+    radii: np.ndarray,
+    strength: float,
+    width_ratio: float,
+) -> np.ndarray:
+    """Ambient factor m_k >= 1 of every body point, (n, K).
+
+    Parameters
+    ----------
+    points : (n, K, 3) body points [m]; point_radii : (K,) radius [m] of the sphere that each carries.
+    centres, radii : (o, 3), (o,) obstacles [m]. The Gaussian's width is s = width_ratio (radius + point radius):
+        the obstacle grown by the body, as seen by the body's centre.
+    strength : zeta.
+    """
+    factors = np.ones(points.shape[:2])
+    shift = math.exp(-0.5 * CUTOFF**2)
+    for k in range(points.shape[1]):
+        for o in range(len(radii)):
+            width = width_ratio * (radii[o] + point_radii[k])
+            reach = (CUTOFF * width) ** 2
+            for i in range(len(points)):
+                dx = points[i, k, 0] - centres[o, 0]
+                dy = points[i, k, 1] - centres[o, 1]
+                dz = points[i, k, 2] - centres[o, 2]
+                squared = dx * dx + dy * dy + dz * dz
+                if squared < reach:
+                    bump = math.exp(-0.5 * squared / (width * width))
+                    factors[i, k] += strength * (bump - shift) / (1.0 - shift)
+    return factors
+
+
+@numba.njit(cache=True, nogil=True)
+def clearances(
+    points: np.ndarray, point_radii: np.ndarray, centres: np.ndarray, radii: np.ndarray
+) -> np.ndarray:
+    """Smallest surface-to-surface distance [m] from each row of body points (n, K, 3) to any obstacle, (n,).
+
+    Negative inside, inf where there is no obstacle.
+    """
+    result = np.full(len(points), np.inf)
+    for o in range(len(radii)):
+        for k in range(points.shape[1]):
+            both = radii[o] + point_radii[k]
+            for i in range(len(points)):
+                dx = points[i, k, 0] - centres[o, 0]
+                dy = points[i, k, 1] - centres[o, 1]
+                dz = points[i, k, 2] - centres[o, 2]
+                result[i] = min(result[i], math.sqrt(dx * dx + dy * dy + dz * dz) - both)
+    return result

@@ -1,0 +1,162 @@
+"""Shortest paths on the latent graph: Dijkstra's field, and A* with the obstacle-free field as exact heuristic.
+
+The weight of edge e = (u, v) under obstacles is (design.md section 4)
+
+    w_e = sqrt(b_e + sum_k (m_k(u) + m_k(v)) / 2 * a_ek)
+
+with the ambient factors m_k >= 1 of the body points at both ends. Without obstacles every m_k is 1. So the
+obstacle-free cost to the goal never overestimates and is consistent, whatever the obstacles: A* with it returns
+Dijkstra's cost.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.graph.grid import Adjacency
+
+
+@numba.njit(cache=True, nogil=True)
+def edge_weight(
+    fixed: np.ndarray, shares: np.ndarray, factors: np.ndarray, edge: int, u: int, v: int
+) -> float:
+    """Riemannian length of one edge, with fixed (m,), shares (m, K) and factors (n, K)."""
+    squared = fixed[edge]
+    for k in range(shares.shape[1]):
+        squared += 0.5 * (factors[u, k] + factors[v, k]) * shares[edge, k]
+    return math.sqrt(squared)
+
+
+@numba.njit(cache=True, nogil=True)
+def _push(keys: np.ndarray, items: np.ndarray, size: int, key: float, item: int) -> int:
+    """Add to a binary min-heap held in two arrays; returns the new size."""
+    child = size
+    while child > 0:
+        parent = (child - 1) // 2
+        if keys[parent] <= key:
+            break
+        keys[child] = keys[parent]
+        items[child] = items[parent]
+        child = parent
+    keys[child] = key
+    items[child] = item
+    return size + 1
+
+
+@numba.njit(cache=True, nogil=True)
+def _drop_smallest(keys: np.ndarray, items: np.ndarray, size: int) -> int:
+    """Remove the root of the heap; returns the new size."""
+    size -= 1
+    key, item = keys[size], items[size]
+    parent = 0
+    while 2 * parent + 1 < size:
+        child = 2 * parent + 1
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[parent] = keys[child]
+        items[parent] = items[child]
+        parent = child
+    keys[parent] = key
+    items[parent] = item
+    return size
+
+
+@numba.njit(cache=True, nogil=True)
+def _search(
+    first: np.ndarray,
+    neighbour: np.ndarray,
+    edge_of: np.ndarray,
+    fixed: np.ndarray,
+    shares: np.ndarray,
+    factors: np.ndarray,
+    blocked: np.ndarray,
+    heuristic: np.ndarray,
+    source: int,
+    target: int,
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """A* from source; stops when target is settled (target -1: settles everything, Dijkstra's field).
+
+    Nodes with an infinite heuristic cannot reach the goal and are skipped. Returns cost (n,), predecessor (n,) and
+    the number of nodes expanded.
+    """
+    cost = np.full(len(first) - 1, np.inf)
+    predecessor = np.full(len(first) - 1, -1, dtype=np.int32)
+    settled = np.zeros(len(first) - 1, dtype=np.bool_)
+    keys = np.empty(len(neighbour) + 1)
+    items = np.empty(len(neighbour) + 1, dtype=np.int32)
+    cost[source] = 0.0
+    size = _push(keys, items, 0, heuristic[source], source)
+    expanded = 0
+    while size > 0:
+        u = items[0]
+        size = _drop_smallest(keys, items, size)
+        if settled[u]:
+            continue
+        settled[u] = True
+        expanded += 1
+        if u == target:
+            break
+        for slot in range(first[u], first[u + 1]):
+            v = neighbour[slot]
+            if settled[v] or blocked[v] or heuristic[v] == np.inf:
+                continue
+            through = cost[u] + edge_weight(fixed, shares, factors, edge_of[slot], u, v)
+            if through < cost[v]:
+                cost[v] = through
+                predecessor[v] = u
+                size = _push(keys, items, size, through + heuristic[v], v)
+    return cost, predecessor, expanded
+
+
+def cost_field(
+    adjacency: Adjacency, fixed: np.ndarray, shares: np.ndarray, source: int, factors: np.ndarray | None = None
+) -> np.ndarray:
+    """Cost (n,) between `source` and every node, infinite where there is no path (Dijkstra).
+
+    Without `factors` (n, K) it is the obstacle-free field: the exact heuristic of `shortest_path`.
+    """
+    nodes = len(adjacency.first) - 1
+    if factors is None:
+        factors = np.ones((nodes, shares.shape[1]))
+    cost, _, _ = _search(
+        adjacency.first, adjacency.node, adjacency.edge, fixed, shares, factors,
+        np.zeros(nodes, dtype=np.bool_), np.zeros(nodes), source, -1,
+    )  # fmt: skip
+    return cost
+
+
+def shortest_path(
+    adjacency: Adjacency,
+    fixed: np.ndarray,
+    shares: np.ndarray,
+    factors: np.ndarray,
+    blocked: np.ndarray,
+    heuristic: np.ndarray,
+    source: int,
+    target: int,
+) -> tuple[np.ndarray, float]:
+    """Cheapest node sequence from source to target, and its cost; an empty path and inf where there is none.
+
+    Parameters
+    ----------
+    fixed, shares : (m,) and (m, K) squared lengths b_e and a_ek of every undirected edge.
+    factors : (n, K) ambient factors >= 1; blocked : (n,) nodes that may not be entered.
+    heuristic : (n,) obstacle-free cost to the target; zeros make the search plain Dijkstra.
+    """
+    if blocked[source] or blocked[target] or not math.isfinite(heuristic[source]):
+        return np.empty(0, dtype=np.int32), math.inf
+    cost, predecessor, _ = _search(
+        adjacency.first, adjacency.node, adjacency.edge, fixed, shares, factors,
+        blocked, heuristic, source, target,
+    )  # fmt: skip
+    if not math.isfinite(cost[target]):
+        return np.empty(0, dtype=np.int32), math.inf
+    path = [target]
+    while path[-1] != source:
+        path.append(predecessor[path[-1]])
+    return np.array(path[::-1], dtype=np.int32), float(cost[target])

@@ -1,0 +1,214 @@
+"""Skill: everything the planner needs of a learned task, saved in and loaded from one folder.
+
+The folder holds `skill.yaml` (format version, robot, frames, thresholds, quality, provenance, and the SHA-256 of the
+other files), `weights.safetensors` (decoder and encoder) and `latent.npz` (codes and box). Nothing is ever unpickled;
+a truncated, altered or foreign folder is refused with the reason.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from geodesic_motion_ros.errors import GeodesicMotionError, SkillError
+from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
+from geodesic_motion_ros.graph.latent_graph import LatentGraph, MetricSettings, build_latent_graph
+from geodesic_motion_ros.shared_files import find_shared
+
+FORMAT_VERSION = 1
+
+#: The support ends where rms sigma exceeds this multiple of its 99th percentile on the demonstrations.
+SUPPORT_MULTIPLE = 5.0
+#: Ends of a path are chosen closer to the demonstrations than the rim of the support.
+ENDPOINT_MULTIPLE = 3.0
+
+_TEXT_FIELDS = ("name", "space", "robot", "base_frame", "tool_frame", "orientation_model")
+_METADATA = (*_TEXT_FIELDS, "metric", "sigma_support", "energy_per_edge", "quality", "provenance")
+_LATENT = ("codes", "latent_lower", "latent_upper", "start_pose", "goal_pose")
+_FILES = ("weights.safetensors", "latent.npz")
+
+
+@dataclass(frozen=True)
+class Skill:
+    """A trained task-space skill.
+
+    Attributes
+    ----------
+    name, robot, base_frame, tool_frame : what it is called and whose poses it speaks of.
+    decoder : numpy decoder; encoder_arrays : weights of the encoder by name, for re-encoding demonstrations.
+    codes : (N, T, d) latent means of the demonstrations by arc length; with antipodal doubling both signs, (2N, T, d).
+    latent_lower, latent_upper : (d,) the box that is turned into a graph.
+    metric : weights of the pull-back metric.
+    orientation_model : "two_cluster" (q and -q have codes of their own) or "sign_blind".
+    sigma_support : 99th percentile of rms sigma [m] on the demonstrations' codes.
+    energy_per_edge : largest obstacle-free squared length of one edge of a 100 x 100 graph that a feasible path may have.
+    start_pose, goal_pose : (7,) mean first and last pose of the demonstrations: x, y, z [m], w, x, y, z.
+    quality, provenance : figures on held-out demonstrations; data, licence, source, seed, settings.
+    """
+
+    name: str
+    decoder: TaskSpaceDecoder
+    codes: np.ndarray
+    latent_lower: np.ndarray
+    latent_upper: np.ndarray
+    sigma_support: float
+    energy_per_edge: float
+    start_pose: np.ndarray
+    goal_pose: np.ndarray
+    space: Literal["task"] = "task"
+    robot: str = "panda"
+    base_frame: str = "panda_link0"
+    tool_frame: str = "panda_grasptarget"
+    metric: MetricSettings = MetricSettings()
+    orientation_model: Literal["two_cluster", "sign_blind"] = "two_cluster"
+    encoder_arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    quality: dict[str, Any] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def sigma_limit(self) -> float:
+        """Largest rms sigma [m] inside the support."""
+        return SUPPORT_MULTIPLE * self.sigma_support
+
+    def graph(self, shape: tuple[int, ...] = (100, 100), neighbours: int = 16) -> LatentGraph:
+        """Decode the latent box into its graph; under a second for a task-space skill."""
+        return build_latent_graph(
+            self.decoder, self.codes, self.latent_lower, self.latent_upper,
+            self.metric, self.sigma_limit, shape, neighbours,
+        )  # fmt: skip
+
+    def save(self, folder: str | os.PathLike[str]) -> Path:
+        """Write the folder, all or nothing: an interrupted save leaves what was there before. Returns the folder."""
+        target = Path(folder).absolute()
+        target.parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+        try:
+            weights = {f"decoder.{name}": array for name, array in self.decoder.arrays().items()}
+            weights |= {f"encoder.{name}": np.asarray(a, float) for name, a in self.encoder_arrays.items()}
+            save_file({k: np.ascontiguousarray(v) for k, v in weights.items()}, draft / "weights.safetensors")
+            np.savez(draft / "latent.npz", **{name: getattr(self, name) for name in _LATENT})
+            described = {"format_version": FORMAT_VERSION}
+            described |= {name: getattr(self, name) for name in _METADATA} | {"metric": asdict(self.metric)}
+            described["sha256"] = {name: _digest(draft / name) for name in _FILES}
+            (draft / "skill.yaml").write_text(yaml.safe_dump(described, sort_keys=False, width=110))
+            draft.chmod(0o755)
+            _replace_folder(draft, target)
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
+        return target
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str]) -> Skill:
+        """Read a skill folder, or a shipped skill by its bare name ("panda_pouring").
+
+        Raises
+        ------
+        SkillError : missing folder or file, checksum mismatch, unknown format version, unreadable or ill-shaped content;
+            the message names the file and the reason.
+        """
+        path = _resolve(folder)
+        described = _read_description(path)
+        for name, digest in described["sha256"].items():
+            if not (path / name).is_file():
+                raise SkillError(f"{path}: {name} is missing; a skill folder holds skill.yaml, {', '.join(_FILES)}")
+            if _digest(path / name) != digest:
+                raise SkillError(f"{path}: {name} differs from its checksum in skill.yaml: truncated or altered")
+        try:
+            weights = load_file(path / "weights.safetensors")
+            with np.load(path / "latent.npz", allow_pickle=False) as archive:
+                latent = {name: np.asarray(archive[name], dtype=float) for name in _LATENT}
+            metadata = {name: described[name] for name in _METADATA}
+            metadata["metric"] = MetricSettings(**described["metric"])
+            skill = cls(
+                decoder=TaskSpaceDecoder.from_arrays(_with_prefix(weights, "decoder.")),
+                encoder_arrays=_with_prefix(weights, "encoder."), **latent, **metadata,
+            )  # fmt: skip
+            skill._check()
+        except GeodesicMotionError as error:
+            raise SkillError(f"{path}: {error}") from error
+        except (KeyError, TypeError, ValueError, OSError, SafetensorError) as error:
+            raise SkillError(f"{path}: not a readable skill: {type(error).__name__}: {error}") from error
+        return skill
+
+    def _check(self) -> None:
+        d = self.decoder.latent_dimension
+        if self.space != "task":
+            raise SkillError(f"skills of space {self.space!r} are not known here; known: 'task'")
+        shapes = {
+            "latent_lower": (d,), "latent_upper": (d,), "start_pose": (7,), "goal_pose": (7,),
+            "codes": (*self.codes.shape[:2], d),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != shape or not np.all(np.isfinite(array)):
+                raise SkillError(f"{name} must be finite with shape {shape}, has shape {array.shape}")
+        for name in ("sigma_support", "energy_per_edge"):
+            value = getattr(self, name)
+            if not (isinstance(value, float) and value > 0.0):
+                raise SkillError(f"{name} is {value!r}, must be a positive number")
+
+
+def _with_prefix(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
+    return {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _replace_folder(draft: Path, target: Path) -> None:
+    """Put a finished folder in the place of an old one; the old one survives until the new one stands."""
+    if not target.exists():
+        draft.rename(target)
+        return
+    if not (target / "skill.yaml").is_file() and any(target.iterdir()):
+        raise SkillError(f"{target} exists and is not a skill folder: choose another name, nothing was overwritten")
+    old = Path(tempfile.mkdtemp(prefix=f".{target.name}-old-", dir=target.parent)) / "skill"
+    target.rename(old)
+    draft.rename(target)
+    shutil.rmtree(old.parent)
+
+
+def _resolve(folder: str | os.PathLike[str]) -> Path:
+    path = Path(folder)
+    if path.is_dir():
+        return path
+    if path.parent == Path("."):
+        try:
+            return find_shared(f"models/{path.name}")
+        except GeodesicMotionError as error:
+            raise SkillError(f"no skill {str(folder)!r}: not a folder, and not shipped ({error})") from error
+    raise SkillError(f"no skill folder {str(folder)!r}: give a folder with skill.yaml, or the name of a shipped skill")
+
+
+def _read_description(path: Path) -> dict[str, Any]:
+    file = path / "skill.yaml"
+    try:
+        described = yaml.safe_load(file.read_text())
+    except FileNotFoundError as error:
+        raise SkillError(f"{path}: skill.yaml is missing, so this is no skill folder") from error
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise SkillError(f"{file}: unreadable: {error}") from error
+    if not isinstance(described, dict) or "format_version" not in described:
+        raise SkillError(f"{file}: no format_version, so this is no skill of this package")
+    if described["format_version"] != FORMAT_VERSION:
+        raise SkillError(
+            f"{file}: format version {described['format_version']}, this release reads {FORMAT_VERSION}: "
+            "install a matching release or train the skill again"
+        )
+    missing = [name for name in (*_METADATA, "sha256") if name not in described]
+    if missing:
+        raise SkillError(f"{file}: lacks {', '.join(missing)}")
+    if not isinstance(described["sha256"], dict) or set(described["sha256"]) != set(_FILES):
+        raise SkillError(f"{file}: sha256 must list exactly {', '.join(_FILES)}")
+    return described
