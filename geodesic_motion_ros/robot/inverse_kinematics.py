@@ -1,0 +1,244 @@
+"""Inverse kinematics by damped least squares: a velocity step for streams, and a solution for single poses.
+
+The step solves, for the pose error e and a feed-forward twist v (both linear then angular, base frame),
+
+    dq = J^T (J J^T + d^2 I)^-1 (gain e + v) + N posture_gain (posture - q),    N = I - J^T (J J^T + d^2 I)^-1 J,
+
+with the damping of Nakamura and Hanafusa (1986) in the step, d^2 = d_0^2 (1 - w / w_0)^2 where the manipulability
+w = sqrt(det J J^T) falls below w_0, and that of Sugihara (2011) in the solution, d^2 = |e|^2 / 2. A joint that would leave its limits is stopped at the limit and the
+others are solved again without it, so that they take over its share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.robot.kinematics import Robot, forward, jacobian
+
+DAMPING = 0.1
+LOW_MANIPULABILITY = 0.02
+SMALLEST_DAMPING = 1e-4
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How near a solution must be: position [m] and angle [rad]."""
+
+    position: float = 1e-5
+    angle: float = 1e-4
+
+
+def pose_error(
+    position: np.ndarray, quaternion: np.ndarray, target_position: np.ndarray, target_quaternion: np.ndarray
+) -> np.ndarray:
+    """Error (6,) from a pose to a target: position difference [m], then the shortest rotation vector [rad], base frame."""
+    return _pose_error(position, quaternion, target_position, target_quaternion)
+
+
+def differential_step(
+    robot: Robot,
+    joint_positions: np.ndarray,
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    dt: float,
+    *,
+    gain: float = 20.0,
+    feed_forward: np.ndarray | None = None,
+    posture: np.ndarray | None = None,
+    posture_gain: float = 1.0,
+) -> np.ndarray:
+    """Joint velocities (n,) [rad/s] towards a target pose, inside position and velocity limits after `dt`.
+
+    Parameters
+    ----------
+    joint_positions : (n,) where the arm is now [rad], inside its limits.
+    position, quaternion : target (3,) [m] and (4,) unit, scalar first, base frame.
+    dt : length of the step [s].
+    gain : how fast the error is to vanish [1/s].
+    feed_forward : (6,) velocity of the target itself [m/s, rad/s].
+    posture, posture_gain : (n,) joint positions to which the null space is drawn (default `robot.ready`), [1/s].
+
+    Notes
+    -----
+    Velocities above a limit are scaled down together, which keeps the tool's direction of motion.
+    """
+    q = np.ascontiguousarray(joint_positions, dtype=np.float64)
+    reached_position, reached_quaternion = forward(q, robot.chain)
+    twist = gain * _pose_error(reached_position, reached_quaternion, position, quaternion)
+    if feed_forward is not None:
+        twist = twist + feed_forward
+    return twist_step(robot, q, twist, dt, posture=posture, posture_gain=posture_gain)
+
+
+def twist_step(
+    robot: Robot,
+    joint_positions: np.ndarray,
+    twist: np.ndarray,
+    dt: float,
+    *,
+    posture: np.ndarray | None = None,
+    posture_gain: float = 1.0,
+) -> np.ndarray:
+    """Joint velocities (n,) [rad/s] that move the tool with a twist (6,) [m/s, rad/s]; see `differential_step`."""
+    drift = posture_gain * ((robot.ready if posture is None else posture) - joint_positions)
+    velocities = (
+        _joint_step(joint_positions, twist * dt, drift * dt, -1.0, robot.lower, robot.upper, robot.chain) / dt
+    )
+    return velocities / max(1.0, float(np.max(np.abs(velocities) / robot.velocity_limits)))
+
+
+def solve(
+    robot: Robot,
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    start: np.ndarray | None = None,
+    *,
+    tolerance: Tolerance = Tolerance(),
+    attempts: int = 50,
+    seed: int = 0,
+) -> np.ndarray:
+    """Joint positions (n,) [rad] inside the limits whose tool pose is the given one.
+
+    Parameters
+    ----------
+    position, quaternion : target (3,) [m] and (4,) unit, scalar first, base frame.
+    start : (n,) first guess and preferred posture; default `robot.ready`.
+    attempts, seed : number of first guesses; after `start` and `robot.ready` they are random, from this seed.
+
+    Raises
+    ------
+    RobotError : the target is not finite, beyond reach, or no attempt came within the tolerance.
+    """
+    position, quaternion = checked_pose(position, quaternion)
+    if not robot.within_reach(position):
+        distance = np.linalg.norm(position - robot.shoulder)
+        raise RobotError(
+            f"position {np.round(position, 3).tolist()} m is {distance:.3f} m from the shoulder: "
+            f"the tool '{robot.tool_link}' reaches {robot.reach:.3f} m"
+        )
+    preferred = robot.ready if start is None else robot.checked(start)
+    random = robot.sample(max(attempts - 2, 0), np.random.default_rng(seed))
+    best, best_error = preferred, np.full(6, np.inf)
+    for guess in (preferred, robot.ready, *random):
+        found, error = _iterate(
+            guess, preferred, position, quaternion, robot.lower, robot.upper, robot.chain,
+            tolerance.position, tolerance.angle,
+        )  # fmt: skip
+        if np.linalg.norm(error[:3]) <= tolerance.position and np.linalg.norm(error[3:]) <= tolerance.angle:
+            return found
+        if np.linalg.norm(error) < np.linalg.norm(best_error):
+            best, best_error = found, error
+    raise RobotError(
+        f"no joint positions within the limits reach position {np.round(position, 3).tolist()} m, quaternion "
+        f"{np.round(quaternion, 3).tolist()}: the best of {attempts} attempts, {np.round(best, 3).tolist()} rad, is "
+        f"{1e3 * np.linalg.norm(best_error[:3]):.1f} mm and {np.degrees(np.linalg.norm(best_error[3:])):.1f} deg away"
+    )
+
+
+def checked_pose(position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A pose as float64 copies (3,), (4,), the quaternion normalised.
+
+    Raises
+    ------
+    RobotError : wrong shape, not finite, or a quaternion whose length is not near one.
+    """
+    position, quaternion = np.array(position, dtype=float), np.array(quaternion, dtype=float)
+    if position.shape != (3,) or not np.all(np.isfinite(position)):
+        raise RobotError(f"target position is {position.tolist()}: expected three finite numbers in metres")
+    length = np.linalg.norm(quaternion)
+    if quaternion.shape != (4,) or not abs(length - 1.0) < 1e-2:
+        raise RobotError(
+            f"target quaternion is {quaternion.tolist()}: expected a unit quaternion (w, x, y, z)"
+        )
+    return position, quaternion / length
+
+
+@numba.njit(cache=True, nogil=True)
+def _pose_error(position, quaternion, target_position, target_quaternion):
+    w, x, y, z = target_quaternion
+    a, b, c, d = quaternion
+    # target * conjugate(present): the rotation that is left, in the base frame
+    scalar = w * a + x * b + y * c + z * d
+    vector = np.array(
+        [
+            -w * b + x * a - y * d + z * c,
+            -w * c + x * d + y * a - z * b,
+            -w * d - x * c + y * b + z * a,
+        ]
+    )
+    if scalar < 0.0:
+        scalar, vector = -scalar, -vector
+    length = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    factor = 2.0 * np.arctan2(length, scalar) / length if length > 1e-12 else 2.0
+    error = np.empty(6)
+    error[:3] = target_position - position
+    error[3:] = factor * vector
+    return error
+
+
+@numba.njit(cache=True, nogil=True)
+def _singularity_damping(gram):
+    manipulability = np.sqrt(max(np.linalg.det(gram), 0.0))
+    return (DAMPING * max(1.0 - manipulability / LOW_MANIPULABILITY, 0.0)) ** 2
+
+
+@numba.njit(cache=True, nogil=True)
+def _damped_step(matrix, free, task, drift, damping):
+    """Damped least-squares step of the free joints for a task displacement (6,), with drift in the null space."""
+    active = matrix * free
+    gram = active @ active.T
+    if damping < 0.0:
+        damping = _singularity_damping(gram)
+    damping += SMALLEST_DAMPING**2
+    for i in range(6):
+        gram[i, i] += damping
+    drift = drift * free
+    return active.T @ np.linalg.solve(gram, task - active @ drift) + drift
+
+
+@numba.njit(cache=True, nogil=True)
+def _joint_step(q, task, drift, damping, lower, upper, chain):
+    """Step dq (n,) for a task displacement (6,) that keeps q + dq in [lower, upper]; damping < 0: by singularity."""
+    count = len(q)
+    matrix = jacobian(q, chain)
+    free = np.ones(count)
+    step = np.zeros(count)
+    for _ in range(count):
+        fixed = step * (1.0 - free)
+        step = fixed + _damped_step(matrix, free, task - matrix @ fixed, drift, damping)
+        worst, excess = -1, 1e-12
+        for i in range(count):
+            over = max(q[i] + step[i] - upper[i], lower[i] - q[i] - step[i])
+            if free[i] > 0.0 and over > excess:
+                worst, excess = i, over
+        if worst < 0:
+            break
+        free[worst] = 0.0
+        step[worst] = (upper[worst] if step[worst] > 0.0 else lower[worst]) - q[worst]
+    return np.minimum(np.maximum(q + step, lower), upper) - q
+
+
+@numba.njit(cache=True, nogil=True)
+def _iterate(start, posture, position, quaternion, lower, upper, chain, position_tolerance, angle_tolerance):
+    """Damped least-squares iteration; the pull to the posture fades, so that it never keeps the pose from settling."""
+    q = start.copy()
+    error = np.empty(6)
+    for iteration in range(150):
+        reached_position, reached_quaternion = forward(q, chain)
+        error = _pose_error(reached_position, reached_quaternion, position, quaternion)
+        near = (
+            np.linalg.norm(error[:3]) <= position_tolerance and np.linalg.norm(error[3:]) <= angle_tolerance
+        )
+        if near and iteration >= 30:
+            break
+        # steps of at most 0.1 m and 0.3 rad, where the linearisation can be trusted
+        shrink = min(
+            1.0, 0.1 / (np.linalg.norm(error[:3]) + 1e-12), 0.3 / (np.linalg.norm(error[3:]) + 1e-12)
+        )
+        pull = 0.1 * 0.93**iteration * (posture - q)
+        q = q + _joint_step(q, shrink * error, pull, 0.5 * np.dot(error, error), lower, upper, chain)
+    return q, error
