@@ -55,9 +55,7 @@ def ambient_factors(
 
 
 @numba.njit(cache=True, nogil=True)
-def clearances(
-    points: np.ndarray, point_radii: np.ndarray, centres: np.ndarray, radii: np.ndarray
-) -> np.ndarray:
+def clearances(points: np.ndarray, point_radii: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
     """Smallest surface-to-surface distance [m] from each row of body points (n, K, 3) to any obstacle, (n,).
 
     Negative inside, inf where there is no obstacle.

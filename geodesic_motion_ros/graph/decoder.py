@@ -76,16 +76,12 @@ class TaskSpaceDecoder:
         hidden = np.tanh(hidden @ self.W2.T + self.b2)
         out = hidden @ self.W3.T + self.b3
         sigma, kappa = self.uncertainty(latent)
-        return Decoded(
-            self.position_offset + self.position_scale * out[:, :3], normalise(out[:, 3:]), sigma, kappa
-        )
+        return Decoded(self.position_offset + self.position_scale * out[:, :3], normalise(out[:, 3:]), sigma, kappa)
 
     def uncertainty(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """sigma (n, 3) [m] and kappa (n,) alone: cheaper than decoding, enough to prune a grid."""
         squared = (
-            np.sum(latent**2, axis=1)[:, None]
-            - 2.0 * latent @ self.rbf_centres.T
-            + np.sum(self.rbf_centres**2, axis=1)
+            np.sum(latent**2, axis=1)[:, None] - 2.0 * latent @ self.rbf_centres.T + np.sum(self.rbf_centres**2, axis=1)
         )
         activation = np.exp(-self.rbf_rate * np.maximum(squared, 0.0))
         sigma = 1.0 / (activation @ self.sigma_weights.T + self.sigma_floor)

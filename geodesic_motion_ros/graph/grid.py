@@ -24,9 +24,7 @@ def stencil(dimension: int, neighbours: int) -> np.ndarray:
         counts.append(len(primitive))
         if len(primitive) == neighbours:
             return primitive[len(primitive) // 2 :]
-    raise PlanningError(
-        f"a {dimension}-D grid has {', '.join(map(str, counts))} neighbours per node, not {neighbours}"
-    )
+    raise PlanningError(f"a {dimension}-D grid has {', '.join(map(str, counts))} neighbours per node, not {neighbours}")
 
 
 @dataclass(frozen=True)
@@ -68,9 +66,7 @@ class LatentGrid:
         number.reshape(-1)[kept] = np.arange(np.count_nonzero(kept))
         pairs = []
         for offset in stencil(len(self.shape), neighbours):
-            here = tuple(
-                slice(max(0, -o), n - max(0, o)) for o, n in zip(offset, self.shape, strict=True)
-            )
+            here = tuple(slice(max(0, -o), n - max(0, o)) for o, n in zip(offset, self.shape, strict=True))
             there = tuple(slice(max(0, o), n + min(0, o)) for o, n in zip(offset, self.shape, strict=True))
             pair = np.stack([number[here].reshape(-1), number[there].reshape(-1)], axis=1)
             pairs.append(pair[np.all(pair >= 0, axis=1)])

@@ -222,7 +222,9 @@ class LatentGraph:
         body = tool_points(positions, quaternions, points)
         pieces, m = len(self._inner_positions) + 1, len(self.edges)
         inner_positions, inner_quaternions = offsets.apply(
-            self._inner_positions.reshape(-1, 3), self._inner_quaternions.reshape(-1, 4), self._inner_progress.reshape(-1)
+            self._inner_positions.reshape(-1, 3),
+            self._inner_quaternions.reshape(-1, 4),
+            self._inner_progress.reshape(-1),
         )
         inner_body = tool_points(inner_positions, inner_quaternions, points)
         body_chain = _chain(body, self.edges, inner_body.reshape(pieces - 1, m, len(points), 3))
@@ -263,6 +265,7 @@ def build_latent_graph(
     shape: tuple[int, ...] = (100, 100),
     neighbours: int = 16,
     pieces: int = 3,
+    one_sheet: bool = True,
 ) -> LatentGraph:
     """Decode the latent box into a graph.
 
@@ -272,9 +275,8 @@ def build_latent_graph(
     lower, upper : (d,) corners of the latent box.
     sigma_limit : nodes and edge samples with a larger rms sigma [m] are pruned; inf keeps the whole box.
     neighbours, pieces : directions per node, and chords per edge.
-
-    Edges along which the decoded quaternion changes to the other hemisphere are left out: there q and -q, the same
-    orientation, would be joined through orientations nobody showed.
+    one_sheet : leave out edges along which the decoded quaternion changes to the other hemisphere: there q and -q, the
+        same orientation, would be joined through orientations nobody showed. False only to measure such crossings.
 
     Raises
     ------
@@ -302,14 +304,12 @@ def build_latent_graph(
         return array.reshape(pieces - 1, len(edges), *array.shape[1:])
 
     quaternion_chain = _chain(decoded.quaternions, edges, inner_rows(inner.quaternions))
-    one_sheet = np.all(np.sum(quaternion_chain[1:] * quaternion_chain[:-1], axis=-1) > 0.0, axis=0)
-    supported = np.all(inner_rows(rms_sigma(inner.sigma)) <= sigma_limit, axis=0)
-    usable = one_sheet & supported
+    usable = np.all(inner_rows(rms_sigma(inner.sigma)) <= sigma_limit, axis=0)
+    if one_sheet:
+        usable &= np.all(np.sum(quaternion_chain[1:] * quaternion_chain[:-1], axis=-1) > 0.0, axis=0)
 
     sigma_chain = _chain(decoded.sigma, edges, inner_rows(inner.sigma))
-    spread_chain = _chain(
-        metric.orientation_feature(decoded), edges, inner_rows(metric.orientation_feature(inner))
-    )
+    spread_chain = _chain(metric.orientation_feature(decoded), edges, inner_rows(metric.orientation_feature(inner)))
     sigma_energy = metric.sigma_weight**2 * pieces * np.sum(np.diff(sigma_chain, axis=0) ** 2, axis=(0, -1))
     spread_energy = pieces * np.sum(np.diff(spread_chain, axis=0) ** 2, axis=0)
 

@@ -20,9 +20,7 @@ from geodesic_motion_ros.graph.grid import Adjacency
 
 
 @numba.njit(cache=True, nogil=True)
-def edge_weight(
-    fixed: np.ndarray, shares: np.ndarray, factors: np.ndarray, edge: int, u: int, v: int
-) -> float:
+def edge_weight(fixed: np.ndarray, shares: np.ndarray, factors: np.ndarray, edge: int, u: int, v: int) -> float:
     """Riemannian length of one edge, with fixed (m,), shares (m, K) and factors (n, K)."""
     squared = fixed[edge]
     for k in range(shares.shape[1]):
@@ -78,27 +76,26 @@ def _search(
     heuristic: np.ndarray,
     source: int,
     target: int,
-) -> tuple[np.ndarray, np.ndarray, int]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A* from source; stops when target is settled (target -1: settles everything, Dijkstra's field).
 
-    Nodes with an infinite heuristic cannot reach the goal and are skipped. Returns cost (n,), predecessor (n,) and
-    the number of nodes expanded.
+    Nodes with an infinite heuristic cannot reach the goal and are skipped. Returns, per node, the cost (n,), the
+    predecessor (n,) and the edge to it (n,).
     """
     cost = np.full(len(first) - 1, np.inf)
     predecessor = np.full(len(first) - 1, -1, dtype=np.int32)
+    arrival = np.full(len(first) - 1, -1, dtype=np.int32)
     settled = np.zeros(len(first) - 1, dtype=np.bool_)
     keys = np.empty(len(neighbour) + 1)
     items = np.empty(len(neighbour) + 1, dtype=np.int32)
     cost[source] = 0.0
     size = _push(keys, items, 0, heuristic[source], source)
-    expanded = 0
     while size > 0:
         u = items[0]
         size = _drop_smallest(keys, items, size)
         if settled[u]:
             continue
         settled[u] = True
-        expanded += 1
         if u == target:
             break
         for slot in range(first[u], first[u + 1]):
@@ -109,8 +106,9 @@ def _search(
             if through < cost[v]:
                 cost[v] = through
                 predecessor[v] = u
+                arrival[v] = edge_of[slot]
                 size = _push(keys, items, size, through + heuristic[v], v)
-    return cost, predecessor, expanded
+    return cost, predecessor, arrival
 
 
 def cost_field(
@@ -139,8 +137,10 @@ def shortest_path(
     heuristic: np.ndarray,
     source: int,
     target: int,
-) -> tuple[np.ndarray, float]:
-    """Cheapest node sequence from source to target, and its cost; an empty path and inf where there is none.
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Cheapest path from source to target: its nodes (p,), its edges (p - 1,) and its cost.
+
+    Where there is none: no nodes, no edges, and inf.
 
     Parameters
     ----------
@@ -148,15 +148,17 @@ def shortest_path(
     factors : (n, K) ambient factors >= 1; blocked : (n,) nodes that may not be entered.
     heuristic : (n,) obstacle-free cost to the target; zeros make the search plain Dijkstra.
     """
+    nothing = np.empty(0, dtype=np.int32)
     if blocked[source] or blocked[target] or not math.isfinite(heuristic[source]):
-        return np.empty(0, dtype=np.int32), math.inf
-    cost, predecessor, _ = _search(
+        return nothing, nothing, math.inf
+    cost, predecessor, arrival = _search(
         adjacency.first, adjacency.node, adjacency.edge, fixed, shares, factors,
         blocked, heuristic, source, target,
     )  # fmt: skip
     if not math.isfinite(cost[target]):
-        return np.empty(0, dtype=np.int32), math.inf
+        return nothing, nothing, math.inf
     path = [target]
     while path[-1] != source:
         path.append(predecessor[path[-1]])
-    return np.array(path[::-1], dtype=np.int32), float(cost[target])
+    nodes = np.array(path[::-1], dtype=np.int32)
+    return nodes, arrival[nodes[1:]], float(cost[target])
