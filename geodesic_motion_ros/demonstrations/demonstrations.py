@@ -1,0 +1,242 @@
+"""What was shown: recordings of a task as checked arrays in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from geodesic_motion_ros.demonstrations.curves import PoseCurve, arc_length, interpolate
+from geodesic_motion_ros.errors import DemonstrationError
+from geodesic_motion_ros.quaternions import continuous_signs, normalise
+
+ARM_REACH = 3.0
+"""No arm this package is meant for carries its tool farther than this [m] from its base."""
+UNIT_NORM_TOLERANCE = 1e-2
+"""Quaternions this close to length 1 are normalised: rounding passes, mixed-up columns do not."""
+SHORTEST_PATH = 1e-4
+"""A path shorter than this [m] is noise of a hand that stood still: nothing to resample by."""
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """One motion shown by a person. The arrays are checked copies and cannot be written to.
+
+    Attributes
+    ----------
+    positions : (T, 3) tool positions [m].
+    quaternions : (T, 4) tool orientations, scalar first; scaled to unit length, neighbours made to lie in one
+        hemisphere, the first keeps its recorded sign.
+    times : (T,) [s], strictly increasing.
+    name : what error messages and tables call it.
+
+    Raises
+    ------
+    DemonstrationError
+        Names the demonstration, the sample and the column of what cannot be used: fewer than two samples,
+        wrong shapes, NaN or infinite values, quaternions that are zero or not of unit length, positions
+        beyond any arm's reach, times that do not increase.
+    """
+
+    positions: np.ndarray
+    quaternions: np.ndarray
+    times: np.ndarray
+    name: str
+
+    def __post_init__(self) -> None:
+        positions = _columns(self.positions, ("px", "py", "pz"), self.name)
+        quaternions = _columns(self.quaternions, ("qw", "qx", "qy", "qz"), self.name)
+        times = _columns(np.reshape(self.times, (-1, 1)), ("t",), self.name)[:, 0]
+        if not len(positions) == len(quaternions) == len(times):
+            raise DemonstrationError(
+                f"demonstration '{self.name}' has {len(positions)} positions, {len(quaternions)} quaternions "
+                f"and {len(times)} times; it needs one of each per sample"
+            )
+        if len(positions) < 2:
+            raise DemonstrationError(
+                f"demonstration '{self.name}' has {len(positions)} sample(s); a motion needs at least 2"
+            )
+        _check_reach(positions, self.name)
+        _check_norms(quaternions, self.name)
+        _check_times(times, self.name)
+        self._freeze(positions, continuous_signs(normalise(quaternions)), times)
+
+    def _freeze(self, positions: np.ndarray, quaternions: np.ndarray, times: np.ndarray) -> None:
+        for name, array in (("positions", positions), ("quaternions", quaternions), ("times", times)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @property
+    def curve(self) -> PoseCurve:
+        """The motion without its timing."""
+        return PoseCurve(self.positions, self.quaternions)
+
+    @property
+    def length(self) -> float:
+        """Length [m] of the path of the positions."""
+        return float(arc_length(self.positions)[-1])
+
+    def resampled(
+        self, samples: int = 200, by: Literal["arc_length", "time"] = "arc_length"
+    ) -> Demonstration:
+        """The same motion at `samples` instants, equally spaced in arc length of the positions or in time.
+
+        Positions and times are interpolated linearly, quaternions on great circles. Times stay those of the
+        recording. Raises DemonstrationError for fewer than 2 samples, another `by`, or an arc length of zero.
+        """
+        if samples < 2:
+            raise DemonstrationError(f"cannot resample to {samples} sample(s); ask for at least 2")
+        if by not in ("arc_length", "time"):
+            raise DemonstrationError(f"cannot resample by '{by}'; choose 'arc_length' or 'time'")
+        if by == "arc_length" and self.length < SHORTEST_PATH:
+            raise DemonstrationError(
+                f"demonstration '{self.name}' moves {self.length * 1e3:.3g} mm in all: it has no arc length; "
+                "resample by 'time'"
+            )
+        abscissa = arc_length(self.positions) if by == "arc_length" else self.times
+        at = np.linspace(abscissa[0], abscissa[-1], samples)
+        positions, quaternions = interpolate(abscissa, self.positions, self.quaternions, at)
+        times = at if by == "time" else np.interp(at, abscissa, self.times)
+        return Demonstration(positions, quaternions, times, self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations:
+    """Demonstrations of one task.
+
+    Attributes
+    ----------
+    items : at least one Demonstration.
+    frame : name of the frame that positions and orientations are expressed in.
+    has_orientation : False for recordings of positions alone; their quaternions are the identity then.
+    """
+
+    items: tuple[Demonstration, ...]
+    frame: str = "base"
+    has_orientation: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "items", tuple(self.items))
+        if not self.items:
+            raise DemonstrationError("no demonstrations: at least one is needed")
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def __iter__(self) -> Iterator[Demonstration]:
+        return iter(self.items)
+
+    def __getitem__(self, index: int) -> Demonstration:
+        return self.items[index]
+
+    def resampled(
+        self, samples: int = 200, by: Literal["arc_length", "time"] = "arc_length"
+    ) -> Demonstrations:
+        """All demonstrations at equally many samples; see `Demonstration.resampled`."""
+        return replace(self, items=tuple(item.resampled(samples, by) for item in self))
+
+    def positions_array(self) -> np.ndarray:
+        """Positions (N, T, 3) [m]; DemonstrationError where the numbers of samples differ."""
+        self._check_equal_lengths()
+        return np.stack([item.positions for item in self])
+
+    def quaternions_array(self) -> np.ndarray:
+        """Quaternions (N, T, 4); DemonstrationError where the numbers of samples differ."""
+        self._check_equal_lengths()
+        return np.stack([item.quaternions for item in self])
+
+    def in_one_hemisphere(self) -> Demonstrations:
+        """Flip whole demonstrations (q -> -q, the same rotations) so that all lie on the sheet of the first.
+
+        Two recordings of one motion may start with opposite signs. A demonstration is flipped when its
+        quaternions have a negative dot product with those of the first, averaged along the arc length.
+        """
+        sheets = [item.curve.resampled(100).quaternions for item in self]
+        flip = [float(np.mean(np.sum(sheet * sheets[0], axis=1))) < 0.0 for sheet in sheets]
+        return replace(
+            self,
+            items=tuple(
+                replace(item, quaternions=-item.quaternions) if negative else item
+                for item, negative in zip(self, flip, strict=True)
+            ),
+        )
+
+    def split(self, held_out: Sequence[int]) -> tuple[Demonstrations, Demonstrations]:
+        """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
+        indices = list(held_out)
+        wrong = [index for index in indices if index not in range(len(self))]
+        if wrong:
+            raise DemonstrationError(
+                f"cannot hold out demonstration {wrong[0]}: the {len(self)} are numbered 0 to {len(self) - 1}"
+            )
+        if len(set(indices)) != len(indices):
+            raise DemonstrationError(f"cannot hold out a demonstration twice: {indices}")
+        if not 0 < len(indices) < len(self):
+            raise DemonstrationError(
+                f"cannot hold out {len(indices)} of {len(self)} demonstrations: hold out at least one and "
+                "leave at least one to train on"
+            )
+        kept = tuple(item for index, item in enumerate(self) if index not in indices)
+        return replace(self, items=kept), replace(self, items=tuple(self[index] for index in indices))
+
+    def _check_equal_lengths(self) -> None:
+        lengths = sorted({len(item) for item in self})
+        if len(lengths) > 1:
+            raise DemonstrationError(
+                f"demonstrations have between {lengths[0]} and {lengths[-1]} samples: resample them first"
+            )
+
+
+def _columns(array: np.ndarray, names: tuple[str, ...], demonstration: str) -> np.ndarray:
+    """A float64 copy of shape (T, len(names)), every value finite."""
+    copy = np.array(array, dtype=float)
+    if copy.ndim != 2 or copy.shape[1] != len(names):
+        raise DemonstrationError(
+            f"demonstration '{demonstration}': an array of shape {copy.shape} cannot hold "
+            f"{', '.join(names)}; it needs shape (samples, {len(names)})"
+        )
+    bad = np.argwhere(~np.isfinite(copy))
+    if len(bad):
+        sample, column = bad[0]
+        raise DemonstrationError(
+            f"demonstration '{demonstration}', sample {sample}, column {names[column]}: "
+            f"{copy[sample, column]} is not a finite number ({len(bad)} such value(s) in these columns)"
+        )
+    return copy
+
+
+def _check_reach(positions: np.ndarray, demonstration: str) -> None:
+    sample = int(np.argmax(np.linalg.norm(positions, axis=1)))
+    distance = np.linalg.norm(positions[sample])
+    if distance > ARM_REACH:
+        raise DemonstrationError(
+            f"demonstration '{demonstration}', sample {sample}: the position is {distance:.4g} m from the "
+            f"base and no arm reaches {ARM_REACH:g} m; positions must be in metres"
+        )
+
+
+def _check_norms(quaternions: np.ndarray, demonstration: str) -> None:
+    norms = np.linalg.norm(quaternions, axis=1)
+    bad = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_TOLERANCE)
+    if len(bad):
+        sample = bad[0]
+        what = "is zero" if norms[sample] == 0.0 else f"has length {norms[sample]:.4g}"
+        raise DemonstrationError(
+            f"demonstration '{demonstration}', sample {sample}, columns qw,qx,qy,qz: the quaternion {what}; "
+            f"it must have length 1 within {UNIT_NORM_TOLERANCE:g} (are the columns in the right order?)"
+        )
+
+
+def _check_times(times: np.ndarray, demonstration: str) -> None:
+    falls = np.flatnonzero(np.diff(times) <= 0.0)
+    if len(falls):
+        sample = falls[0] + 1
+        raise DemonstrationError(
+            f"demonstration '{demonstration}', sample {sample}, column t: {times[sample]:.6g} s does not "
+            f"come after {times[sample - 1]:.6g} s; times must be strictly increasing"
+        )

@@ -1,0 +1,302 @@
+"""Recordings on disk -> Demonstrations. Units are always said, never guessed; nothing is ever unpickled."""
+
+from __future__ import annotations
+
+import csv
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+from zipfile import BadZipFile
+
+import numpy as np
+
+from geodesic_motion_ros.demonstrations.curves import arc_length
+from geodesic_motion_ros.demonstrations.demonstrations import ARM_REACH, Demonstration, Demonstrations
+from geodesic_motion_ros.errors import DemonstrationError
+
+Units = Literal["m", "cm", "mm"]
+METRES_PER_UNIT: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+TIME = "t"
+POSITION = ("px", "py", "pz")
+QUATERNION = ("qw", "qx", "qy", "qz")
+DEFAULT_COLUMNS = "px,py,pz,qw,qx,qy,qz"
+DEMONSTRATION = "demonstration"
+SHORTEST_MOTION = 0.01
+"""When no demonstration of a file moves this far [m], its units were taken for too small ones."""
+
+Table = dict[str, np.ndarray]
+"""One demonstration as read: column name -> values (T,), positions still in the units of the file."""
+
+
+def read_demonstrations(
+    path: str | Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float = 100.0
+) -> Demonstrations:
+    """Read a recording.
+
+    Parameters
+    ----------
+    path : one of
+        `.npy`: an array (N, T, C), or (T, C) for a single demonstration, columns as `columns` says;
+        `.npz`: the same array alone under any key, or keys `positions` (N, T, 3 or 2), `quaternions` (N, T,
+        4), scalar first, and `times` (N, T) or (T,); without `quaternions` it holds positions alone;
+        `.csv`: a header, then one row a sample; column `demonstration` says which one it belongs to, the
+        others are those of `columns`, in any order; `t` may always be among them.
+    units : "m", "cm" or "mm", of the positions.
+    columns : names of the columns, separated by commas, in the order of the file: `px,py,pz,qw,qx,qy,qz`,
+    with `t`
+        [s] where the file has times. `px,py,pz` alone: no orientation. `px,py` alone: planar, at z = 0.
+    rate_hz : samples a second of files that have no times.
+
+    Returns
+    -------
+    Demonstrations in metres, signs of quaternions as recorded but continuous inside each demonstration;
+    `has_orientation` is False (and the orientation the identity) where the file has none.
+
+    Raises
+    ------
+    DemonstrationError
+        Says which file, demonstration, sample and column cannot be used, and what would be right.
+    """
+    path = Path(path)
+    scale = _metres_per(units)
+    names = parse_columns(columns)
+    if not (np.isfinite(rate_hz) and rate_hz > 0.0):
+        raise DemonstrationError(f"rate_hz is {rate_hz}; it must be a positive number of samples a second")
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise DemonstrationError(f"{path}: cannot read '{path.suffix}' files, only {', '.join(_READERS)}")
+    try:
+        tables = reader(path, names)
+    except OSError as error:
+        raise DemonstrationError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if not tables:
+        raise DemonstrationError(f"{path}: holds no demonstrations")
+    _check_units(tables, scale, units, path)
+    try:
+        items = tuple(_demonstration(name, table, scale, rate_hz) for name, table in tables.items())
+    except DemonstrationError as error:
+        raise DemonstrationError(f"{path}: {error}") from error
+    return Demonstrations(items, has_orientation=all(QUATERNION[0] in table for table in tables.values()))
+
+
+def parse_columns(columns: str) -> tuple[str, ...]:
+    """Column names out of "px,py,...". DemonstrationError names unknown, repeated and missing ones."""
+    names = tuple(name.strip() for name in columns.split(","))
+    known = (TIME, *POSITION, *QUATERNION)
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise DemonstrationError(
+            f"unknown column '{unknown[0]}' in '{columns}'; known are {', '.join(known)}"
+        )
+    repeated = [name for name in names if names.count(name) > 1]
+    if repeated:
+        raise DemonstrationError(f"column {repeated[0]} stands more than once in '{columns}'")
+    _check_complete(names, f"'{columns}'")
+    return names
+
+
+def _check_complete(names: tuple[str, ...], where: str) -> None:
+    """Allowed: px,py - px,py,pz - px,py,pz and the whole quaternion; each with or without t."""
+    needed = POSITION[:2] if set(names) <= {TIME, *POSITION[:2]} else POSITION
+    if set(names) & set(QUATERNION):
+        needed = POSITION + QUATERNION
+    missing = [name for name in needed if name not in names]
+    if missing:
+        raise DemonstrationError(
+            f"{where} lacks {', '.join(missing)}; needed are px,py,pz,qw,qx,qy,qz, or px,py,pz, or px,py, "
+            "each with or without t"
+        )
+
+
+def _metres_per(units: str) -> float:
+    if units not in METRES_PER_UNIT:
+        raise DemonstrationError(f"unknown units '{units}'; use one of {', '.join(METRES_PER_UNIT)}")
+    return METRES_PER_UNIT[units]
+
+
+def _read_npy(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
+    return _split_array(_load(path, np.ndarray), names, path)
+
+
+def _read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
+    arrays = _load(path, dict)
+    if "positions" in arrays:
+        return _named_arrays(arrays, path)
+    if len(arrays) != 1:
+        raise DemonstrationError(
+            f"{path}: holds {', '.join(arrays) or 'nothing'}; it needs keys positions (and quaternions, "
+            "times), or one array alone"
+        )
+    return _split_array(next(iter(arrays.values())), names, path)
+
+
+def _load(path: Path, kind: type) -> np.ndarray | dict[str, np.ndarray]:
+    """numpy's own format, without pickle: a pickle in a file runs code of its author's choice."""
+    try:
+        with path.open("rb") as stream:
+            loaded = np.load(stream, allow_pickle=False)
+            content = dict(loaded) if isinstance(loaded, np.lib.npyio.NpzFile) else loaded
+    except (ValueError, EOFError) as error:
+        raise DemonstrationError(
+            f"{path}: not a {path.suffix} file of plain numbers ({error}); pickled objects are refused, save "
+            "a numeric array instead"
+        ) from error
+    except (BadZipFile, zlib.error) as error:
+        raise DemonstrationError(f"{path}: damaged or cut short ({error})") from error
+    if not isinstance(content, kind):
+        raise DemonstrationError(f"{path}: the content is not that of a {path.suffix} file")
+    return content
+
+
+def _numbers(array: np.ndarray, what: str, path: Path) -> np.ndarray:
+    if array.dtype.kind not in "iuf":
+        raise DemonstrationError(f"{path}: {what} has dtype {array.dtype}; real numbers are needed")
+    return array.astype(float)
+
+
+def _split_array(array: np.ndarray, names: tuple[str, ...], path: Path) -> dict[str, Table]:
+    array = _numbers(array, "the array", path)
+    array = array[None] if array.ndim == 2 else array
+    if array.ndim != 3:
+        raise DemonstrationError(f"{path}: shape {array.shape}; needed is (demonstrations, samples, columns)")
+    if array.shape[2] != len(names):
+        raise DemonstrationError(
+            f"{path}: {array.shape[2]} columns, but {len(names)} were announced: {','.join(names)}; name the "
+            "columns of the file in their order"
+        )
+    return {
+        f"{path.stem}_{index}": {name: sheet[:, column] for column, name in enumerate(names)}
+        for index, sheet in enumerate(array)
+    }
+
+
+def _named_arrays(arrays: dict[str, np.ndarray], path: Path) -> dict[str, Table]:
+    """positions (N, T, 2 or 3), quaternions (N, T, 4), times (N, T) or (T,)."""
+    unknown = [key for key in arrays if key not in ("positions", "quaternions", "times")]
+    if unknown:
+        raise DemonstrationError(
+            f"{path}: unknown key '{unknown[0]}'; known are positions, quaternions, times"
+        )
+    positions = _numbers(arrays["positions"], "positions", path)
+    if positions.ndim != 3 or positions.shape[2] not in (2, 3):
+        raise DemonstrationError(
+            f"{path}: positions have shape {positions.shape}, not (N, T, 3) or (N, T, 2)"
+        )
+    names = POSITION[: positions.shape[2]]
+    stacked = [positions]
+    if "quaternions" in arrays:
+        stacked.append(_shaped(arrays["quaternions"], (*positions.shape[:2], 4), "quaternions", path))
+        names = (*names, *QUATERNION)
+    if "times" in arrays:
+        times = _numbers(arrays["times"], "times", path)
+        times = np.broadcast_to(times, positions.shape[:2]) if times.shape == positions.shape[1:2] else times
+        stacked.append(_shaped(times, positions.shape[:2], "times", path)[..., None])
+        names = (*names, TIME)
+    _check_complete(names, str(path))
+    return _split_array(np.concatenate(stacked, axis=2), names, path)
+
+
+def _shaped(array: np.ndarray, shape: tuple[int, ...], what: str, path: Path) -> np.ndarray:
+    if array.shape != shape:
+        raise DemonstrationError(f"{path}: {what} have shape {array.shape}; beside the positions: {shape}")
+    return _numbers(array, what, path)
+
+
+def _read_csv(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = [(line, row) for line, row in enumerate(csv.reader(stream), start=1) if row]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise DemonstrationError(f"{path}: not a csv text file ({error})") from error
+    if not rows:
+        raise DemonstrationError(f"{path}: empty; it needs a header {','.join((DEMONSTRATION, *names))}")
+    header = [cell.strip() for cell in rows[0][1]]
+    _check_header(header, names, path)
+    samples: dict[str, list[list[float]]] = {}
+    for line, row in rows[1:]:
+        if len(row) != len(header):
+            raise DemonstrationError(f"{path}, line {line}: {len(row)} cells under {len(header)} columns")
+        cells = dict(zip(header, row, strict=True))
+        name = cells.pop(DEMONSTRATION).strip()
+        samples.setdefault(name, []).append([_number(cell, path, line, key) for key, cell in cells.items()])
+    values = [name for name in header if name != DEMONSTRATION]
+    return {name: dict(zip(values, np.array(table).T, strict=True)) for name, table in samples.items()}
+
+
+def _check_header(header: list[str], names: tuple[str, ...], path: Path) -> None:
+    allowed = {DEMONSTRATION, TIME, *names}
+    missing = [name for name in (DEMONSTRATION, *names) if name not in header]
+    unknown = [name for name in header if name not in allowed]
+    repeated = [name for name in header if header.count(name) > 1]
+    expected = f"expected are {', '.join((DEMONSTRATION, *names))} in any order"
+    if unknown:
+        raise DemonstrationError(f"{path}: unknown column '{unknown[0]}' in the header; {expected}")
+    if missing:
+        raise DemonstrationError(f"{path}: the header lacks {', '.join(missing)}; {expected}")
+    if repeated:
+        raise DemonstrationError(f"{path}: column {repeated[0]} stands more than once in the header")
+
+
+def _number(cell: str, path: Path, line: int, column: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        raise DemonstrationError(f"{path}, line {line}, column {column}: '{cell}' is not a number") from None
+
+
+_READERS: dict[str, Callable[[Path, tuple[str, ...]], dict[str, Table]]] = {
+    ".npy": _read_npy,
+    ".npz": _read_npz,
+    ".csv": _read_csv,
+}
+
+
+def _positions(table: Table, scale: float) -> np.ndarray:
+    """(T, 3) [m], planar recordings at z = 0."""
+    zeros = np.zeros(len(table["px"]))
+    return scale * np.stack([table.get(name, zeros) for name in POSITION], axis=1)
+
+
+def _demonstration(name: str, table: Table, scale: float, rate_hz: float) -> Demonstration:
+    positions = _positions(table, scale)
+    samples = len(positions)
+    if QUATERNION[0] in table:
+        quaternions = np.stack([table[column] for column in QUATERNION], axis=1)
+    else:
+        quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (samples, 1))
+    times = table[TIME] if TIME in table else np.arange(samples) / rate_hz
+    return Demonstration(positions, quaternions, times, name)
+
+
+def _check_units(tables: dict[str, Table], scale: float, units: str, path: Path) -> None:
+    """Refuse units that put the tool where no arm reaches, or that shrink the whole task to a few
+    millimetres.
+
+    Values that are not finite are left to the checks of Demonstration, which name their place.
+    """
+    positions = {name: _positions(table, scale) for name, table in tables.items()}
+    positions = {name: np.nan_to_num(points, posinf=0.0, neginf=0.0) for name, points in positions.items()}
+    distances = {name: np.linalg.norm(points, axis=1) for name, points in positions.items()}
+    farthest = max(float(values.max(initial=0.0)) for values in distances.values())
+    longest = max(float(arc_length(points)[-1]) for points in positions.values())
+    if farthest > ARM_REACH:
+        name = next(name for name, values in distances.items() if values.max(initial=0.0) == farthest)
+        raise DemonstrationError(
+            f"{path}: demonstration '{name}', sample {np.argmax(distances[name])}: read in {units}, the tool "
+            f"is {farthest:.4g} m from the base and no arm reaches {ARM_REACH:g} m; "
+            f"{_other_units(farthest / scale, units)}"
+        )
+    if longest < SHORTEST_MOTION and all(len(points) > 1 for points in positions.values()):
+        raise DemonstrationError(
+            f"{path}: read in {units}, no demonstration moves more than {longest * 1e3:.3g} mm; "
+            f"{_other_units(farthest / scale, units)}"
+        )
+
+
+def _other_units(farthest_in_file: float, units: str) -> str:
+    """Suggest the largest other unit under which the farthest position lies within an arm's reach."""
+    for name, metres in METRES_PER_UNIT.items():
+        if name != units and SHORTEST_MOTION < farthest_in_file * metres <= ARM_REACH:
+            return f"did you mean --units {name}?"
+    return "check the units and the order of the columns"
