@@ -1,8 +1,8 @@
 """ReactivePlanner: goal, obstacles and the present pose -> reference and verdict, once per tick. Knows nothing of ROS.
 
-A *query* is a pair of start and goal poses with the latent graph transported to it (design.md section 4): decoded nodes are
-carried by the offsets of both ends, so paths begin and end where they were asked to, and obstacles are met where the
-robot will really be. While the start moves along its own reference the query stays; only the search is repeated.
+A *query* is a pair of start and goal poses with the latent graph transported to it: decoded nodes are carried by the
+offsets of both ends, so paths begin and end where they were asked to, and obstacles are met where the robot will
+really be. While the start moves along its own reference the query stays; only the search is repeated.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ class _Query:
 class ReactivePlanner:
     """Plans on one skill: set a goal, set obstacles, tick.
 
-    `tick` serves one stream of poses and is called by one thread; `plan` answers on its own and may be called by another.
+    `tick` serves one stream of poses and is called by one thread; `plan` answers on its own, from any thread.
     Obstacles are replaced as a whole, so every step sees one consistent set.
     """
 

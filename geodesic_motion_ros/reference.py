@@ -63,8 +63,8 @@ def time_law(nominal: np.ndarray, rate_acceleration: float, initial_rate: float)
     """Times (n,) [s] and rates (n,) along a curve whose segments take `nominal` (n - 1,) [s] at full speed.
 
     The rate (1: full speed) starts at `initial_rate`, ends at 0, never exceeds 1 and changes by at most
-    `rate_acceleration` [1/s]: forward and backward pass of rate^2 <= previous^2 + 2 rate_acceleration du. An initial rate
-    too fast to stop in the length left is lowered: ending at rest comes first.
+    `rate_acceleration` [1/s]: forward and backward pass of rate^2 <= previous^2 + 2 rate_acceleration du. An initial
+    rate too fast to stop in the length left is lowered: ending at rest comes first.
     """
     squared = np.ones(len(nominal) + 1)
     squared[0], squared[-1] = min(1.0, initial_rate**2), 0.0

@@ -51,7 +51,7 @@ class Skill:
     metric : weights of the pull-back metric.
     orientation_model : "two_cluster" (q and -q have codes of their own) or "sign_blind".
     sigma_support : 99th percentile of rms sigma [m] on the demonstrations' codes.
-    energy_per_edge : largest obstacle-free squared length of one edge of a 100 x 100 graph that a feasible path may have.
+    energy_per_edge : largest obstacle-free squared length of one edge of the default graph that a path may have.
     start_pose, goal_pose : (7,) mean first and last pose of the demonstrations: x, y, z [m], w, x, y, z.
     quality, provenance : figures on held-out demonstrations; data, licence, source, seed, settings.
     """
@@ -113,8 +113,8 @@ class Skill:
 
         Raises
         ------
-        SkillError : missing folder or file, checksum mismatch, unknown format version, unreadable or ill-shaped content;
-            the message names the file and the reason.
+        SkillError : missing folder or file, wrong checksum, unknown format version, unreadable content; the
+            message names the file and the reason.
         """
         path = _resolve(folder)
         described = _read_description(path)

@@ -122,8 +122,8 @@ def tool_points(positions: np.ndarray, quaternions: np.ndarray, points: np.ndarr
 class ProgressMap:
     """Progress tau(z) along the demonstrations, 0 at their start and 1 at their end.
 
-    tau(z) = sum w s / sum w, w = exp(-|z - z_i(s)|^2 / (2 h^2)) over the demonstrations' codes z_i(s), s the arc length;
-    h is the typical distance between neighbouring demonstrations. Tabulated on a lattice and interpolated linearly.
+    tau(z) = sum w s / sum w, w = exp(-|z - z_i(s)|^2 / (2 h^2)), over the demonstrations' codes z_i(s) with arc length
+    s; h is the typical distance between neighbouring demonstrations. Tabulated on a lattice and interpolated linearly.
     """
 
     def __init__(self, codes: np.ndarray, grid: LatentGrid) -> None:
@@ -160,7 +160,7 @@ def _tube_width(codes: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class EdgeEnergies:
-    """Squared lengths of every undirected edge, split by what an obstacle may stretch: w_e^2 = fixed + sum_k m_k shares_k.
+    """Squared lengths of every undirected edge, split by what obstacles stretch: w_e^2 = fixed + sum_k m_k shares_k.
 
     Attributes
     ----------
