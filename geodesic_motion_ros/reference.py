@@ -21,12 +21,13 @@ def resample_latent(path: np.ndarray, spacing: float, minimum: int = 40) -> np.n
 def smooth_latent(points: np.ndarray, width: float) -> np.ndarray:
     """Gaussian smoothing of an evenly spaced curve (n, d) with both ends fixed.
 
-    `width` is the Gaussian's standard deviation in samples. The curve is continued beyond each end by point reflection,
+    `width` is the Gaussian's standard deviation in samples, at most a quarter of the curve. The curve is continued beyond each end by point reflection,
     which is odd about the end, so the filtered curve passes through it.
     """
     if width <= 0.0:
         return points
-    pad = min(len(points) - 1, int(np.ceil(4.0 * width)))
+    width = min(width, (len(points) - 1) / 4.0)
+    pad = int(np.ceil(4.0 * width))
     before = 2.0 * points[0] - points[pad:0:-1]
     after = 2.0 * points[-1] - points[-2 : -pad - 2 : -1]
     smooth = gaussian_filter1d(np.concatenate([before, points, after]), width, axis=0, truncate=4.0)[pad:-pad]
