@@ -1,0 +1,49 @@
+# `make demo` and `make test` set up .venv when they have to, then run. `make help` lists the rest.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint setup clean distclean
+
+# Python for a new .venv: the first of these that is there, in a version that fits, with what the set-up needs.
+PYTHON ?= python3.11 python3.12 python3.10 python3
+ARGS ?=
+
+python := .venv/bin/python
+ready := .venv/.ready
+
+# .venv is a world of its own: another virtual environment, a sourced ROS installation and what ROS's wheels put
+# into the environment of their interpreter must not reach into it.
+unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE PYTHONHOME PYTHONPATH VIRTUAL_ENV
+unexport AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH RMW_IMPLEMENTATION
+
+help: ## this list
+	@echo 'geodesic_motion_ros: make TARGET'
+	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 13
+	@echo
+	@echo "  make demo ARGS=--gui        opens PyBullet's window"
+	@echo "  make test ARGS='-k skill'   some of the tests"
+	@echo "  make PYTHON=python3.10 ...  the Python of a new .venv (3.10, 3.11 or 3.12)"
+
+demo: $(ready) ## a Panda pours around a moving obstacle: two minutes, headless; pictures in out/demo
+	@MPLBACKEND=Agg $(python) -m geodesic_motion_ros demo $(ARGS) < /dev/null
+
+test: lint ## ruff, then the tests
+	@ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLBACKEND=Agg \
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
+	$(python) -m pytest --durations=10 $(ARGS) < /dev/null
+
+lint: $(ready) ## ruff
+	@$(python) -m ruff check .
+
+setup: $(ready) ## .venv with the pinned requirements, and nothing more
+
+clean: ## removes out/ and what builds and tools leave behind
+	rm -rf out build install log .pytest_cache .ruff_cache .hypothesis
+	@find . -path ./.venv -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean ## clean, and .venv too
+	rm -rf .venv *.egg-info
+
+$(ready): requirements.txt setup.py
+	@.ci/setup $(PYTHON) < /dev/null
