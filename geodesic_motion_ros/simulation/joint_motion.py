@@ -1,0 +1,80 @@
+"""The joint command: a velocity inside the arm's limits, integrated to a position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.robot.inverse_kinematics import pose_error, twist_step
+from geodesic_motion_ros.robot.kinematics import Robot
+
+
+@dataclass(frozen=True)
+class CatchUp:
+    """How an error to the target is closed: gain [1/s], and how hard the tool may brake and run doing so."""
+
+    gain: float = 25.0
+    linear_deceleration: float = 1.5
+    linear_speed: float = 0.6
+    angular_deceleration: float = 4.0
+    angular_speed: float = 2.0
+
+
+class JointMotion:
+    """Commanded joint positions and velocities of an arm, whose velocity and acceleration limits hold at each step.
+
+    Attributes
+    ----------
+    positions, velocities : (n,) commanded [rad], [rad/s].
+    """
+
+    def __init__(self, robot: Robot, positions: np.ndarray, catch_up: CatchUp = CatchUp()) -> None:
+        self.robot, self.catch_up = robot, catch_up
+        self.positions = robot.checked(positions)
+        self.velocities = np.zeros(len(positions))
+
+    def follow(self, position: np.ndarray, quaternion: np.ndarray, twist: np.ndarray, dt: float) -> None:
+        """Advance by `dt` [s] towards a tool pose that itself moves with `twist` (6,) [m/s, rad/s]."""
+        error = pose_error(*self.robot.forward(self.positions), position, quaternion)
+        settings = self.catch_up
+        correction = np.concatenate(
+            [
+                _approach(error[:3], settings.gain, settings.linear_deceleration, settings.linear_speed),
+                _approach(error[3:], settings.gain, settings.angular_deceleration, settings.angular_speed),
+            ]
+        )
+        self._advance(twist_step(self.robot, self.positions, twist + correction, dt), dt)
+
+    def stop(self, dt: float) -> None:
+        """Advance by `dt` [s] while braking to rest as hard as the acceleration limits allow."""
+        self._advance(np.zeros_like(self.velocities), dt)
+
+    def _advance(self, wanted: np.ndarray, dt: float) -> None:
+        """Move on with the wanted velocities, changed all in one proportion as far as accelerations allow."""
+        robot = self.robot
+        change = wanted - self.velocities
+        excess = np.max(np.abs(change) / (robot.acceleration_limits * dt))
+        velocities = self.velocities + change / max(1.0, excess)
+        velocities = np.minimum(velocities, self._braking_speed(robot.upper - self.positions, dt))
+        velocities = np.maximum(velocities, -self._braking_speed(self.positions - robot.lower, dt))
+        positions = np.clip(self.positions + velocities * dt, robot.lower, robot.upper)
+        self.velocities = (positions - self.positions) / dt
+        self.positions = positions
+
+    def _braking_speed(self, distance: np.ndarray, dt: float) -> np.ndarray:
+        """Largest speed (n,) that, after a step of `dt`, can still be braked to rest within a distance (n,) [rad]."""
+        half = 0.5 * self.robot.acceleration_limits * dt
+        return np.sqrt(half**2 + 2.0 * self.robot.acceleration_limits * np.maximum(distance, 0.0)) - half
+
+
+def _approach(error: np.ndarray, gain: float, deceleration: float, speed: float) -> np.ndarray:
+    """Velocity (3,) that closes an error (3,): gain * error when near, sqrt(2 deceleration error) when far.
+
+    Both meet smoothly at deceleration / gain^2, so that the deceleration is never exceeded on the way in.
+    """
+    size = float(np.linalg.norm(error))
+    near = deceleration / gain**2
+    if size <= near:
+        return gain * error
+    return min(np.sqrt(2.0 * deceleration * (size - 0.5 * near)), speed) / size * error

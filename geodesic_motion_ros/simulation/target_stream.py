@@ -1,0 +1,62 @@
+"""From target poses that arrive one by one to a target that moves smoothly in between."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geodesic_motion_ros.quaternions import rotate_by
+from geodesic_motion_ros.robot.inverse_kinematics import pose_error
+
+FASTEST_LINEAR = 2.0
+FASTEST_ANGULAR = 6.0
+
+
+class TargetStream:
+    """The newest target pose, carried on with the velocity of the stream until the next one arrives.
+
+    The velocity is the difference of successive targets over the smoothed period of the stream, not over the
+    measured interval: a message that arrives late or early still stands for one period of motion. A pose
+    that follows none for `timeout` seconds, or that lies too far off to have been moved to, is a step: velocity zero.
+
+    Parameters
+    ----------
+    position, quaternion : where the target rests at first, (3,) [m] and (4,) unit, scalar first, base frame.
+    period : first guess of the time between targets [s].
+    timeout : time without a target after which the stream counts as ended [s].
+    """
+
+    def __init__(
+        self, position: np.ndarray, quaternion: np.ndarray, period: float = 0.01, timeout: float = 0.1
+    ) -> None:
+        self.position, self.quaternion = position, quaternion
+        self.period, self.timeout = period, timeout
+        self.twist = np.zeros(6)
+        self._arrival = -np.inf
+
+    def accept(self, position: np.ndarray, quaternion: np.ndarray, time: float) -> None:
+        """Take the next target pose, which arrived at `time` [s] of the receiver's clock."""
+        interval = time - self._arrival
+        difference = pose_error(self.position, self.quaternion, position, quaternion)
+        self.position, self.quaternion, self._arrival = position, quaternion, time
+        self.twist = np.zeros(6)
+        if interval > self.timeout:
+            return
+        # lost targets make the interval a multiple of the period
+        periods = max(1.0, np.round(interval / self.period))
+        self.period += 0.1 * (interval / periods - self.period)
+        twist = difference / (periods * self.period)
+        if np.linalg.norm(twist[:3]) < FASTEST_LINEAR and np.linalg.norm(twist[3:]) < FASTEST_ANGULAR:
+            self.twist = twist
+
+    def sample(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Target position (3,), quaternion (4,) and twist (6,) [m/s, rad/s] at `time` [s].
+
+        The target runs ahead of the last pose for at most one period, and returns to it when the stream has ended.
+        """
+        elapsed = time - self._arrival
+        if elapsed > self.timeout:
+            return self.position, self.quaternion, np.zeros(6)
+        lead = min(elapsed, self.period)
+        position = self.position + lead * self.twist[:3]
+        quaternion = rotate_by(lead * self.twist[3:], self.quaternion)
+        return position, quaternion, self.twist if elapsed <= 2.0 * self.period else np.zeros(6)

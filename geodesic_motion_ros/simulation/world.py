@@ -1,0 +1,284 @@
+"""The digital twin: a Panda in PyBullet that follows tool poses, among moving spheres."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pybullet
+import pybullet_data
+from pybullet_utils.bullet_client import BulletClient
+
+from geodesic_motion_ros.errors import ParameterError, RobotError
+from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.camera import take_picture, view_named
+from geodesic_motion_ros.simulation.joint_motion import JointMotion
+from geodesic_motion_ros.simulation.target_stream import TargetStream
+
+PANDA_URDF = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
+SMOOTH_SPHERE = Path(pybullet_data.getDataPath()) / "sphere_smooth.obj"  # of radius one
+FINGER_OPENING = 0.02
+# Share of a position error that PyBullet's motor removes in one step; with velocities fed forward it stays < 1 mrad.
+POSITION_GAIN = 0.5
+OBSTACLE_COLOURS = (
+    (0.86, 0.24, 0.18),
+    (0.93, 0.58, 0.12),
+    (0.56, 0.27, 0.68),
+    (0.16, 0.50, 0.73),
+    (0.15, 0.63, 0.45),
+)
+TABLE_COLOUR = (0.72, 0.75, 0.79, 1.0)
+TABLE_HALF_EXTENTS = (0.75, 0.9, 0.03)
+
+
+class PandaWorld:
+    """A Panda on a table, with gravity, joint motors, kinematic spheres as obstacles, and a camera.
+
+    Each world is a physics server of its own: several may live in one process. Base frame = world frame, z up.
+
+    Parameters
+    ----------
+    gui : open PyBullet's window instead of running headless.
+    rate_hz : physics steps per second of simulated time.
+    """
+
+    def __init__(self, gui: bool = False, rate_hz: float = 240.0) -> None:
+        if not 100.0 <= rate_hz <= 2000.0:
+            raise ParameterError(f"rate_hz is {rate_hz}: physics runs at 100 to 2000 steps per second")
+        self.robot = Robot.panda()
+        self.dt = 1.0 / rate_hz
+        self.time = 0.0
+        self._client = BulletClient(connection_mode=pybullet.GUI if gui else pybullet.DIRECT)
+        self._obstacles: dict[str, tuple[int, float]] = {}
+        self._decorations: list[int] = []
+        self._build(gui)
+        self.reset()
+
+    def reset(
+        self,
+        joint_positions: np.ndarray | None = None,
+        tool_pose: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> None:
+        """Put the arm at rest at joint positions (7,) [rad], or at a tool pose by inverse kinematics, or at `robot.ready`.
+
+        Obstacles and curves stay, time starts again at zero.
+
+        Raises
+        ------
+        RobotError : joint positions outside the limits, or a tool pose that is not finite or cannot be reached.
+        """
+        if joint_positions is None:
+            start = self.robot.ready if tool_pose is None else solve(self.robot, *tool_pose)
+        else:
+            start = self.robot.checked(joint_positions)
+        for index, position in zip(self._joints, start, strict=True):
+            self._client.resetJointState(self._arm, index, position, 0.0)
+        for index in self._fingers:
+            self._client.resetJointState(self._arm, index, FINGER_OPENING, 0.0)
+        self.time = 0.0
+        self._motion = JointMotion(self.robot, start)
+        self._target: TargetStream | None = None
+        self._drive(start, np.zeros(len(start)))
+        self._client.performCollisionDetection()
+
+    def set_target_pose(self, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Follow a tool pose from now on: (3,) [m] and unit quaternion (4,), scalar first, base frame.
+
+        Meant to be called at a steady rate (100 Hz); in between the target moves on with the velocity of the stream.
+
+        Raises
+        ------
+        RobotError : the pose is not finite or beyond the arm's reach; the target stays what it was.
+        """
+        position, quaternion = checked_pose(position, quaternion)
+        if not self.robot.within_reach(position):
+            raise RobotError(
+                f"target {np.round(position, 3).tolist()} m is {np.linalg.norm(position - self.robot.shoulder):.3f} m "
+                f"from the shoulder: the arm reaches {self.robot.reach:.3f} m"
+            )
+        if self._target is None:
+            self._target = TargetStream(*self.robot.forward(self._motion.positions))
+        self._target.accept(position, quaternion, self.time)
+
+    def hold(self) -> None:
+        """Brake to rest inside the acceleration limits and stay there until the next target."""
+        self._target = None
+
+    def step(self) -> None:
+        """Advance the world by `dt` [s]."""
+        before = self._motion.positions
+        if self._target is None:
+            self._motion.stop(self.dt)
+        else:
+            self._motion.follow(*self._target.sample(self.time + self.dt), self.dt)
+        # the motor adds its share of the position error to the velocity it is given, so the error must be that of now
+        self._drive(before, self._motion.velocities)
+        self._client.stepSimulation()
+        self.time += self.dt
+
+    @property
+    def joint_positions(self) -> np.ndarray:
+        """Measured joint positions (7,) [rad]."""
+        return np.array([state[0] for state in self._client.getJointStates(self._arm, self._joints)])
+
+    @property
+    def joint_velocities(self) -> np.ndarray:
+        """Measured joint velocities (7,) [rad/s]."""
+        return np.array([state[1] for state in self._client.getJointStates(self._arm, self._joints)])
+
+    @property
+    def commanded_positions(self) -> np.ndarray:
+        """Joint positions (7,) [rad] that the motors are to reach by now."""
+        return self._motion.positions.copy()
+
+    def tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
+        """Measured pose of `panda_grasptarget`: position (3,) [m], quaternion (4,), scalar first, base frame."""
+        return self.robot.forward(self.joint_positions)
+
+    def set_obstacles(self, obstacles: Mapping[str, tuple[np.ndarray, float]]) -> None:
+        """Make these the obstacles: name -> (centre (3,) [m], radius [m]). Known names move, absent ones vanish.
+
+        Raises
+        ------
+        ParameterError : a centre or radius is not finite or not positive; no obstacle has changed then.
+        """
+        checked = {name: _checked_sphere(name, *sphere) for name, sphere in obstacles.items()}
+        for name, (body, radius) in list(self._obstacles.items()):
+            if name not in checked or checked[name][1] != radius:
+                self._client.removeBody(body)
+                del self._obstacles[name]
+        for name, (centre, radius) in checked.items():
+            if name not in self._obstacles:
+                self._obstacles[name] = (self._add_sphere(centre, radius), radius)
+            self._client.resetBasePositionAndOrientation(
+                self._obstacles[name][0], centre, (0.0, 0.0, 0.0, 1.0)
+            )
+
+    def clearance(self, cutoff: float = 2.0) -> tuple[float, str]:
+        """Smallest signed distance [m] between the arm's collision geometry and any obstacle, and the link's name.
+
+        Negative: penetration. (inf, "") when no obstacle is nearer than `cutoff` [m].
+        """
+        nearest = (np.inf, "")
+        for body, _ in self._obstacles.values():
+            for point in self._client.getClosestPoints(self._arm, body, cutoff):
+                if point[8] < nearest[0]:
+                    nearest = (point[8], self._link_names[point[3]])
+        return nearest
+
+    def contacts(self) -> int:
+        """Number of contact points (distance <= 0) between arm and obstacles at the last step."""
+        return sum(
+            point[8] <= 0.0
+            for body, _ in self._obstacles.values()
+            for point in self._client.getContactPoints(self._arm, body)
+        )
+
+    def add_curve(
+        self, points: np.ndarray, colour: tuple[float, float, float], radius: float = 0.004
+    ) -> None:
+        """Draw a curve (n, 3) [m] as a thin tube of one colour (r, g, b in [0, 1]); it touches nothing."""
+        curve = np.asarray(points, dtype=float)
+        if curve.ndim != 2 or curve.shape[1] != 3 or len(curve) < 2 or not np.all(np.isfinite(curve)):
+            raise ParameterError(f"a curve has shape {curve.shape}: expected (n >= 2, 3), finite, in metres")
+        keep = np.unique(np.linspace(0, len(curve) - 1, min(len(curve), 40)).astype(int))
+        for start, end in zip(curve[keep[:-1]], curve[keep[1:]], strict=True):
+            self._decorations.append(self._add_capsule(start, end, (*colour, 1.0), radius))
+
+    def clear_curves(self) -> None:
+        """Remove all that `add_curve` has drawn."""
+        for body in self._decorations:
+            self._client.removeBody(body)
+        self._decorations = []
+
+    def render(
+        self, width: int = 640, height: int = 480, view: str = "front", oversampling: int = 1
+    ) -> np.ndarray:
+        """Picture (height, width, 3), uint8, from one of `camera.VIEWS`; oversampling > 1 smooths edges.
+
+        Takes about 0.1 s at 320 x 240 and holds Python's global lock: not for a control thread.
+        """
+        return take_picture(self._client, view_named(view), width, height, oversampling)
+
+    def close(self) -> None:
+        """End the physics server; a second call does nothing."""
+        if self._client.isConnected():
+            self._client.disconnect()
+
+    def __enter__(self) -> PandaWorld:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _build(self, gui: bool) -> None:
+        client = self._client
+        if gui:
+            client.configureDebugVisualizer(client.COV_ENABLE_GUI, 0)
+        client.setTimeStep(self.dt)
+        client.setGravity(0.0, 0.0, -9.81)
+        size = {"halfExtents": TABLE_HALF_EXTENTS}
+        table = client.createCollisionShape(client.GEOM_BOX, **size)
+        look = client.createVisualShape(client.GEOM_BOX, **size, rgbaColor=TABLE_COLOUR)
+        client.createMultiBody(0.0, table, look, basePosition=(0.15, 0.0, -TABLE_HALF_EXTENTS[2]))
+        self._arm = client.loadURDF(str(PANDA_URDF), useFixedBase=True)
+        infos = [client.getJointInfo(self._arm, index) for index in range(client.getNumJoints(self._arm))]
+        index_of = {info[1].decode(): info[0] for info in infos}
+        self._joints = [index_of[name] for name in self.robot.joint_names]
+        self._forces = [infos[index][10] for index in self._joints]
+        self._fingers = [index_of["panda_finger_joint1"], index_of["panda_finger_joint2"]]
+        self._link_names = {info[0]: info[12].decode() for info in infos} | {-1: self.robot.base_link}
+        client.setJointMotorControlArray(
+            self._arm, self._fingers, client.POSITION_CONTROL, [FINGER_OPENING] * 2, forces=[20.0] * 2
+        )
+
+    def _drive(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        count = len(positions)
+        self._client.setJointMotorControlArray(
+            self._arm,
+            self._joints,
+            self._client.POSITION_CONTROL,
+            targetPositions=positions.tolist(),
+            targetVelocities=velocities.tolist(),
+            forces=self._forces,
+            positionGains=[POSITION_GAIN] * count,
+            velocityGains=[1.0] * count,
+        )
+
+    def _add_sphere(self, centre: np.ndarray, radius: float) -> int:
+        client = self._client
+        colour = OBSTACLE_COLOURS[len(self._obstacles) % len(OBSTACLE_COLOURS)]
+        shape = client.createCollisionShape(client.GEOM_SPHERE, radius=radius)
+        look = client.createVisualShape(
+            client.GEOM_MESH,
+            fileName=str(SMOOTH_SPHERE),
+            meshScale=[radius] * 3,
+            rgbaColor=(*colour, 1.0),
+        )
+        return client.createMultiBody(0.0, shape, look, basePosition=centre)
+
+    def _add_capsule(
+        self, start: np.ndarray, end: np.ndarray, colour: tuple[float, ...], radius: float
+    ) -> int:
+        client = self._client
+        along = end - start
+        length = float(np.linalg.norm(along))
+        look = client.createVisualShape(client.GEOM_CAPSULE, radius=radius, length=length, rgbaColor=colour)
+        # shortest rotation from z to the direction of the capsule, scalar last as PyBullet wants it
+        turn = np.array([-along[1], along[0], 0.0, length + along[2]])
+        size = np.linalg.norm(turn)
+        turn = turn / size if size > 1e-9 else np.array([1.0, 0.0, 0.0, 0.0])
+        return client.createMultiBody(0.0, -1, look, basePosition=0.5 * (start + end), baseOrientation=turn)
+
+
+def _checked_sphere(name: str, centre: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
+    centre = np.array(centre, dtype=float)
+    if centre.shape != (3,) or not np.all(np.isfinite(centre)):
+        raise ParameterError(
+            f"centre of obstacle '{name}' is {centre.tolist()}: expected three finite numbers in metres"
+        )
+    if not 0.0 < radius < np.inf:
+        raise ParameterError(f"radius of obstacle '{name}' is {radius}: expected a positive number of metres")
+    return centre, float(radius)
