@@ -1,0 +1,98 @@
+"""A URDF that does not fit is refused, and the message says what is missing and what is there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits
+
+ARM = """<robot name="arm">
+  <link name="base"/><link name="upper"/><link name="slide"/><link name="tool"/><link name="camera"/>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="upper"/>
+    <origin xyz="0 0 0.5" rpy="0 0 0"/><axis xyz="0 0 2"/><limit lower="-1" upper="2" velocity="1.5" effort="1"/></joint>
+  <joint name="push" type="prismatic"><parent link="upper"/><child link="slide"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="0.3" velocity="0.2" effort="1"/></joint>
+  <joint name="mount" type="fixed"><parent link="slide"/><child link="tool"/><origin xyz="0.1 0 0"/></joint>
+</robot>"""
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "arm.urdf"
+    path.write_text(text)
+    return path
+
+
+def test_reads_the_chain_between_two_links(tmp_path: Path) -> None:
+    chain = read_chain(write(tmp_path, ARM), "base", "tool")
+    assert chain.joint_names == ("turn", "push")
+    assert chain.link_names == ("base", "upper", "slide", "tool")
+    np.testing.assert_array_equal(chain.joint_index, [0, 1, -1])
+    np.testing.assert_array_equal(chain.prismatic, [False, True, False])
+    np.testing.assert_array_equal(chain.axes[0], [0, 0, 1])
+    np.testing.assert_array_equal(chain.upper, [2, 0.3])
+
+
+def test_a_continuous_joint_has_no_position_limits(tmp_path: Path) -> None:
+    text = ARM.replace('type="revolute"', 'type="continuous"')
+    chain = read_chain(write(tmp_path, text), "base", "tool")
+    assert chain.lower[0] == -np.inf and chain.upper[0] == np.inf
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('velocity="1.5" ', "", ("turn", "velocity")),
+        ('<limit lower="-1" upper="2" velocity="1.5" effort="1"/>', "", ("turn", "lower, upper, velocity")),
+        ('lower="-1"', 'lower="nan"', ("turn", "lower", "nan")),
+        ('lower="-1"', 'lower="3"', ("turn", "lower must be below upper")),
+        ('velocity="1.5"', 'velocity="0"', ("turn", "velocity positive")),
+        ('xyz="0 0 2"', 'xyz="0 0 0"', ("turn", "axis")),
+        ('xyz="0 0 0.5"', 'xyz="0 0"', ("turn", "origin xyz", "3 finite numbers")),
+        ('type="fixed"', 'type="floating"', ("mount", "floating", "revolute")),
+        ("</robot>", "", ("cannot read",)),
+    ],
+)
+def test_names_what_is_wrong(tmp_path: Path, old: str, new: str, words: tuple[str, ...]) -> None:
+    with pytest.raises(RobotError) as caught:
+        read_chain(write(tmp_path, ARM.replace(old, new)), "base", "tool")
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_an_unknown_link_is_answered_with_those_that_exist(tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match="'flange'.*base, upper, slide, tool"):
+        read_chain(write(tmp_path, ARM), "base", "flange")
+
+
+def test_links_that_no_joints_connect(tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match="no chain of joints leads from 'base' to 'camera'"):
+        read_chain(write(tmp_path, ARM), "base", "camera")
+
+
+def test_a_chain_without_moving_joints(tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match="no moving joint"):
+        read_chain(write(tmp_path, ARM), "slide", "tool")
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match=r"absent\.urdf"):
+        read_chain(tmp_path / "absent.urdf", "base", "tool")
+
+
+@pytest.mark.parametrize("entry", ["{max_acceleration: 1.0}", "{max_acceleration: 1.0, max_jerk: -2}", "3"])
+def test_dynamic_limits_must_be_complete_and_positive(tmp_path: Path, entry: str) -> None:
+    path = tmp_path / "limits.yaml"
+    path.write_text(f"joint_limits:\n  turn: {entry}\n")
+    with pytest.raises(RobotError, match=r"(max_jerk|max_acceleration) of joint 'turn'"):
+        read_dynamic_limits(path, ("turn",))
+
+
+def test_dynamic_limits_must_be_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "limits.yaml"
+    path.write_text("- a list")
+    with pytest.raises(RobotError, match="joint_limits"):
+        read_dynamic_limits(path, ("turn",))
