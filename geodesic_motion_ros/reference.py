@@ -21,8 +21,8 @@ def resample_latent(path: np.ndarray, spacing: float, minimum: int = 40) -> np.n
 def smooth_latent(points: np.ndarray, width: float) -> np.ndarray:
     """Gaussian smoothing of an evenly spaced curve (n, d) with both ends fixed.
 
-    `width` is the Gaussian's standard deviation in samples, at most a quarter of the curve. The curve is continued beyond each end by point reflection,
-    which is odd about the end, so the filtered curve passes through it.
+    `width` is the Gaussian's standard deviation in samples, at most a quarter of the curve. The curve is
+    continued beyond each end by point reflection, which is odd about the end, so the filtered one passes through it.
     """
     if width <= 0.0:
         return points

@@ -95,7 +95,7 @@ class Skill:
         try:
             weights = {f"decoder.{name}": array for name, array in self.decoder.arrays().items()}
             weights |= {f"encoder.{name}": np.asarray(a, float) for name, a in self.encoder_arrays.items()}
-            save_file({k: np.ascontiguousarray(v) for k, v in weights.items()}, draft / "weights.safetensors")
+            save_file({k: np.array(v, order="C") for k, v in weights.items()}, draft / "weights.safetensors")
             np.savez(draft / "latent.npz", **{name: getattr(self, name) for name in _LATENT})
             described = {"format_version": FORMAT_VERSION}
             described |= {name: getattr(self, name) for name in _METADATA} | {"metric": asdict(self.metric)}

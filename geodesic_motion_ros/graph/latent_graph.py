@@ -313,8 +313,8 @@ def build_latent_graph(
     sigma_energy = metric.sigma_weight**2 * pieces * np.sum(np.diff(sigma_chain, axis=0) ** 2, axis=(0, -1))
     spread_energy = pieces * np.sum(np.diff(spread_chain, axis=0) ** 2, axis=0)
 
-    edges = edges[usable]
-    linked = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(latent), len(latent)))
+    used = edges[usable]
+    linked = coo_matrix((np.ones(len(used)), (used[:, 0], used[:, 1])), shape=(len(latent), len(latent)))
     return LatentGraph(
         decoder=decoder,
         metric=metric,
@@ -325,8 +325,8 @@ def build_latent_graph(
         sigma=rms_sigma(decoded.sigma),
         progress=progress_map(latent),
         component=connected_components(linked, directed=False)[1],
-        edges=edges,
-        adjacency=Adjacency.from_edges(edges, len(latent)),
+        edges=used,
+        adjacency=Adjacency.from_edges(used, len(latent)),
         progress_map=progress_map,
         _inner_positions=inner_rows(inner.positions)[:, usable],
         _inner_quaternions=inner_rows(inner.quaternions)[:, usable],
