@@ -20,8 +20,8 @@ def find_shared(relative: str | os.PathLike[str]) -> Path:
     """Find a shipped file or folder, however the package was installed.
 
     The places, in this order: the install spaces of a sourced ROS workspace that hold this package
-    (AMENT_PREFIX_PATH), the environment of the running interpreter, the prefix under which this very package is
-    installed (``pip install --user``), and the source tree the package is imported from.
+    (AMENT_PREFIX_PATH), the environment of the running interpreter, the prefix under which this very package
+    is installed (``pip install --user``), and the source tree the package is imported from.
 
     Parameters
     ----------
