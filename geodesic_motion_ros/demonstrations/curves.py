@@ -1,7 +1,7 @@
-"""Curves of poses: arc length, interpolation, resampling, moving the ends.
+"""Curves of poses: arc length, interpolation, resampling.
 
 Symbols: s in [0, 1] is the fraction of the arc length of the positions, the abscissa along which curves are
-compared, averaged and corrected.
+compared and averaged.
 """
 
 from __future__ import annotations
@@ -46,21 +46,6 @@ class PoseCurve:
                 np.linspace(0.0, 1.0, samples),
             )
         )
-
-    def with_ends(self, start: Pose, goal: Pose) -> PoseCurve:
-        """Move the ends to demanded poses; the offsets fade linearly in arc length.
-
-        x'(s) = x(s) + (1 - s) d0 + s d1, with d0, d1 the position offsets at the start and at the goal, and
-        q'(s) = exp((1 - s) r0 + s r1) q(s), with r0, r1 the shortest rotation vectors [rad, base frame]
-        there.
-        """
-        s = arc_length_fractions(self.positions)[:, None]
-        positions = (
-            self.positions + (1.0 - s) * (start[0] - self.positions[0]) + s * (goal[0] - self.positions[-1])
-        )
-        at_start = rotation_vector_between(self.quaternions[0], start[1])
-        at_goal = rotation_vector_between(self.quaternions[-1], goal[1])
-        return PoseCurve(positions, rotate_by((1.0 - s) * at_start + s * at_goal, self.quaternions))
 
 
 def arc_length(positions: np.ndarray) -> np.ndarray:

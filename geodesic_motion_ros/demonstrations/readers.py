@@ -11,7 +11,6 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.curves import arc_length
 from geodesic_motion_ros.demonstrations.demonstrations import ARM_REACH, Demonstration, Demonstrations
 from geodesic_motion_ros.errors import DemonstrationError
 
@@ -72,11 +71,12 @@ def read_demonstrations(
         raise DemonstrationError(f"{path}: cannot be read ({error.strerror or error})") from error
     if not tables:
         raise DemonstrationError(f"{path}: holds no demonstrations")
-    _check_units(tables, scale, units, path)
+    _check_reach(tables, scale, units, path)
     try:
         items = tuple(_demonstration(name, table, scale, rate_hz) for name, table in tables.items())
     except DemonstrationError as error:
         raise DemonstrationError(f"{path}: {error}") from error
+    _check_motion(items, scale, units, path)
     return Demonstrations(items, has_orientation=all(QUATERNION[0] in table for table in tables.values()))
 
 
@@ -269,25 +269,25 @@ def _demonstration(name: str, table: Table, scale: float, rate_hz: float) -> Dem
     return Demonstration(positions, quaternions, times, name)
 
 
-def _check_units(tables: dict[str, Table], scale: float, units: str, path: Path) -> None:
-    """Refuse units that put the tool where no arm reaches, or that shrink the whole task to a few
-    millimetres.
+def _check_reach(tables: dict[str, Table], scale: float, units: str, path: Path) -> None:
+    """Refuse units under which no arm reaches the tool; values that are not finite are named elsewhere."""
+    for name, table in tables.items():
+        distances = np.linalg.norm(_positions(table, scale), axis=1)
+        distances[~np.isfinite(distances)] = 0.0
+        farthest = float(distances.max(initial=0.0))
+        if farthest > ARM_REACH:
+            raise DemonstrationError(
+                f"{path}: demonstration '{name}', sample {np.argmax(distances)}: read in {units}, the tool "
+                f"is {farthest:.4g} m from the base and no arm reaches {ARM_REACH:g} m; "
+                f"{_other_units(farthest / scale, units)}"
+            )
 
-    Values that are not finite are left to the checks of Demonstration, which name their place.
-    """
-    positions = {name: _positions(table, scale) for name, table in tables.items()}
-    positions = {name: np.nan_to_num(points, posinf=0.0, neginf=0.0) for name, points in positions.items()}
-    distances = {name: np.linalg.norm(points, axis=1) for name, points in positions.items()}
-    farthest = max(float(values.max(initial=0.0)) for values in distances.values())
-    longest = max(float(arc_length(points)[-1]) for points in positions.values())
-    if farthest > ARM_REACH:
-        name = next(name for name, values in distances.items() if values.max(initial=0.0) == farthest)
-        raise DemonstrationError(
-            f"{path}: demonstration '{name}', sample {np.argmax(distances[name])}: read in {units}, the tool "
-            f"is {farthest:.4g} m from the base and no arm reaches {ARM_REACH:g} m; "
-            f"{_other_units(farthest / scale, units)}"
-        )
-    if longest < SHORTEST_MOTION and all(len(points) > 1 for points in positions.values()):
+
+def _check_motion(items: tuple[Demonstration, ...], scale: float, units: str, path: Path) -> None:
+    """Refuse units under which the whole task shrinks to a few millimetres."""
+    longest = max(item.length for item in items)
+    if longest < SHORTEST_MOTION:
+        farthest = max(float(np.linalg.norm(item.positions, axis=1).max()) for item in items)
         raise DemonstrationError(
             f"{path}: read in {units}, no demonstration moves more than {longest * 1e3:.3g} mm; "
             f"{_other_units(farthest / scale, units)}"

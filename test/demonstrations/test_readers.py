@@ -1,0 +1,296 @@
+import csv
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.demonstrations.readers import parse_columns, read_demonstrations
+from geodesic_motion_ros.errors import DemonstrationError
+
+HEADER = ["demonstration", "t", "px", "py", "pz", "qw", "qx", "qy", "qz"]
+
+
+@pytest.fixture
+def recording() -> np.ndarray:
+    """Three demonstrations (3, 40, 7) in centimetres, quaternions exactly unit."""
+    rng = np.random.default_rng(3)
+    s = np.linspace(0.0, 1.0, 40)
+    angle = 0.6 * s
+    turn = np.stack([np.cos(angle), np.sin(angle), 0 * s, 0 * s], axis=1)
+    path = np.stack([40 + 5 * np.sin(3 * s), -30 + 60 * s, 20 + 10 * s**2], axis=1)
+    return np.stack([np.hstack([path + rng.normal(0.0, 2.0, 3), turn]) for _ in range(3)])
+
+
+def rows_of(recording: np.ndarray) -> list[list]:
+    return [
+        [f"d{i}", sample / 50.0, *values]
+        for i, sheet in enumerate(recording)
+        for sample, values in enumerate(sheet)
+    ]
+
+
+def write_csv(path, header, rows):
+    with path.open("w", newline="") as stream:
+        csv.writer(stream).writerows([header, *rows])
+    return path
+
+
+def assert_holds(demonstrations, recording):
+    assert len(demonstrations) == len(recording)
+    np.testing.assert_allclose(demonstrations.positions_array(), 0.01 * recording[..., :3], atol=1e-12)
+    np.testing.assert_allclose(demonstrations.quaternions_array(), recording[..., 3:7], atol=1e-12)
+    assert demonstrations.has_orientation
+
+
+def test_npy(tmp_path, recording):
+    np.save(tmp_path / "pour.npy", recording)
+    demonstrations = read_demonstrations(tmp_path / "pour.npy", "cm", rate_hz=50.0)
+    assert_holds(demonstrations, recording)
+    assert [item.name for item in demonstrations] == ["pour_0", "pour_1", "pour_2"]
+    np.testing.assert_allclose(demonstrations[0].times, np.arange(40) / 50.0)
+
+
+def test_a_single_demonstration_may_leave_out_the_first_axis(tmp_path, recording):
+    np.save(tmp_path / "pour.npy", recording[0])
+    assert_holds(read_demonstrations(tmp_path / "pour.npy", "cm"), recording[:1])
+
+
+def test_columns_in_any_order_with_times(tmp_path, recording):
+    times = np.broadcast_to(np.linspace(1.0, 2.0, 40)[:, None], (3, 40, 1))
+    shuffled = np.concatenate([recording[..., 3:], times, recording[..., [2, 1, 0]]], axis=2)
+    np.save(tmp_path / "pour.npy", shuffled)
+    demonstrations = read_demonstrations(tmp_path / "pour.npy", "cm", columns="qw,qx,qy,qz, t, pz,py,px")
+    assert_holds(demonstrations, recording)
+    np.testing.assert_allclose(demonstrations[2].times, times[2, :, 0])
+
+
+@pytest.mark.parametrize(("units", "scale"), [("m", 0.01), ("cm", 1.0), ("mm", 10.0)])
+def test_units(tmp_path, recording, units, scale):
+    recording[..., :3] *= scale
+    np.save(tmp_path / "pour.npy", recording)
+    demonstrations = read_demonstrations(tmp_path / "pour.npy", units)
+    np.testing.assert_allclose(demonstrations.positions_array(), 0.01 / scale * recording[..., :3])
+
+
+def test_npz_named_arrays(tmp_path, recording):
+    times = np.linspace(0.0, 2.0, 40)
+    np.savez(tmp_path / "pour.npz", positions=recording[..., :3], quaternions=recording[..., 3:], times=times)
+    demonstrations = read_demonstrations(tmp_path / "pour.npz", "cm")
+    assert_holds(demonstrations, recording)
+    np.testing.assert_allclose(demonstrations[1].times, times)
+
+
+def test_npz_single_array(tmp_path, recording):
+    np.savez_compressed(tmp_path / "pour.npz", recording=recording)
+    assert_holds(read_demonstrations(tmp_path / "pour.npz", "cm"), recording)
+
+
+def test_csv_with_columns_in_another_order(tmp_path, recording):
+    order = [8, 0, 3, 2, 4, 1, 5, 6, 7]
+    rows = [[row[i] for i in order] for row in rows_of(recording)]
+    path = write_csv(tmp_path / "pour.csv", [HEADER[i] for i in order], rows)
+    demonstrations = read_demonstrations(path, "cm")
+    assert_holds(demonstrations, recording)
+    assert [item.name for item in demonstrations] == ["d0", "d1", "d2"]
+    np.testing.assert_allclose(demonstrations[0].times, np.arange(40) / 50.0)
+
+
+def test_csv_demonstrations_may_differ_in_length(tmp_path, recording):
+    path = write_csv(tmp_path / "pour.csv", HEADER, rows_of(recording)[:-15])
+    assert [len(item) for item in read_demonstrations(path, "cm")] == [40, 40, 25]
+
+
+@pytest.mark.parametrize("columns", ["px,py", "px,py,pz"])
+def test_positions_alone(tmp_path, recording, columns):
+    count = len(columns.split(","))
+    np.save(tmp_path / "letter.npy", recording[..., :count])
+    demonstrations = read_demonstrations(tmp_path / "letter.npy", "cm", columns=columns)
+    assert not demonstrations.has_orientation
+    np.testing.assert_allclose(demonstrations.positions_array()[..., :count], 0.01 * recording[..., :count])
+    assert count == 3 or np.all(demonstrations.positions_array()[..., 2] == 0.0)
+    np.testing.assert_array_equal(demonstrations.quaternions_array()[..., 0], 1.0)
+
+
+def test_npz_positions_alone(tmp_path, recording):
+    np.savez(tmp_path / "letter.npz", positions=recording[..., :2])
+    assert not read_demonstrations(tmp_path / "letter.npz", "cm").has_orientation
+
+
+def spoil(recording, place, value):
+    spoiled = recording.copy()
+    spoiled[place] = value
+    return spoiled
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda a: spoil(a, (1, 17, 4), np.nan),
+            r"pour.npy: demonstration 'pour_1', sample 17, column qx: nan",
+        ),
+        (lambda a: spoil(a, (2, 3, 0), np.inf), r"demonstration 'pour_2', sample 3, column px: inf"),
+        (
+            lambda a: spoil(a, (0, 5, slice(3, 7)), 0.0),
+            r"'pour_0', sample 5, columns qw,qx,qy,qz: .* is zero",
+        ),
+        (lambda a: a[:, :1], r"'pour_0' has 1 sample\(s\); a motion needs at least 2"),
+        (lambda a: a[..., :6], r"6 columns, but 7 were announced: px,py,pz,qw,qx,qy,qz"),
+        (lambda a: a[:0], r"holds no demonstrations"),
+        (lambda a: a[0, 0], r"shape \(7,\); needed is \(demonstrations, samples, columns\)"),
+        (
+            lambda a: spoil(a, (1, 4, 1), 4500.0),
+            r"'pour_1', sample 4: read in cm, the tool is .* m from the base",
+        ),
+        (lambda a: a.astype(complex), r"dtype complex128; real numbers are needed"),
+        (lambda a: a.astype(str), r"real numbers are needed"),
+        (lambda a: a[..., [3, 4, 5, 6, 0, 1, 2]], r"has length .*right order"),
+    ],
+)
+def test_bad_arrays_are_refused_by_name_and_place(tmp_path, recording, change, message):
+    np.save(tmp_path / "pour.npy", change(recording))
+    with pytest.raises(DemonstrationError, match=message):
+        read_demonstrations(tmp_path / "pour.npy", "cm")
+
+
+def test_wrong_units_are_recognised(tmp_path, recording):
+    np.save(tmp_path / "pour.npy", recording)
+    with pytest.raises(
+        DemonstrationError, match=r"read in m, .*no arm reaches 3 m; did you mean --units cm\?"
+    ):
+        read_demonstrations(tmp_path / "pour.npy", "m")
+    recording[..., :3] *= 0.01
+    np.save(tmp_path / "pour.npy", recording)
+    for units in ("cm", "mm"):
+        with pytest.raises(DemonstrationError, match=r"moves more than .* mm; did you mean --units m\?"):
+            read_demonstrations(tmp_path / "pour.npy", units)
+    with pytest.raises(DemonstrationError, match="unknown units 'inch'; use one of m, cm, mm"):
+        read_demonstrations(tmp_path / "pour.npy", "inch")
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ("px,py,pz,qw,qx,qy,roll", "unknown column 'roll'"),
+        ("px,py,pz,qw,qx,qy", "lacks qz"),
+        ("px,py,qw,qx,qy,qz", "lacks pz"),
+        ("px,px,py", "column px stands more than once"),
+        ("px", "lacks py"),
+        ("", "unknown column ''"),
+    ],
+)
+def test_bad_column_names_are_refused(columns, message):
+    with pytest.raises(DemonstrationError, match=message):
+        parse_columns(columns)
+
+
+@pytest.mark.parametrize("rate", [0.0, -5.0, np.nan, np.inf])
+def test_bad_rates_are_refused(tmp_path, rate):
+    with pytest.raises(DemonstrationError, match="positive number of samples a second"):
+        read_demonstrations(tmp_path / "any.npy", "m", rate_hz=rate)
+
+
+def test_pickles_are_refused(tmp_path, recording):
+    np.save(tmp_path / "pour.npy", np.array(list(recording) + [None], dtype=object), allow_pickle=True)
+    with pytest.raises(DemonstrationError, match="pickled objects are refused"):
+        read_demonstrations(tmp_path / "pour.npy", "cm")
+    np.savez(tmp_path / "pour.npz", positions=np.array([None, "x"], dtype=object))
+    with pytest.raises(DemonstrationError, match="pickled objects are refused"):
+        read_demonstrations(tmp_path / "pour.npz", "cm")
+
+
+def test_missing_foreign_and_damaged_files_are_refused(tmp_path, recording):
+    with pytest.raises(DemonstrationError, match=r"gone.npy: cannot be read \(No such file"):
+        read_demonstrations(tmp_path / "gone.npy", "cm")
+    (tmp_path / "folder.csv").mkdir()
+    with pytest.raises(DemonstrationError, match=r"cannot be read \(Is a directory\)"):
+        read_demonstrations(tmp_path / "folder.csv", "cm")
+    with pytest.raises(DemonstrationError, match=r"cannot read '.bag' files, only .npy, .npz, .csv"):
+        read_demonstrations(tmp_path / "pour.bag", "cm")
+    np.savez(tmp_path / "pour.npz", recording)
+    whole = (tmp_path / "pour.npz").read_bytes()
+    (tmp_path / "short.npz").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(DemonstrationError, match=r"short\.npz"):
+        read_demonstrations(tmp_path / "short.npz", "cm")
+    for name in ("empty.npy", "empty.npz", "empty.csv"):
+        (tmp_path / name).write_bytes(b"")
+        with pytest.raises(DemonstrationError, match=name):
+            read_demonstrations(tmp_path / name, "cm")
+    (tmp_path / "text.npy").write_text("px,py,pz\n1,2,3\n")
+    with pytest.raises(DemonstrationError, match=r"not a \.npy file"):
+        read_demonstrations(tmp_path / "text.npy", "cm")
+    (tmp_path / "binary.csv").write_bytes(bytes(range(256)))
+    with pytest.raises(DemonstrationError, match="not a csv text file"):
+        read_demonstrations(tmp_path / "binary.csv", "cm")
+    (tmp_path / "zip.npy").write_bytes(whole)
+    with pytest.raises(DemonstrationError, match=r"not that of a \.npy file"):
+        read_demonstrations(tmp_path / "zip.npy", "cm")
+
+
+def test_foreign_npz_contents_are_refused(tmp_path, recording):
+    positions = recording[..., :3]
+    cases = {
+        "needs keys positions": {"a": positions, "b": positions},
+        "unknown key 'forces'": {"positions": positions, "forces": positions},
+        r"quaternions have shape \(3, 40, 3\); beside the positions: \(3, 40, 4\)": {
+            "positions": positions,
+            "quaternions": positions,
+        },
+        r"times have shape \(7,\)": {"positions": positions, "times": np.arange(7.0)},
+        r"positions have shape \(40, 3\), not": {"positions": positions[0]},
+    }
+    for message, content in cases.items():
+        np.savez(tmp_path / "odd.npz", **content)
+        with pytest.raises(DemonstrationError, match=message):
+            read_demonstrations(tmp_path / "odd.npz", "cm")
+
+
+def edit(row, column, value):
+    def change(header, rows):
+        rows[row][HEADER.index(column)] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (edit(45, "qy", "north"), r"pour.csv, line 47, column qy: 'north' is not a number"),
+        (edit(45, "qy", ""), r"line 47, column qy: '' is not a number"),
+        (edit(45, "px", "nan"), r"demonstration 'd1', sample 5, column px: nan"),
+        (edit(81, "t", 0.0), r"demonstration 'd2', sample 1, column t: 0 s does not come after 0 s"),
+        (lambda header, rows: rows[3].pop(), r"line 5: 8 cells under 9 columns"),
+        (lambda header, rows: rows.clear(), r"holds no demonstrations"),
+        (lambda header, rows: header.__setitem__(8, "yaw"), r"unknown column 'yaw' in the header"),
+        (lambda header, rows: header.__setitem__(8, "qy"), r"the header lacks qz"),
+    ],
+)
+def test_bad_csv_is_refused_by_place(tmp_path, recording, change, message):
+    header, rows = list(HEADER), rows_of(recording)
+    change(header, rows)
+    with pytest.raises(DemonstrationError, match=message):
+        read_demonstrations(write_csv(tmp_path / "pour.csv", header, rows), "cm")
+
+
+def test_csv_header_problems_are_named(tmp_path, recording):
+    rows = [row[1:] for row in rows_of(recording)]
+    with pytest.raises(DemonstrationError, match="the header lacks demonstration"):
+        read_demonstrations(write_csv(tmp_path / "a.csv", HEADER[1:], rows), "cm")
+    rows = [[*row, 0.0] for row in rows_of(recording)]
+    with pytest.raises(DemonstrationError, match="column px stands more than once"):
+        read_demonstrations(write_csv(tmp_path / "b.csv", [*HEADER, "px"], rows), "cm")
+
+
+def test_real_recordings(recordings):
+    pouring = read_demonstrations(recordings / "robotasks" / "pouring.npy", "cm")
+    assert len(pouring) == 9
+    assert pouring.positions_array().shape == (9, 1000, 3)
+    turned = pouring.quaternions_array()
+    assert np.all(np.sum(turned[:, 1:] * turned[:, :-1], axis=2) > 0.0)
+    with pytest.raises(DemonstrationError, match=r"did you mean --units cm\?"):
+        read_demonstrations(recordings / "robotasks" / "pouring.npy", "m")
+
+
+def test_real_letters(recordings):
+    letters = read_demonstrations(recordings / "hello_world" / "h.npy", "cm", columns="px,py")
+    assert len(letters) == 8
+    assert not letters.has_orientation
