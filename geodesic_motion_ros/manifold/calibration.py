@@ -1,0 +1,141 @@
+"""From a trained model to a skill: codes, latent box, support and the energy that a feasible path may
+have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.errors import SkillError
+from geodesic_motion_ros.graph.decoder import rms_sigma
+from geodesic_motion_ros.graph.latent_graph import LatentGraph, MetricSettings, Offsets
+from geodesic_motion_ros.manifold.task_space import TaskSpaceVAE
+from geodesic_motion_ros.quaternions import angle_between, normalise
+from geodesic_motion_ros.skill import Skill
+
+#: Samples of a demonstration whose codes a skill keeps, equally spaced in arc length of the positions.
+CODE_SAMPLES = 100
+#: The support is measured by this percentile of rms sigma on the codes: a few bad samples do not widen it.
+SUPPORT_PERCENTILE = 99.0
+#: An edge may cost this multiple of the dearest edge on the shortest paths between the demonstrations' own
+#: ends. Edges between clusters cost a hundred times more and up, so the exact number does not matter.
+ENERGY_MULTIPLE = 10.0
+
+
+def assemble_skill(
+    vae: TaskSpaceVAE,
+    demonstrations: Demonstrations,
+    name: str,
+    metric: MetricSettings,
+    margin: float,
+    provenance: dict[str, Any],
+) -> Skill:
+    """Put a trained float64 model and the demonstrations it was trained on together into a calibrated skill.
+
+    Parameters
+    ----------
+    demonstrations : all on one sign sheet, as they were trained on.
+    margin : free border of the latent box around the codes, as a fraction of its size.
+
+    Raises
+    ------
+    SkillError : no demonstration's ends are connected inside the support.
+    """
+    even = demonstrations.resampled(CODE_SAMPLES)
+    positions, quaternions = even.positions_array(), even.quaternions_array()
+    codes = _encode(vae, positions, quaternions)
+    quality = _reconstruction_quality(vae, codes, positions, quaternions)
+    if demonstrations.has_orientation:
+        codes = np.concatenate([codes, _encode(vae, positions, -quaternions)])
+    flat = codes.reshape(-1, codes.shape[-1])
+    border = margin * np.ptp(flat, axis=0)
+    decoder = vae.decoder.to_numpy()
+    skill = Skill(
+        name=name,
+        decoder=decoder,
+        codes=codes,
+        latent_lower=flat.min(axis=0) - border,
+        latent_upper=flat.max(axis=0) + border,
+        sigma_support=float(np.percentile(rms_sigma(decoder.uncertainty(flat)[0]), SUPPORT_PERCENTILE)),
+        energy_per_edge=1.0,
+        start_pose=_mean_pose(positions[:, 0], quaternions[:, 0]),
+        goal_pose=_mean_pose(positions[:, -1], quaternions[:, -1]),
+        metric=metric,
+        orientation_model=vae.orientation_model,
+        encoder_arrays=vae.encoder.arrays(),
+        quality=quality,
+        provenance=provenance,
+    )
+    return replace(skill, energy_per_edge=calibrated_energy_per_edge(skill.graph(), codes))
+
+
+def calibrated_energy_per_edge(graph: LatentGraph, codes: np.ndarray) -> float:
+    """Largest squared length of one edge that a feasible path may have.
+
+    ENERGY_MULTIPLE times the dearest edge of the shortest obstacle-free paths between the first and last code
+    of every demonstration, codes (N, T, d).
+
+    Raises
+    ------
+    SkillError : no demonstration's ends are connected in the graph.
+    """
+    energies = graph.transported(Offsets.none(), np.zeros((1, 3))).without_obstacles
+    count = len(graph.latent)
+    first, second = graph.edges.T
+    lengths = coo_matrix((np.sqrt(energies), (first, second)), shape=(count, count)).tocsr()
+    _, ends = cKDTree(graph.latent).query(codes[:, [0, -1]])
+    distances, before = dijkstra(lengths, directed=False, indices=ends[:, 0], return_predecessors=True)
+    joined = [row for row, goal in enumerate(ends[:, 1]) if np.isfinite(distances[row, goal])]
+    dearest = max((_dearest_step(distances[row], before[row], ends[row]) for row in joined), default=0.0)
+    if dearest == 0.0:
+        raise SkillError(
+            "no demonstration's start and goal are connected inside the support of the learned model: "
+            "train with more steps, more kernels or a wider kernel bandwidth"
+        )
+    return ENERGY_MULTIPLE * dearest**2
+
+
+def _dearest_step(distances: np.ndarray, before: np.ndarray, ends: np.ndarray) -> float:
+    """Longest edge of the shortest path from ends[0] to ends[1], from Dijkstra's distances and
+    predecessors.
+    """
+    node, dearest = ends[1], 0.0
+    while node != ends[0]:
+        dearest = max(dearest, distances[node] - distances[before[node]])
+        node = before[node]
+    return float(dearest)
+
+
+def _encode(vae: TaskSpaceVAE, positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    with torch.no_grad():
+        return vae.encoder(torch.tensor(positions), torch.tensor(quaternions))[0].numpy()
+
+
+def _reconstruction_quality(
+    vae: TaskSpaceVAE, codes: np.ndarray, positions: np.ndarray, quaternions: np.ndarray
+) -> dict[str, float]:
+    """How well the training demonstrations come back from their codes."""
+    with torch.no_grad():
+        means = vae.decoder.means(torch.tensor(codes))
+    distance = np.linalg.norm(means.positions.numpy() - positions, axis=-1)
+    angle = angle_between(means.quaternions.numpy(), quaternions)
+    return {
+        "training_position_error_mm": float(1e3 * distance.mean()),
+        "training_orientation_error_deg": float(np.degrees(angle.mean())),
+    }
+
+
+def _mean_pose(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """Mean position and normalised mean quaternion (7,) of poses (N, 3), (N, 4), on the first one's
+    hemisphere.
+    """
+    signs = np.where(quaternions @ quaternions[0] < 0.0, -1.0, 1.0)
+    return np.concatenate([positions.mean(axis=0), normalise((signs[:, None] * quaternions).mean(axis=0))])

@@ -1,0 +1,357 @@
+"""From demonstrations to a skill: how the task-space model is trained.
+
+Two stages (default). The means first, under fixed likelihood scales: learning precisions at the same time
+lets the model explain a demonstration away as noise. Then the latent space stays as it is, kernels are placed
+on the codes by k-means, and sigma and kappa are fitted by maximum likelihood, a concave problem without local
+optima. The paper's literal joint training is kept as `schedule="joint"`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from geodesic_motion_ros.demonstrations.curves import interpolate
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.graph.latent_graph import MetricSettings
+from geodesic_motion_ros.manifold.calibration import assemble_skill
+from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
+from geodesic_motion_ros.manifold.task_space import (
+    FixedPrecisions,
+    Means,
+    OrientationModel,
+    Precisions,
+    TaskSpaceVAE,
+)
+from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.skill import Skill
+
+#: Called as progress(stage, step, steps) while training.
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How a task-space skill is learned. The defaults are measured on real recordings of pouring and
+    shelving.
+
+    Attributes
+    ----------
+    seed : of everything random: initial weights, batches, latent noise, k-means.
+    orientation_model : "two_cluster" (one von Mises-Fisher density; q and -q in separate clusters) or
+        "sign_blind" (the paper's antipodal mixture).
+    schedule : "two_stage" or "joint" (the paper's: means, sigma and kappa together, after a first half of the
+        steps in which the codes settle so that kernels can be placed on them).
+    latent_dimension : d.
+    hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
+    samples : poses per demonstration that are trained on, equally spaced along its arc.
+    rotation_length : length that a turn of one radian counts in that arc [m]: a tool that turns on the spot
+        is learned too. 0 counts positions only.
+    steps, batch, learning_rate : Adam steps with cosine decay, poses per step, initial rate.
+    position_weight, orientation_weight, kl_weight : beta1, beta2 and the weight of the divergence in
+        beta1 log p(x | z) + beta2 log p(q | z) - kl_weight KL. The paper's evidence lower bound has kl_weight
+        1.
+    kl_warm_up : fraction of the steps over which the divergence's weight grows from 0.
+    fixed_sigma, fixed_kappa : likelihood scales while the means are learned [m], [1].
+    kernels : radial-basis kernels, at most; never more than one for two codes.
+    bandwidth_factor : kernel bandwidth over the median distance between neighbouring centres.
+    precision_samples : latent draws per pose that sigma and kappa are fitted on.
+    precision_iterations : of L-BFGS, at most.
+    far_sigma : position deviation far from all data [m]: the height of the walls.
+    far_kappa : concentration far from all data.
+    position_resolution, angular_resolution : what a demonstration cannot be more exact than [m], [rad of
+        rotation]; added to the residuals, so that a coordinate that never varies (a plane) keeps a finite
+        precision.
+    margin : free border of the latent box around the codes, as a fraction of its size.
+    metric : weights of the skill's metric; they take no part in the training.
+    """
+
+    seed: int = 0
+    orientation_model: OrientationModel = "two_cluster"
+    schedule: Literal["two_stage", "joint"] = "two_stage"
+    latent_dimension: int = 2
+    hidden: tuple[int, int] = (200, 100)
+    samples: int = 200
+    rotation_length: float = 0.1
+    steps: int = 5000
+    batch: int = 256
+    learning_rate: float = 2e-3
+    position_weight: float = 1.0
+    orientation_weight: float = 1.0
+    kl_weight: float = 0.3
+    kl_warm_up: float = 0.2
+    fixed_sigma: float = 0.005
+    fixed_kappa: float = 1600.0
+    kernels: int = 500
+    bandwidth_factor: float = 1.0
+    precision_samples: int = 4
+    precision_iterations: int = 200
+    far_sigma: float = 1.0
+    far_kappa: float = 0.01
+    position_resolution: float = 0.001
+    angular_resolution: float = 0.01
+    margin: float = 0.05
+    metric: MetricSettings = field(default_factory=MetricSettings)
+
+    def __post_init__(self) -> None:
+        choices = {"orientation_model": ("two_cluster", "sign_blind"), "schedule": ("two_stage", "joint")}
+        for name, allowed in choices.items():
+            if getattr(self, name) not in allowed:
+                raise ParameterError(
+                    f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}"
+                )
+        if len(self.hidden) != 2:
+            raise ParameterError(f"hidden has {len(self.hidden)} layers; the decoder format has exactly 2")
+        not_positive = [
+            name for name, value in asdict(self).items()
+            if isinstance(value, int | float) and name not in _MAY_BE_ZERO and not 0.0 < value < math.inf
+        ]  # fmt: skip
+        if not_positive:
+            raise ParameterError(f"training settings must be positive and finite: {', '.join(not_positive)}")
+
+
+_MAY_BE_ZERO = {"seed", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "margin"}
+
+
+class Poses(NamedTuple):
+    """Training poses: positions (n, 3) [m] and unit quaternions (n, 4)."""
+
+    positions: Tensor
+    quaternions: Tensor
+
+    def take(self, index: Tensor) -> Poses:
+        return Poses(self.positions[index], self.quaternions[index])
+
+
+def train_task_space_skill(
+    demonstrations: Demonstrations,
+    settings: TrainingSettings = TrainingSettings(),
+    name: str = "skill",
+    progress: Progress | None = None,
+    provenance: dict[str, Any] | None = None,
+) -> Skill:
+    """Learn a skill from demonstrations of one task: train, then calibrate support and feasibility.
+
+    Every orientation is learned with both signs, unless the recordings have no orientation.
+
+    Parameters
+    ----------
+    progress : called as progress(stage, step, steps).
+    provenance : what to say of the data (source, licence); seed, settings and demonstrations' names are
+        added.
+
+    Raises
+    ------
+    DemonstrationError : a demonstration that does not move.
+    SkillError : the model that came out is unusable (see `assemble_skill`).
+    """
+    aligned = demonstrations.in_one_hemisphere()
+    positions, quaternions = training_poses(aligned, settings.samples, settings.rotation_length)
+    if aligned.has_orientation:
+        positions = np.concatenate([positions, positions])
+        quaternions = np.concatenate([quaternions, -quaternions])
+    vae = train_model(positions, quaternions, settings, progress)
+    described = {"demonstrations": [item.name for item in aligned], "frame": aligned.frame}
+    described |= {"seed": settings.seed, "settings": asdict(settings)} | (provenance or {})
+    return assemble_skill(vae, aligned, name, settings.metric, settings.margin, described)
+
+
+def training_poses(
+    demonstrations: Demonstrations, samples: int, rotation_length: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (N samples, 3) [m] and (N samples, 4), equally spaced along each demonstration's arc.
+
+    The arc counts sqrt(|dx|^2 + (rotation_length * angle)^2): with positions alone, a tool that turns nearly
+    on the spot would leave gaps of ten degrees and more between neighbouring samples.
+    """
+    resampled = [_along_pose_arc(item, samples, rotation_length) for item in demonstrations]
+    return np.concatenate([p for p, _ in resampled]), np.concatenate([q for _, q in resampled])
+
+
+def _along_pose_arc(
+    demonstration: Demonstration, samples: int, rotation_length: float
+) -> tuple[np.ndarray, np.ndarray]:
+    positions, quaternions = demonstration.positions, demonstration.quaternions
+    moved = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    turned = angle_between(quaternions[1:], quaternions[:-1])
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(moved, rotation_length * turned))])
+    return interpolate(arc, positions, quaternions, np.linspace(0.0, arc[-1], samples))
+
+
+def train_model(
+    positions: np.ndarray,
+    quaternions: np.ndarray,
+    settings: TrainingSettings,
+    progress: Progress | None = None,
+) -> TaskSpaceVAE:
+    """Train the auto-encoder on poses; the result is float64, frozen and reproducible bit by bit from the
+    seed.
+
+    Parameters
+    ----------
+    positions, quaternions : (n, 3) [m] and (n, 4) unit, exactly as they are to be learned (with both signs of
+        each quaternion if both are wanted).
+    """
+    with _one_seeded_thread(settings.seed):
+        offset, scale = _position_scaling(positions)
+        vae = TaskSpaceVAE(
+            settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model
+        )
+        poses = Poses(torch.tensor(positions).float(), torch.tensor(quaternions).float())
+        if settings.schedule == "joint":
+            _fit_jointly(vae, poses, settings, progress)
+        else:
+            fixed = FixedPrecisions(settings.fixed_sigma, settings.fixed_kappa)
+            _ascend(vae, poses, fixed, settings.steps, "means", settings, progress)
+            vae.double()
+            _fit_precisions(
+                vae, Poses(poses.positions.double(), poses.quaternions.double()), settings, progress
+            )
+        return vae.double().requires_grad_(False)
+
+
+@contextmanager
+def _one_seeded_thread(seed: int) -> Iterator[None]:
+    """One thread (the networks are too small for more) and torch's global generator seeded; both restored
+    after.
+    """
+    threads = torch.get_num_threads()
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        torch.set_num_threads(1)
+        try:
+            yield
+        finally:
+            torch.set_num_threads(threads)
+
+
+def _position_scaling(positions: np.ndarray) -> tuple[Tensor, Tensor]:
+    """Mean (3,) and root mean square distance from it over sqrt 3 (): one scalar keeps proportions."""
+    offset = positions.mean(axis=0)
+    return torch.tensor(offset).float(), torch.tensor(np.sqrt(np.mean((positions - offset) ** 2))).float()
+
+
+def _ascend(
+    vae: TaskSpaceVAE,
+    poses: Poses,
+    precisions: Callable[[Tensor], Precisions],
+    steps: int,
+    stage: str,
+    settings: TrainingSettings,
+    progress: Progress | None,
+) -> None:
+    """Climb the weighted evidence lower bound by Adam with cosine decay over every parameter the model has
+    now.
+    """
+    optimiser = torch.optim.Adam(vae.parameters(), lr=settings.learning_rate)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    for step in range(steps):
+        batch = poses.take(torch.randint(len(poses.positions), (settings.batch,)))
+        latent, divergence = vae.sample(*batch)
+        likelihood = _log_likelihood(vae, batch, vae.decoder.means(latent), precisions(latent), settings)
+        warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
+        loss = (warm * settings.kl_weight * divergence - likelihood).mean()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        schedule.step()
+        if progress is not None:
+            progress(stage, step + 1, steps)
+
+
+def _log_likelihood(
+    vae: TaskSpaceVAE, poses: Poses, means: Means, precisions: Precisions, settings: TrainingSettings
+) -> Tensor:
+    """beta1 log p(x | z) + beta2 log p(q | z), (n,), in expectation over errors of the recording's
+    resolution.
+    """
+    inverse_sigma = precisions.inverse_sigma.expand_as(poses.positions)
+    position = vae.position_log_density(poses.positions, means, precisions)
+    position = position - 0.5 * settings.position_resolution**2 * (inverse_sigma**2).sum(-1)
+    # A rotation by an angle moves its quaternion by half of it; three independent axes.
+    orientation = vae.orientation_log_density(poses.quaternions, means, precisions)
+    orientation = orientation - 1.5 * (0.5 * settings.angular_resolution) ** 2 * precisions.kappa
+    return settings.position_weight * position + settings.orientation_weight * orientation
+
+
+def _fit_jointly(
+    vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings, progress: Progress | None
+) -> None:
+    first = max(1, settings.steps // 2)
+    fixed = FixedPrecisions(settings.fixed_sigma, settings.fixed_kappa)
+    _ascend(vae, poses, fixed, first, "codes settle", settings, progress)
+    vae.decoder.set_precisions(*_basis_networks(vae, poses, settings))
+    _ascend(vae, poses, vae.decoder.precisions, settings.steps - first, "joint", settings, progress)
+
+
+def _basis_networks(
+    vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings
+) -> tuple[RadialBasisNetwork, RadialBasisNetwork]:
+    """Networks for 1 / sigma and kappa with kernels on the present codes, in the precision of the poses."""
+    with torch.no_grad():
+        codes = vae.encoder(*poses)[0].double().numpy()
+    centres = place_centres(codes, settings.kernels, settings.seed)
+    like = {"dtype": poses.positions.dtype}
+    centre, rate = (
+        torch.tensor(centres, **like),
+        torch.tensor(kernel_rate(centres, settings.bandwidth_factor), **like),
+    )
+    sigma_floor = torch.full((3,), 1.0 / settings.far_sigma, **like)
+    sigma_scale = torch.full((3,), 1.0 / settings.fixed_sigma, **like)
+    kappa_floor = torch.tensor([settings.far_kappa], **like)
+    kappa_scale = torch.tensor([settings.fixed_kappa], **like)
+    return (
+        RadialBasisNetwork(centre, rate, sigma_floor, sigma_scale),
+        RadialBasisNetwork(centre, rate, kappa_floor, kappa_scale),
+    )
+
+
+def _fit_precisions(
+    vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings, progress: Progress | None
+) -> None:
+    """Maximum likelihood of sigma and kappa with the means frozen and z ~ q(z | x, q) drawn once."""
+    inverse_sigma, kappa = _basis_networks(vae, poses, settings)
+    vae.decoder.set_precisions(inverse_sigma, kappa)
+    repeated = Poses(*(values.repeat(settings.precision_samples, 1) for values in poses))
+    with torch.no_grad():
+        latent, _ = vae.sample(*repeated)
+        means = vae.decoder.means(latent)
+        activations = inverse_sigma.activations(latent)
+
+    def negative_log_likelihood() -> Tensor:
+        precisions = Precisions(inverse_sigma.combine(activations), kappa.combine(activations)[..., 0])
+        return -_log_likelihood(vae, repeated, means, precisions, settings).mean()
+
+    parameters = [inverse_sigma.raw_weights, kappa.raw_weights]
+    _minimise(negative_log_likelihood, parameters, settings.precision_iterations, "sigma and kappa", progress)
+
+
+def _minimise(
+    objective: Callable[[], Tensor],
+    parameters: list[Tensor],
+    iterations: int,
+    stage: str,
+    progress: Progress | None,
+) -> None:
+    """L-BFGS in blocks of ten iterations, which keep the curvature they have learned."""
+    block = 10
+    optimiser = torch.optim.LBFGS(parameters, max_iter=block, history_size=20, line_search_fn="strong_wolfe")
+
+    def closure() -> Tensor:
+        optimiser.zero_grad()
+        loss = objective()
+        loss.backward()
+        return loss
+
+    for done in range(0, iterations, block):
+        optimiser.step(closure)
+        if progress is not None:
+            progress(stage, min(done + block, iterations), iterations)
