@@ -1,0 +1,9 @@
+"""The ROS 2 face: the nodes `planner`, `twin` and `demo`. Nothing outside this folder imports rclpy."""
+
+import os
+
+# A control loop shares its cores with DDS and the simulator. Worker threads of BLAS or OpenMP gain nothing on
+# matrices of this size and preempt the loop; the pools read these variables once, when numpy is first
+# imported.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")

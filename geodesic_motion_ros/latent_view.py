@@ -1,0 +1,140 @@
+"""The latent space as a picture, fast enough for a few frames a second: numpy and Pillow, no ROS, no
+matplotlib.
+
+Drawn are the magnification factor log sqrt det M(z), the demonstrations' codes, the footprint of the
+obstacles (latent points whose decoded tool would touch one) and the present path.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.graph.ambient import clearances
+from geodesic_motion_ros.graph.decoder import Decoded
+from geodesic_motion_ros.graph.latent_graph import LatentGraph, tool_points
+from geodesic_motion_ros.skill import Skill
+
+# Perceptually even, dark to bright: blue-black over teal to pale yellow.
+_COLOUR_STOPS = np.array(
+    [[13, 17, 40], [29, 53, 92], [32, 101, 122], [66, 149, 127], [149, 190, 120], [241, 230, 158]],
+    dtype=float,
+)
+_FOOTPRINT = np.array([224.0, 72.0, 62.0])
+_DEMONSTRATION, _PATH, _GOAL = (235, 235, 245), (255, 255, 255), (255, 196, 0)
+
+
+class LatentView:
+    """Draws one skill; what never changes is drawn once.
+
+    Parameters
+    ----------
+    graph : the skill's latent graph; its decoded nodes give the footprint of obstacles.
+    points, radii : spheres (K, 3), (K,) [m] fixed in the tool frame.
+    size : edge of the square picture [pixels].
+    """
+
+    def __init__(
+        self, skill: Skill, graph: LatentGraph, points: np.ndarray, radii: np.ndarray, size: int = 320
+    ) -> None:
+        if len(skill.latent_lower) != 2:
+            raise PlanningError(
+                f"a latent view shows two dimensions, this skill has {len(skill.latent_lower)}"
+            )
+        self._lower, self._upper, self._size = skill.latent_lower, skill.latent_upper, size
+        self._radii = radii
+        self._body = tool_points(graph.decoded.positions, graph.decoded.quaternions, points)
+        self._node_pixels = self._pixels(graph.latent)
+        self._cell = int(np.ceil(size / (min(graph.grid.shape) - 1))) + 1
+        self._background = self._draw_background(skill)
+
+    def render(
+        self, centres: np.ndarray, radii: np.ndarray, path: np.ndarray | None = None, caption: str = ""
+    ) -> np.ndarray:
+        """The picture (size, size, 3) uint8.
+
+        Parameters
+        ----------
+        centres, radii : obstacles (n, 3), (n,) [m].
+        path : latent points (m, 2) of the present reference, None without one.
+        caption : a line of text.
+        """
+        pixels = self._with_footprint(centres, radii)
+        image = Image.fromarray(pixels)
+        draw = ImageDraw.Draw(image)
+        if path is not None and len(path) > 1:
+            line = [tuple(point) for point in self._pixels(path).tolist()]
+            draw.line(line, fill=_PATH, width=3)
+            _dot(draw, line[0], 4, _PATH)
+            _dot(draw, line[-1], 5, _GOAL)
+        if caption:
+            draw.rectangle((0, self._size - 16, self._size, self._size), fill=(0, 0, 0))
+            draw.text((4, self._size - 14), caption, fill=(255, 255, 255))
+        return np.asarray(image)
+
+    def _pixels(self, latent: np.ndarray) -> np.ndarray:
+        """Pixel (column, row) of latent points (n, 2); the second latent axis points up."""
+        share = (latent - self._lower) / (self._upper - self._lower)
+        share = np.stack([share[:, 0], 1.0 - share[:, 1]], axis=1)
+        return np.clip(np.rint(share * (self._size - 1)), -self._size, 2 * self._size).astype(int)
+
+    def _draw_background(self, skill: Skill) -> np.ndarray:
+        image = Image.fromarray(_colours(magnification_factor(skill, self._size)))
+        draw = ImageDraw.Draw(image)
+        for code in skill.codes:
+            draw.line([tuple(point) for point in self._pixels(code).tolist()], fill=_DEMONSTRATION, width=1)
+        return np.array(image)
+
+    def _with_footprint(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
+        pixels = self._background.copy()
+        if not len(radii):
+            return pixels
+        touched = self._node_pixels[clearances(self._body, self._radii, centres, radii) <= 0.0]
+        mask = np.zeros(pixels.shape[:2], dtype=bool)
+        reach = np.arange(self._cell) - self._cell // 2
+        columns, rows = (touched[:, :1] + reach), (touched[:, 1:] + reach)
+        mask[
+            np.clip(rows[:, :, None], 0, self._size - 1), np.clip(columns[:, None, :], 0, self._size - 1)
+        ] = True
+        pixels[mask] = (0.45 * pixels[mask] + 0.55 * _FOOTPRINT).astype(np.uint8)
+        return pixels
+
+
+def magnification_factor(skill: Skill, size: int) -> np.ndarray:
+    """log sqrt det M(z) on a (size, size) picture of the latent box, first row at the top.
+
+    M = J^T J of the decoded features, with Jacobians by central differences on the picture's own grid.
+    """
+    axes = [
+        np.linspace(low, high, size) for low, high in zip(skill.latent_lower, skill.latent_upper, strict=True)
+    ]
+    first, second = np.meshgrid(axes[0], axes[1][::-1])
+    features = _features(skill, skill.decoder.decode(np.stack([first.ravel(), second.ravel()], axis=1)))
+    picture = features.reshape(size, size, -1)
+    along_second, along_first = np.gradient(picture, axes[1][::-1], axes[0], axis=(0, 1))
+    a = np.sum(along_first**2, axis=-1)
+    b = np.sum(along_first * along_second, axis=-1)
+    c = np.sum(along_second**2, axis=-1)
+    return 0.5 * np.log(np.maximum(a * c - b * b, 1e-300))
+
+
+def _features(skill: Skill, decoded: Decoded) -> np.ndarray:
+    orientation = skill.metric.orientation_feature(decoded)[:, None]
+    return np.concatenate(
+        [decoded.positions, skill.metric.sigma_weight * decoded.sigma, decoded.quaternions, orientation],
+        axis=1,
+    )
+
+
+def _colours(values: np.ndarray) -> np.ndarray:
+    low, high = np.percentile(values, [2.0, 98.0])
+    share = np.clip((values - low) / max(high - low, 1e-12), 0.0, 1.0)
+    stops = np.linspace(0.0, 1.0, len(_COLOUR_STOPS))
+    return np.stack([np.interp(share, stops, _COLOUR_STOPS[:, i]) for i in range(3)], axis=-1).astype(
+        np.uint8
+    )
+
+
+def _dot(draw: ImageDraw.ImageDraw, at: tuple[int, int], radius: int, colour: tuple[int, int, int]) -> None:
+    draw.ellipse((at[0] - radius, at[1] - radius, at[0] + radius, at[1] + radius), fill=colour)

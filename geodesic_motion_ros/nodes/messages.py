@@ -1,0 +1,349 @@
+"""Messages to arrays and arrays to messages: the only place that knows both.
+
+Readers check everything a message claims (finite, sizes, frame, names) and raise `MessageRefused` with the
+reason; what they return may be trusted. Quaternions are reordered here, from (x, y, z, w) to the library's
+(w, x, y, z) and back. Writers convert every scalar by `float()` and every array by `tolist()` or
+`array.array`: rclpy does not check field types by default, and a numpy scalar in a field is published as
+garbage, silently.
+"""
+
+from __future__ import annotations
+
+import array
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point, PointStamped, Pose, PoseStamped
+from nav_msgs.msg import Path
+from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.nodes.obstacle_tracker import Key
+
+# Nothing a robot arm has to do with is further away [m] or has turned further [rad] than this.
+LARGEST_COORDINATE = 1000.0
+
+_FLOATS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
+
+
+class MessageRefused(GeodesicMotionError):
+    """A message cannot be used; says what is wrong with it and what would be right."""
+
+
+# ---------------------------------------------------------------- messages to arrays
+
+
+def read_pose(message: PoseStamped, base_frame: str) -> tuple[np.ndarray, np.ndarray]:
+    """Position (3,) [m] and unit quaternion (w, x, y, z) of a pose in the base frame; the norm may be any
+    but zero.
+    """
+    check_frame(message.header, base_frame)
+    return _point(message.pose.position, "position"), _quaternion(message.pose)
+
+
+def read_point(message: PointStamped, base_frame: str) -> np.ndarray:
+    """Point (3,) [m] in the base frame."""
+    check_frame(message.header, base_frame)
+    return _point(message.point, "point")
+
+
+def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.ndarray:
+    """Joint positions (n,) [rad] in the robot's order; the message may use any order and name further
+    joints.
+    """
+    if len(message.name) != len(message.position):
+        raise MessageRefused(
+            f"joint state has {len(message.name)} names and {len(message.position)} positions: one each"
+        )
+    positions = dict(zip(message.name, message.position, strict=True))
+    if len(positions) != len(message.name):
+        raise MessageRefused(f"joint state names a joint twice: {', '.join(message.name)}")
+    missing = [name for name in joint_names if name not in positions]
+    if missing:
+        raise MessageRefused(
+            f"joint state lacks {', '.join(missing)}; it has {', '.join(message.name) or 'no joints'}"
+        )
+    vector = np.array([positions[name] for name in joint_names])
+    for name, value in zip(joint_names, vector, strict=True):
+        _check_number(float(value), f"joint {name}", "rad")
+    return vector
+
+
+@dataclass(frozen=True)
+class MarkerUpdate:
+    """What one marker asks for: `put`, `delete` or `delete_all`; centre (3,) [m] and radius [m] belong to
+    `put`.
+    """
+
+    action: str
+    key: Key
+    stamp: float = 0.0
+    centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    radius: float = 0.0
+    lifetime: float = 0.0
+
+
+def read_marker(message: Marker, base_frame: str) -> MarkerUpdate:
+    """A sphere by (ns, id), scale = diameter [m] (of an ellipsoid the largest), or its deletion.
+
+    DELETEALL empties one namespace, or the whole topic when `ns` is empty. A lifetime of zero means until
+    deleted.
+    """
+    key, stamp = (message.ns, int(message.id)), seconds(message.header.stamp)
+    if message.action == Marker.DELETEALL:
+        return MarkerUpdate("delete_all", key, stamp)
+    if message.action == Marker.DELETE:
+        return MarkerUpdate("delete", key, stamp)
+    name = f"marker {message.ns}/{message.id}"
+    if message.action != Marker.ADD:  # MODIFY has the same number
+        raise MessageRefused(
+            f"{name}: action {message.action}, expected ADD (0), DELETE (2) or DELETEALL (3)"
+        )
+    if message.type != Marker.SPHERE:
+        raise MessageRefused(f"{name}: type {message.type}, expected SPHERE ({Marker.SPHERE})")
+    check_frame(message.header, base_frame)
+    centre = _point(message.pose.position, f"{name}: centre")
+    scale = (message.scale.x, message.scale.y, message.scale.z)
+    for value in scale:
+        _check_number(value, f"{name}: scale", "m")
+    if min(scale) <= 0.0:
+        raise MessageRefused(f"{name}: scale {scale} m is the diameter and must be positive")
+    lifetime = message.lifetime.sec + 1e-9 * message.lifetime.nanosec
+    if lifetime < 0.0:
+        raise MessageRefused(f"{name}: lifetime {lifetime} s, expected 0 (for ever) or more")
+    return MarkerUpdate("put", key, stamp, centre, 0.5 * max(scale), lifetime)
+
+
+def read_cloud(message: PointCloud2, base_frame: str, voxel: float, most: int) -> tuple[np.ndarray, float]:
+    """Cover a point cloud by few spheres.
+
+    Points fall into a grid of cubes; every occupied cube becomes one sphere at its middle. When more than
+    `most` cubes are occupied, their edge is doubled until they fit.
+
+    Parameters
+    ----------
+    voxel : edge of the cubes [m].
+    most : number of spheres that may be returned, at least 8: cubes never merge across the planes x, y, z = 0.
+
+    Returns
+    -------
+    centres (n, 3) [m], and the distance [m] from a centre to the furthest point it stands for (half the
+    cube's diagonal), to be added to the radius of a point. Points with NaN (no return) are left out.
+    """
+    check_frame(message.header, base_frame)
+    points = _cloud_points(message)
+    points = points[np.all(np.isfinite(points), axis=1)]
+    if len(points) and np.max(np.abs(points)) > LARGEST_COORDINATE:
+        raise MessageRefused(f"cloud: a coordinate exceeds {LARGEST_COORDINATE:g} m; metres are expected")
+    edge = voxel
+    cubes = np.unique(np.floor(points / edge), axis=0)
+    while len(cubes) > most:
+        edge *= 2.0
+        cubes = np.unique(np.floor(points / edge), axis=0)
+    return (cubes + 0.5) * edge, 0.5 * math.sqrt(3.0) * edge
+
+
+def _cloud_points(message: PointCloud2) -> np.ndarray:
+    fields = {item.name: item for item in message.fields}
+    missing = [name for name in "xyz" if name not in fields]
+    if missing:
+        raise MessageRefused(f"cloud: no field {', '.join(missing)}; it has {', '.join(fields) or 'none'}")
+    order = ">" if message.is_bigendian else "<"
+    formats, offsets = [], []
+    for name in "xyz":
+        datatype, offset = fields[name].datatype, fields[name].offset
+        if datatype not in _FLOATS:
+            raise MessageRefused(
+                f"cloud: field {name} has datatype {datatype}, expected FLOAT32 (7) or FLOAT64 (8)"
+            )
+        if offset + int(_FLOATS[datatype][1]) > message.point_step:
+            raise MessageRefused(f"cloud: field {name} ends beyond point_step {message.point_step}")
+        formats.append(order + _FLOATS[datatype])
+        offsets.append(offset)
+    if message.row_step < message.width * message.point_step:
+        raise MessageRefused(
+            f"cloud: row_step {message.row_step} is less than "
+            f"width {message.width} x point_step {message.point_step}"
+        )
+    if len(message.data) != message.height * message.row_step:
+        raise MessageRefused(
+            f"cloud: {len(message.data)} bytes, "
+            f"expected height {message.height} x row_step {message.row_step}"
+        )
+    if not len(message.data):
+        return np.zeros((0, 3))
+    layout = np.dtype(
+        {"names": ["x", "y", "z"], "formats": formats, "offsets": offsets, "itemsize": message.point_step}
+    )
+    rows = np.frombuffer(message.data, dtype=np.uint8).reshape(message.height, message.row_step)
+    packed = np.ascontiguousarray(rows[:, : message.width * message.point_step]).view(layout).reshape(-1)
+    return np.stack([packed[name].astype(float) for name in "xyz"], axis=1)
+
+
+def check_frame(header: Header, base_frame: str) -> None:
+    """Refuse a message that is not in the base frame, naming both frames."""
+    if header.frame_id != base_frame:
+        raise MessageRefused(f"frame '{header.frame_id}' is unknown here: send it in '{base_frame}'")
+
+
+def seconds(stamp: Time) -> float:
+    """A stamp in seconds; 0 when the sender set none."""
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+def _point(point: Point, name: str) -> np.ndarray:
+    values = (point.x, point.y, point.z)
+    for value in values:
+        _check_number(value, name, "m")
+    return np.array(values)
+
+
+def _quaternion(pose: Pose) -> np.ndarray:
+    orientation = pose.orientation
+    quaternion = np.array([orientation.w, orientation.x, orientation.y, orientation.z])
+    for value in quaternion:
+        _check_number(float(value), "orientation", "")
+    norm = float(np.linalg.norm(quaternion))
+    if norm < 1e-6:
+        raise MessageRefused("orientation is the zero quaternion; a rotation has norm 1 (no rotation: w = 1)")
+    return quaternion / norm
+
+
+def _check_number(value: float, name: str, unit: str) -> None:
+    if not math.isfinite(value):
+        raise MessageRefused(f"{name} holds {value}; finite numbers are needed")
+    if abs(value) > LARGEST_COORDINATE:
+        raise MessageRefused(f"{name} holds {value:g} {unit}; at most {LARGEST_COORDINATE:g} is plausible")
+
+
+# ---------------------------------------------------------------- arrays to messages
+
+
+def fill_pose(pose: Pose, position: np.ndarray, quaternion: np.ndarray) -> Pose:
+    """Write a position (3,) [m] and a quaternion (w, x, y, z) into a pose."""
+    pose.position.x, pose.position.y, pose.position.z = (float(value) for value in position)
+    w, x, y, z = (float(value) for value in quaternion)
+    pose.orientation.w, pose.orientation.x, pose.orientation.y, pose.orientation.z = w, x, y, z
+    return pose
+
+
+def pose_message(position: np.ndarray, quaternion: np.ndarray, frame: str, stamp: Time) -> PoseStamped:
+    message = PoseStamped(header=Header(frame_id=frame, stamp=stamp))
+    fill_pose(message.pose, position, quaternion)
+    return message
+
+
+def point_message(point: np.ndarray, frame: str, stamp: Time) -> PointStamped:
+    x, y, z = (float(value) for value in point)
+    return PointStamped(header=Header(frame_id=frame, stamp=stamp), point=Point(x=x, y=y, z=z))
+
+
+def path_message(positions: np.ndarray, quaternions: np.ndarray, frame: str, stamp: Time) -> Path:
+    """A Path of positions (n, 3) [m] and quaternions (n, 4)."""
+    header = Header(frame_id=frame, stamp=stamp)
+    poses = [
+        PoseStamped(header=header, pose=fill_pose(Pose(), position, quaternion))
+        for position, quaternion in zip(positions.tolist(), quaternions.tolist(), strict=True)
+    ]
+    return Path(header=header, poses=poses)
+
+
+def image_message(pixels: np.ndarray, stamp: Time) -> Image:
+    """An rgb8 Image of pixels (h, w, 3) uint8."""
+    height, width, _ = pixels.shape
+    return Image(
+        header=Header(stamp=stamp),
+        height=height,
+        width=width,
+        encoding="rgb8",
+        step=3 * width,
+        data=array.array("B", np.ascontiguousarray(pixels, dtype=np.uint8).tobytes()),
+    )
+
+
+def joint_state_message(
+    names: Sequence[str], positions: np.ndarray, velocities: np.ndarray, stamp: Time
+) -> JointState:
+    """A JointState of positions (n,) [rad] and velocities (n,) [rad/s]."""
+    return JointState(
+        header=Header(stamp=stamp),
+        name=list(names),
+        position=array.array("d", positions.tolist()),
+        velocity=array.array("d", velocities.tolist()),
+    )
+
+
+Colour = tuple[float, float, float, float]
+
+
+def sphere_marker(
+    namespace: str, number: int, centre: np.ndarray, radius: float, colour: Colour, frame: str, stamp: Time
+) -> Marker:
+    """A SPHERE of a radius [m]."""
+    marker = _marker(namespace, number, Marker.SPHERE, colour, frame, stamp)
+    marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = (
+        float(value) for value in centre
+    )
+    marker.scale.x = marker.scale.y = marker.scale.z = 2.0 * float(radius)
+    return marker
+
+
+def line_marker(
+    namespace: str, points: np.ndarray, width: float, colour: Colour, frame: str, stamp: Time
+) -> Marker:
+    """A LINE_STRIP through points (n, 3) [m]."""
+    marker = _marker(namespace, 0, Marker.LINE_STRIP, colour, frame, stamp)
+    marker.scale.x = float(width)
+    marker.points = [Point(x=x, y=y, z=z) for x, y, z in points.tolist()]
+    return marker
+
+
+def deletion_marker(namespace: str, number: int, frame: str, stamp: Time) -> Marker:
+    header = Header(frame_id=frame, stamp=stamp)
+    return Marker(header=header, ns=namespace, id=int(number), action=Marker.DELETE)
+
+
+def _marker(namespace: str, number: int, kind: int, colour: Colour, frame: str, stamp: Time) -> Marker:
+    marker = Marker(header=Header(frame_id=frame, stamp=stamp), ns=namespace, id=int(number), type=int(kind))
+    marker.pose.orientation.w = 1.0
+    red, green, blue, alpha = (float(part) for part in colour)
+    marker.color = ColorRGBA(r=red, g=green, b=blue, a=alpha)
+    return marker
+
+
+class MarkerScene:
+    """Turns the markers to be seen into updates: everything seen before and no more is deleted by (ns,
+    id).
+    """
+
+    def __init__(self, frame: str) -> None:
+        self._frame = frame
+        self._shown: set[Key] = set()
+
+    def update(self, markers: Sequence[Marker], stamp: Time) -> MarkerArray:
+        wanted = {(marker.ns, marker.id) for marker in markers}
+        gone = [deletion_marker(*key, self._frame, stamp) for key in sorted(self._shown - wanted)]
+        self._shown = wanted
+        return MarkerArray(markers=[*markers, *gone])
+
+
+def diagnostic_status(
+    level: bytes, name: str, message: str, hardware: str, values: dict[str, object]
+) -> DiagnosticStatus:
+    """A DiagnosticStatus; floats among the values are written with six digits."""
+    pairs = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
+    return DiagnosticStatus(level=level, name=name, message=message, hardware_id=hardware, values=pairs)
+
+
+def diagnostic_array(statuses: Sequence[DiagnosticStatus], stamp: Time) -> DiagnosticArray:
+    return DiagnosticArray(header=Header(stamp=stamp), status=list(statuses))
+
+
+def _text(value: object) -> str:
+    return f"{float(value):.6g}" if isinstance(value, float | np.floating) else str(value)

@@ -1,0 +1,198 @@
+"""Which obstacles exist now, out of everything the obstacle topics have said; knows nothing of ROS.
+
+Every topic is one source. Within a source an obstacle is identified by its key: (namespace, id) for
+markers, so that several publishers share a topic without disturbing each other. Time is passed in [s, any
+steady clock].
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+Key = tuple[str, int]
+
+# An older stamp within this window is a message that was overtaken; further back, the sender's clock was
+# set back.
+REORDER_WINDOW = 1.0
+
+
+@dataclass(frozen=True)
+class ObstacleSet:
+    """Spheres at one instant, in the base frame, ordered by source and key.
+
+    Attributes
+    ----------
+    centres : (n, 3) [m].
+    radii : (n,) [m].
+    labels : n texts `source/namespace/id`, in the same order.
+    version : grows by one whenever the set changes; equal versions mean the same spheres.
+    """
+
+    centres: np.ndarray
+    radii: np.ndarray
+    labels: tuple[str, ...]
+    version: int
+
+
+@dataclass
+class _Track:
+    centre: tuple[float, float, float]
+    radius: float
+    stamp: float
+    received: float
+    expires: float
+    deleted: bool = False
+
+
+class ObstacleTracker:
+    """Book-keeping of obstacles by source and key: replacement, deletion, lifetime, silence.
+
+    A source is expected to keep talking from its first message on. It is *silent* when it has not been
+    heard for longer than a timeout, whether or not its obstacles have expired meanwhile: a dead detector
+    must not look like a free table. A source that deletes its last obstacle has said goodbye and is not
+    expected to talk again.
+    """
+
+    def __init__(self) -> None:
+        self._tracks: dict[str, dict[Key, _Track]] = {}
+        self._heard: dict[str, float] = {}
+        self._next_expiry = math.inf
+        self._version = 0
+        self._set: ObstacleSet | None = None
+
+    def hear(self, source: str, now: float) -> None:
+        """Note that a valid message of a source arrived, even one without obstacles."""
+        self._heard[source] = now
+
+    def put(
+        self,
+        source: str,
+        key: Key,
+        centre: np.ndarray,
+        radius: float,
+        now: float,
+        lifetime: float = 0.0,
+        stamp: float = 0.0,
+    ) -> bool:
+        """Add a sphere or move it.
+
+        Parameters
+        ----------
+        centre, radius : [m]; must be finite and positive (checked where messages are read).
+        lifetime : [s] the sphere vanishes by itself this long after its last update; 0 keeps it until
+            deleted.
+        stamp : time [s] the sender gave, on the sender's clock; 0 when there is none.
+
+        Returns
+        -------
+        False when a newer stamp of the same key was seen before: the message was overtaken and is ignored.
+        """
+        self.hear(source, now)
+        tracks = self._tracks.setdefault(source, {})
+        if _overtaken(tracks.get(key), stamp):
+            return False
+        expires = now + lifetime if lifetime > 0.0 else math.inf
+        tracks[key] = _Track(tuple(float(c) for c in centre), float(radius), stamp, now, expires)
+        self._next_expiry = min(self._next_expiry, expires)
+        self._changed()
+        return True
+
+    def delete(self, source: str, key: Key, now: float, stamp: float = 0.0) -> bool:
+        """Remove one sphere; False when there is none or the message was overtaken."""
+        self.hear(source, now)
+        track = self._tracks.get(source, {}).get(key)
+        deleted = track is not None and not track.deleted and not _overtaken(track, stamp)
+        if deleted:
+            self._bury(track, now, stamp)
+        self._say_goodbye_when_empty(source)
+        return deleted
+
+    def delete_all(self, source: str, now: float, namespace: str = "", stamp: float = 0.0) -> int:
+        """Remove every sphere of a source, or of one namespace when it is not empty; returns how many."""
+        self.hear(source, now)
+        doomed = [
+            track
+            for key, track in self._tracks.get(source, {}).items()
+            if not track.deleted and (not namespace or key[0] == namespace) and not _overtaken(track, stamp)
+        ]
+        for track in doomed:
+            self._bury(track, now, stamp)
+        self._say_goodbye_when_empty(source)
+        return len(doomed)
+
+    def replace(self, source: str, centres: np.ndarray, radius: float, now: float) -> None:
+        """Exchange all spheres of a source, as a point cloud does: (n, 3) centres of one radius [m]."""
+        self.hear(source, now)
+        self._tracks[source] = {
+            ("", index): _Track(tuple(centre), float(radius), 0.0, now, math.inf)
+            for index, centre in enumerate(np.asarray(centres, dtype=float).tolist())
+        }
+        self._changed()
+
+    def clear(self) -> None:
+        """Forget every obstacle and every source."""
+        self._tracks.clear()
+        self._heard.clear()
+        self._next_expiry = math.inf
+        self._changed()
+
+    def ages(self, now: float) -> dict[str, float]:
+        """Seconds since each expected source was last heard."""
+        return {source: now - heard for source, heard in self._heard.items()}
+
+    def silent(self, now: float, timeout: float) -> dict[str, float]:
+        """The expected sources not heard for longer than a timeout [s], with their ages."""
+        return {source: age for source, age in self.ages(now).items() if age > timeout}
+
+    def current(self, now: float) -> ObstacleSet:
+        """The spheres that exist now, expired ones removed."""
+        if now >= self._next_expiry:
+            self._expire(now)
+        if self._set is None:
+            self._set = self._assemble()
+        return self._set
+
+    def _expire(self, now: float) -> None:
+        for tracks in self._tracks.values():
+            for key in [key for key, track in tracks.items() if now >= track.expires]:
+                del tracks[key]
+        expiries = (track.expires for tracks in self._tracks.values() for track in tracks.values())
+        self._next_expiry = min(expiries, default=math.inf)
+        self._changed()
+
+    def _bury(self, track: _Track, now: float, stamp: float) -> None:
+        # A deleted key is remembered for a while, so that an overtaken ADD does not bring the obstacle back.
+        track.deleted = True
+        track.stamp = max(track.stamp, stamp)
+        track.expires = now + REORDER_WINDOW
+        self._next_expiry = min(self._next_expiry, track.expires)
+        self._changed()
+
+    def _say_goodbye_when_empty(self, source: str) -> None:
+        if all(track.deleted for track in self._tracks.get(source, {}).values()):
+            self._heard.pop(source, None)
+
+    def _changed(self) -> None:
+        self._version += 1
+        self._set = None
+
+    def _assemble(self) -> ObstacleSet:
+        alive = [
+            (source, key, track)
+            for source, tracks in sorted(self._tracks.items())
+            for key, track in sorted(tracks.items())
+            if not track.deleted
+        ]
+        return ObstacleSet(
+            np.array([track.centre for _, _, track in alive], dtype=float).reshape(-1, 3),
+            np.array([track.radius for _, _, track in alive], dtype=float),
+            tuple(f"{source}/{key[0]}/{key[1]}" for source, key, _ in alive),
+            self._version,
+        )
+
+
+def _overtaken(track: _Track | None, stamp: float) -> bool:
+    return track is not None and stamp > 0.0 and 0.0 < track.stamp - stamp < REORDER_WINDOW

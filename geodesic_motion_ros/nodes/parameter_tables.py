@@ -1,0 +1,180 @@
+"""Every parameter of every node: the one place where names, defaults, meanings, units and ranges stand."""
+
+from __future__ import annotations
+
+from geodesic_motion_ros.nodes.parameters import Parameter
+from geodesic_motion_ros.robot.kinematics import PANDA_READY
+
+_BASE_FRAME = Parameter(
+    "base_frame", "panda_link0", "Frame of all poses; messages in other frames are refused"
+)
+
+PLANNER = (
+    Parameter("skill", "panda_pouring", "Skill folder, or the name of a shipped skill"),
+    _BASE_FRAME,
+    Parameter("rate", 100.0, "Planning cycles per second", "Hz", 10.0, 1000.0),
+    Parameter("avoidance", True, "false ignores all obstacles: for control experiments only"),
+    Parameter(
+        "tool_spheres",
+        [0.0, 0.0, 0.0, 0.04],
+        "Spheres fixed in the tool frame that obstacles are kept away from, each as x, y, z, radius",
+        "m",
+        -2.0,
+        2.0,
+        row=4,
+    ),
+    Parameter("obstacle_margin", 0.005, "Clearance the search keeps from obstacles", "m", 0.0, 0.5),
+    Parameter(
+        "ambient_strength",
+        1000.0,
+        "zeta of the ambient factor: how steep an obstacle's hill is",
+        "",
+        0.0,
+        1e9,
+    ),
+    Parameter(
+        "ambient_width_ratio",
+        0.5,
+        "Width of an obstacle's hill over its radius (tool radius included)",
+        "",
+        0.01,
+        10.0,
+    ),
+    Parameter(
+        "maximum_offset",
+        0.05,
+        "Largest distance of start and goal from what was demonstrated",
+        "m",
+        0.001,
+        1.0,
+    ),
+    Parameter(
+        "maximum_offset_angle",
+        0.5,
+        "Largest rotation of start and goal from what was demonstrated",
+        "rad",
+        0.001,
+        3.2,
+    ),
+    Parameter("speed", 0.2, "Largest speed of the tool", "m/s", 0.001, 2.0),
+    Parameter("angular_speed", 0.8, "Largest angular speed of the tool", "rad/s", 0.001, 6.0),
+    Parameter("acceleration", 0.5, "Largest acceleration of the tool along its path", "m/s^2", 0.01, 20.0),
+    Parameter(
+        "state_timeout",
+        0.1,
+        "A joint state older than this stops the motion",
+        "s",
+        0.01,
+        10.0,
+        read_only=False,
+    ),
+    Parameter(
+        "tracking_tolerance",
+        0.05,
+        "The reference starts again where the arm is when it is further off than this",
+        "m",
+        0.001,
+        1.0,
+        read_only=False,
+    ),
+    Parameter(
+        "tracking_tolerance_angle", 0.35, "The same for the orientation", "rad", 0.01, 3.2, read_only=False
+    ),
+    Parameter(
+        "obstacle_timeout",
+        0.5,
+        "An obstacle topic not heard for longer than this is silent",
+        "s",
+        0.02,
+        3600.0,
+        read_only=False,
+    ),
+    Parameter(
+        "obstacle_silence_policy",
+        "hold",
+        "When an obstacle topic falls silent: hold, or keep moving among the obstacles last known",
+        choices=("hold", "keep"),
+        read_only=False,
+    ),
+    Parameter(
+        "obstacle_point_radius",
+        0.05,
+        "Radius of the obstacle of `obstacle_point`",
+        "m",
+        0.001,
+        2.0,
+        read_only=False,
+    ),
+    Parameter(
+        "obstacle_cloud_radius",
+        0.02,
+        "Radius around every point of `obstacle_cloud`",
+        "m",
+        0.001,
+        1.0,
+        read_only=False,
+    ),
+    Parameter(
+        "obstacle_cloud_voxel",
+        0.04,
+        "Points of a cloud in one cube of this edge become one sphere",
+        "m",
+        0.005,
+        1.0,
+        read_only=False,
+    ),
+    Parameter(
+        "obstacle_cloud_most",
+        200,
+        "Most spheres made of a cloud; cubes are doubled until they suffice",
+        "",
+        8,
+        5000,
+        read_only=False,
+    ),
+    Parameter("path_rate", 5.0, "How often `path` and `~/markers` are published", "Hz", 0.1, 50.0),
+    Parameter("latent_view_rate", 2.0, "How often `~/latent_view` is drawn; 0.0 never", "Hz", 0.0, 10.0),
+    Parameter("latent_view_size", 320, "Edge of the square picture `~/latent_view`", "pixels", 64, 360),
+)
+
+TWIN = (
+    _BASE_FRAME,
+    Parameter("physics_rate", 240.0, "Physics steps per second of real time", "Hz", 100.0, 1000.0),
+    Parameter(
+        "state_rate", 120.0, "How often `joint_states` and `ee_pose` are published", "Hz", 100.0, 1000.0
+    ),
+    Parameter("obstacle_rate", 60.0, "How often obstacles and `~/clearance` are published", "Hz", 1.0, 240.0),
+    Parameter(
+        "image_rate",
+        0.0,
+        "How often `~/image` is rendered, which stops physics for 0.1 s; 0.0 never",
+        "Hz",
+        0.0,
+        5.0,
+    ),
+    Parameter("gui", False, "Open PyBullet's window"),
+    Parameter(
+        "initial_joint_positions",
+        [round(angle, 4) for angle in PANDA_READY],
+        "Where the arm starts, and goes at `~/reset`",
+        "rad",
+        -4.0,
+        4.0,
+        read_only=False,
+    ),
+    Parameter(
+        "command_timeout",
+        0.2,
+        "Without a target pose for longer than this, the arm brakes and holds",
+        "s",
+        0.02,
+        10.0,
+        read_only=False,
+    ),
+    Parameter(
+        "scene", "", "Obstacles that `~/spawn_obstacles` puts into the world; empty for none", read_only=False
+    ),
+    Parameter("spawn_at_start", False, "Spawn the scene as soon as the twin starts"),
+)
+
+TABLES = {"planner": PLANNER, "twin": TWIN}

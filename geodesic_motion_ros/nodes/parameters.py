@@ -1,0 +1,241 @@
+"""Parameters of a node from one table: name, default, meaning, unit, range. YAML, checks and descriptors
+follow it.
+
+`python -m geodesic_motion_ros.nodes.parameters planner` prints the parameter file of a node; a test holds
+`config/*.yaml` to it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import yaml
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from geodesic_motion_ros.errors import ParameterError
+
+Value = bool | int | float | str | list[float]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a node.
+
+    Attributes
+    ----------
+    default : its type is the parameter's type: bool, int, float, str or a list of floats.
+    lowest, highest : range of a number, or of every number in a list; both ends included.
+    row : a list must hold one or more whole rows of this many numbers; 0: as many numbers as the default.
+    choices : the texts allowed; empty for any.
+    read_only : whether it can be set at start only.
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ""
+    lowest: float | None = None
+    highest: float | None = None
+    row: int = 0
+    choices: tuple[str, ...] = ()
+    read_only: bool = True
+
+    def check(self, value: object) -> None:
+        """Raise ParameterError, naming parameter, value and what is allowed, when a value does not fit."""
+        if isinstance(self.default, list):
+            self._check_list(value)
+        else:
+            self._check_scalar(value)
+
+    def _check_list(self, value: object) -> None:
+        value = _plain(value)
+        if not isinstance(value, list) or not all(type(number) is float for number in value):
+            self._refuse(value)
+        whole = len(value) % self.row == 0 < len(value) if self.row else len(value) == len(self.default)
+        if not whole:
+            self._refuse(value)
+        for number in value:
+            self._check_range(number, value)
+
+    def _check_scalar(self, value: object) -> None:
+        if type(value) is not type(self.default):
+            self._refuse(value)
+        if isinstance(value, float) or type(value) is int:
+            self._check_range(value, value)
+        if self.choices and value not in self.choices:
+            self._refuse(value)
+
+    def _check_range(self, number: float, value: object) -> None:
+        low = -math.inf if self.lowest is None else self.lowest
+        high = math.inf if self.highest is None else self.highest
+        if not (math.isfinite(number) and low <= number <= high):
+            self._refuse(value)
+
+    def _refuse(self, value: object) -> None:
+        raise ParameterError(f"parameter {self.name} = {value!r}: expected {self.allowed}")
+
+    @property
+    def allowed(self) -> str:
+        """What is allowed, in words."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        if isinstance(self.default, list):
+            count = f"rows of {self.row}" if self.row else str(len(self.default))
+            return f"{count} floats{self._range_text}{self._unit_text}"
+        kinds = {bool: "true or false", int: "an integer", float: "a float (write 1.0, not 1)", str: "a text"}
+        return kinds[type(self.default)] + self._range_text + self._unit_text
+
+    @property
+    def _range_text(self) -> str:
+        if self.lowest is None and self.highest is None:
+            return ""
+        if self.highest is None:
+            return f", at least {self.lowest:g}"
+        return f" from {self.lowest:g} to {self.highest:g}"
+
+    @property
+    def _unit_text(self) -> str:
+        return f" [{self.unit}]" if self.unit else ""
+
+    def descriptor(self) -> ParameterDescriptor:
+        """The ROS descriptor; a range is declared when both ends are known."""
+        descriptor = ParameterDescriptor(
+            description=f"{self.description}{self._unit_text}", read_only=self.read_only
+        )
+        if self.choices:
+            descriptor.additional_constraints = self.allowed
+        if self.lowest is not None and self.highest is not None:
+            low, high = self.lowest, self.highest
+            if type(self.default) is float:
+                descriptor.floating_point_range = [
+                    FloatingPointRange(from_value=float(low), to_value=float(high))
+                ]
+            elif type(self.default) is int:
+                descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+        return descriptor
+
+
+class NodeParameters:
+    """The declared parameters of a node and their present values.
+
+    Raises ParameterError at construction when the node was started with a parameter that does not exist or
+    a value that does not fit. Later changes are checked all or nothing; reading gives a consistent snapshot.
+
+    Parameters
+    ----------
+    check : is given all values as they would be after a change; raises ParameterError to refuse it.
+    changed : called after values have changed, with all of them.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        table: Sequence[Parameter],
+        check: Callable[[Mapping[str, Value]], None] = lambda values: None,
+        changed: Callable[[Mapping[str, Value]], None] = lambda values: None,
+    ) -> None:
+        self._table = {parameter.name: parameter for parameter in table}
+        self._check, self._changed = check, changed
+        # rclpy has no public view of what a node was started with, and silently ignores what was never
+        # declared.
+        overrides = {name: item.value for name, item in node._parameter_overrides.items()}
+        self._refuse_unknown(node, overrides)
+        for parameter in table:
+            if parameter.name in overrides:
+                parameter.check(overrides[parameter.name])
+        node.declare_parameters(
+            "", [(parameter.name, parameter.default, parameter.descriptor()) for parameter in table]
+        )
+        self._values = {name: _plain(node.get_parameter(name).value) for name in self._table}
+        check(self._values)
+        node.add_on_set_parameters_callback(self._judge)
+        node.add_post_set_parameters_callback(self._accept)
+
+    def __getitem__(self, name: str) -> Value:
+        return self._values[name]
+
+    @property
+    def values(self) -> Mapping[str, Value]:
+        return MappingProxyType(self._values)
+
+    def _refuse_unknown(self, node: Node, overrides: Mapping[str, object]) -> None:
+        for name in overrides:
+            if name in self._table or node.has_parameter(name) or name.startswith("qos_overrides."):
+                continue
+            close = difflib.get_close_matches(name, self._table, n=1)
+            hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(self._table)}"
+            raise ParameterError(f"parameter {name} does not exist; {hint}")
+
+    def _after(self, changes: Sequence[RosParameter]) -> dict[str, Value]:
+        known = {change.name: _plain(change.value) for change in changes if change.name in self._table}
+        return {**self._values, **known}
+
+    def _judge(self, changes: Sequence[RosParameter]) -> SetParametersResult:
+        try:
+            for change in changes:
+                if change.name in self._table:
+                    self._table[change.name].check(_plain(change.value))
+            self._check(self._after(changes))
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _accept(self, changes: Sequence[RosParameter]) -> None:
+        self._values = self._after(changes)
+        self._changed(self._values)
+
+
+def _plain(value: object) -> Value:
+    """ROS hands out arrays of floats as array.array; a list compares and prints like one."""
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def yaml_document(node_name: str, table: Sequence[Parameter]) -> str:
+    """The commented parameter file of a node, all defaults, for any namespace."""
+    lines = [
+        f"# Every parameter of the node `{node_name}` with its default.",
+        "# Units stand in brackets, ranges include their ends, floats need a decimal point (1.0, not 1).",
+        '# "start only" marks what cannot be changed while the node runs.',
+        f"/**/{node_name}:",
+        "  ros__parameters:",
+    ]
+    for parameter in table:
+        lines.append(f"    # {parameter.description}{_remarks(parameter)}")
+        lines.append(f"    {parameter.name}: {_yaml_value(parameter.default)}")
+    return "\n".join(lines) + "\n"
+
+
+def _remarks(parameter: Parameter) -> str:
+    remarks = [f"[{parameter.unit}]"] if parameter.unit else []
+    if parameter.lowest is not None and parameter.highest is not None:
+        remarks.append(f"{parameter.lowest:g} to {parameter.highest:g}")
+    if parameter.read_only:
+        remarks.append("start only")
+    return f" ({', '.join(remarks)})" if remarks else ""
+
+
+def main() -> None:
+    """Print the parameter file of a node."""
+    from geodesic_motion_ros.nodes.parameter_tables import TABLES
+
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("node", choices=TABLES)
+    name = parser.parse_args().node
+    print(yaml_document(name, TABLES[name]), end="")
+
+
+def _yaml_value(value: Value) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    return yaml.safe_dump(value, default_flow_style=True).removesuffix("...\n").strip()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""Everything the planner node hears: callbacks check and store, the control cycle takes a snapshot."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PointStamped, PoseStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState, PointCloud2
+from visualization_msgs.msg import Marker, MarkerArray
+
+from geodesic_motion_ros.nodes.messages import (
+    MarkerUpdate,
+    MessageRefused,
+    read_cloud,
+    read_joint_positions,
+    read_marker,
+    read_point,
+    read_pose,
+    seconds,
+)
+from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
+from geodesic_motion_ros.nodes.parameters import NodeParameters
+from geodesic_motion_ros.nodes.planning_cycle import CycleInputs
+from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+# Best effort, and only what is newest: an obstacle or a joint state that was lost is replaced by the next
+# one. Markers are edits of a set, so a short queue keeps those that arrive together.
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+EDITS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class PlannerInputs:
+    """The subscriptions of the planner and what they have brought.
+
+    Callbacks run in the executor and hold the lock for microseconds; `snapshot` is called by the control
+    loop.
+    """
+
+    def __init__(self, node: Node, parameters: NodeParameters, robot: Robot) -> None:
+        self._node, self._parameters, self._robot = node, parameters, robot
+        self._frame: str = parameters["base_frame"]
+        self.refusals = Refusals(node.get_logger().warning)
+        self._lock = threading.Lock()
+        self._tracker = ObstacleTracker()
+        self._joints: np.ndarray | None = None
+        self._joints_taken = 0.0
+        self._goal: tuple[np.ndarray, np.ndarray] | Verdict | None = None
+        self._goal_number = 0
+        self._hold = False
+        self._subscribe(JointState, "joint_states", self._on_joint_states, NEWEST)
+        self._subscribe(PoseStamped, "goal_pose", self._on_goal, QoSProfile(depth=1))
+        self._subscribe(MarkerArray, "obstacles", self._on_obstacles, EDITS)
+        self._subscribe(Marker, "obstacle_marker", self._on_marker, EDITS)
+        self._subscribe(PointStamped, "obstacle_point", self._on_point, NEWEST)
+        self._subscribe(PointCloud2, "obstacle_cloud", self._on_cloud, NEWEST)
+
+    def snapshot(self) -> CycleInputs:
+        """What is known now."""
+        now = time.monotonic()
+        with self._lock:
+            joints, taken = self._joints, self._joints_taken
+            goal, number, hold = self._goal, self._goal_number, self._hold
+            obstacles = self._tracker.current(now)
+            silent = self._tracker.silent(now, self._parameters["obstacle_timeout"])
+        if self._parameters["obstacle_silence_policy"] == "keep":
+            silent = {}
+        measured = None if joints is None else self._robot.forward(joints)
+        return CycleInputs(measured, now - taken, goal, number, obstacles, silent, hold)
+
+    def ages(self) -> dict[str, float]:
+        """Seconds since each input that has spoken was last heard; of joint states since they were taken."""
+        now = time.monotonic()
+        with self._lock:
+            ages = self._tracker.ages(now)
+            if self._joints is not None:
+                ages["joint_states"] = now - self._joints_taken
+        return ages
+
+    def request_hold(self, hold: bool) -> None:
+        with self._lock:
+            self._hold = hold
+
+    def clear_obstacles(self) -> int:
+        """Forget all obstacles and what was expected of their topics; returns how many there were."""
+        with self._lock:
+            count = len(self._tracker.current(time.monotonic()).radii)
+            self._tracker.clear()
+        return count
+
+    def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile) -> None:
+        self._node.create_subscription(kind, topic, partial(self._guarded, topic, take), qos)
+
+    def _guarded(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
+        with self.refusals.guard(topic):
+            take(message)
+
+    def _on_joint_states(self, message: JointState) -> None:
+        joints = read_joint_positions(message, self._robot.joint_names)
+        taken = time.monotonic() - self._transit(seconds(message.header.stamp))
+        with self._lock:
+            self._joints, self._joints_taken = joints, taken
+
+    def _transit(self, stamp: float) -> float:
+        """Seconds a message was under way by its stamp; 0 without a stamp or with one from the future."""
+        if stamp == 0.0:
+            return 0.0
+        return max(0.0, 1e-9 * self._node.get_clock().now().nanoseconds - stamp)
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        try:
+            goal: tuple[np.ndarray, np.ndarray] | Verdict = read_pose(message, self._frame)
+        except MessageRefused as error:
+            self._set_goal(Verdict(VerdictCode.BAD_INPUT, f"goal_pose: {error}"))
+            raise
+        self._set_goal(goal)
+
+    def _set_goal(self, goal: tuple[np.ndarray, np.ndarray] | Verdict) -> None:
+        with self._lock:
+            self._goal = goal
+            self._goal_number += 1
+
+    def _on_obstacles(self, message: MarkerArray) -> None:
+        updates = []
+        for marker in message.markers:
+            # one bad marker must not hide the good ones beside it
+            with self.refusals.guard("obstacles"):
+                updates.append(read_marker(marker, self._frame))
+        with self._lock:
+            if len(updates) == len(message.markers):
+                self._tracker.hear("obstacles", time.monotonic())
+            for update in updates:
+                self._apply("obstacles", update)
+
+    def _on_marker(self, message: Marker) -> None:
+        update = read_marker(message, self._frame)
+        with self._lock:
+            self._apply("obstacle_marker", update)
+
+    def _apply(self, source: str, update: MarkerUpdate) -> None:
+        now = time.monotonic()
+        if update.action == "put":
+            self._tracker.put(
+                source, update.key, update.centre, update.radius, now, update.lifetime, update.stamp
+            )
+        elif update.action == "delete":
+            self._tracker.delete(source, update.key, now, update.stamp)
+        else:
+            self._tracker.delete_all(source, now, update.key[0], update.stamp)
+
+    def _on_point(self, message: PointStamped) -> None:
+        centre, radius = read_point(message, self._frame), self._parameters["obstacle_point_radius"]
+        stamp = seconds(message.header.stamp)
+        with self._lock:
+            self._tracker.put("obstacle_point", ("", 0), centre, radius, time.monotonic(), 0.0, stamp)
+
+    def _on_cloud(self, message: PointCloud2) -> None:
+        centres, cover = read_cloud(
+            message,
+            self._frame,
+            self._parameters["obstacle_cloud_voxel"],
+            self._parameters["obstacle_cloud_most"],
+        )
+        radius = self._parameters["obstacle_cloud_radius"] + cover
+        with self._lock:
+            self._tracker.replace("obstacle_cloud", centres, radius, time.monotonic())

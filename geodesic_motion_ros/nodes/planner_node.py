@@ -1,0 +1,286 @@
+"""Node `planner`: hears goal, obstacles and joint states, and streams `target_pose` a hundred times a second.
+
+The control loop has a thread of its own on the steady clock. Callbacks only check and store
+(`planner_inputs`), the loop plans and commands (`planning_cycle`), pictures are drawn by a third thread
+that gives way to both.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from nav_msgs.srv import GetPlan
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+from geodesic_motion_ros.errors import ParameterError, PlanningError, SkillError
+from geodesic_motion_ros.graph.latent_graph import tool_points
+from geodesic_motion_ros.latent_view import LatentView
+from geodesic_motion_ros.nodes.messages import MessageRefused, path_message, read_pose
+from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
+from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
+from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
+from geodesic_motion_ros.nodes.planning_cycle import CycleInputs, CycleOutput, PlanningCycle
+from geodesic_motion_ros.nodes.running import run_node
+from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
+from geodesic_motion_ros.nodes.view_thread import ViewThread
+from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+_SETTINGS = (
+    "avoidance", "obstacle_margin", "ambient_strength", "ambient_width_ratio", "maximum_offset",
+    "maximum_offset_angle", "speed", "angular_speed", "acceleration",
+)  # fmt: skip
+
+
+class PlannerNode(Node):
+    """The planner as a ROS 2 node. `start` begins the loop, `stop` ends its threads; an executor spins the
+    callbacks.
+
+    Raises
+    ------
+    ParameterError : a parameter does not exist or does not fit.
+    SkillError : the skill is missing, damaged or of another robot.
+    """
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("planner", **node_options)
+        try:
+            self._build()
+        except BaseException:
+            self.destroy_node()
+            raise
+
+    def _build(self) -> None:
+        self.failure = threading.Event()
+        self._parameters = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
+        skill = Skill.load(self._parameters["skill"])
+        self._robot = _robot_of(skill)
+        self._planner = ReactivePlanner(skill, _settings(self._parameters.values))
+        self._warm_up()
+        values = self._parameters
+        self._cycle = PlanningCycle(
+            self._planner,
+            values["state_timeout"],
+            values["tracking_tolerance"],
+            values["tracking_tolerance_angle"],
+        )
+        self._inputs = PlannerInputs(self, values, self._robot)
+        self._outputs = PlannerOutputs(self, values["base_frame"], skill.robot)
+        self._said: dict[VerdictCode, float] = {}
+        self._newest: tuple[CycleInputs, CycleOutput] | None = None
+        self._period = 1.0 / values["rate"]
+        self._loop = SteadyLoop(self._tick, values["rate"], self._died, name="planner")
+        self._view_thread = self._make_view(skill)
+        self.create_timer(1.0 / values["path_rate"], self._show_path)
+        self.create_timer(1.0, self._show_health)
+        self.create_service(GetPlan, "plan", self._on_plan)
+        self.create_service(SetBool, "~/hold", self._on_hold)
+        self.create_service(Trigger, "~/clear_obstacles", self._on_clear_obstacles)
+
+    def start(self) -> None:
+        """Begin to plan and command."""
+        self._loop.start()
+        if self._view_thread is not None:
+            self._view_thread.start()
+
+    def stop(self) -> None:
+        """End the threads; harmless when they have ended or never began."""
+        self._loop.stop()
+        if self._view_thread is not None:
+            self._view_thread.stop()
+
+    def _warm_up(self) -> None:
+        """Plan once along the skill, past an obstacle out of the way: compiled code is loaded before the
+        loop begins.
+        """
+        skill = self._planner.skill
+        far = skill.goal_pose[:3] + 100.0
+        self._planner.set_obstacles(far[None], np.array([0.01]))
+        self._planner.plan(
+            skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:]
+        )
+        self._planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
+        self._robot.forward(self._robot.ready)
+
+    # ------------------------------------------------------------ control loop
+
+    def _tick(self, periods: int) -> None:
+        # The commanded pose moves on by one period, however many were missed: late is better than a jump.
+        inputs = self._inputs.snapshot()
+        try:
+            output = self._cycle.run(inputs, self._period)
+        except Exception as error:  # a fault in the planner must stop the arm, not the node
+            self.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
+            output = self._cycle.stop(
+                Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}")
+            )
+        if output.commanded is not None:
+            self._outputs.target(*output.commanded)
+        self._outputs.status(output, self._inputs.refusals, self._loop.misses)
+        previous, self._newest = self._newest, (inputs, output)
+        if previous is None or previous[1].verdict.code is not output.verdict.code:
+            self._say(output.verdict)
+        if previous is None or _path_news(previous, (inputs, output)):
+            self._outputs.path(output.reference)
+
+    def _say(self, verdict: Verdict) -> None:
+        # The status has every change; the log has each kind of change at most once a second.
+        now = time.monotonic()
+        if now - self._said.get(verdict.code, -np.inf) < 1.0:
+            return
+        self._said[verdict.code] = now
+        text = f"{verdict.code.name}: {verdict.reason}" if verdict.reason else verdict.code.name
+        if verdict.ok:
+            self.get_logger().info(text)
+        else:
+            self.get_logger().warning(text)
+
+    def _died(self, error: BaseException) -> None:
+        self.get_logger().fatal("the control loop ended: " + "".join(traceback.format_exception(error)))
+        self.failure.set()
+
+    # ---------------------------------------------------------------- pictures
+
+    def _make_view(self, skill: Skill) -> ViewThread | None:
+        rate = self._parameters["latent_view_rate"]
+        if rate == 0.0 or skill.decoder.latent_dimension != 2:
+            return None
+        points, radii = _tool(self._parameters.values)
+        self._view = LatentView(
+            skill, self._planner.graph, points, radii, self._parameters["latent_view_size"]
+        )
+        return ViewThread(self._show_view, 1.0 / rate, self._view_died)
+
+    def _show_view(self) -> None:
+        if self._newest is None:
+            return
+        inputs, output = self._newest
+        path = None if output.reference is None else output.reference.latent
+        obstacles = inputs.obstacles
+        self._outputs.view(
+            self._view.render(obstacles.centres, obstacles.radii, path, output.verdict.code.name)
+        )
+
+    def _view_died(self, error: BaseException) -> None:
+        self.get_logger().error("no more latent views: " + "".join(traceback.format_exception(error)))
+
+    def _show_path(self) -> None:
+        if self._newest is None:
+            return
+        inputs, output = self._newest
+        if output.reference is not None:
+            self._outputs.path(output.reference)
+        self._outputs.markers(output.reference, inputs.obstacles, self._body(output))
+
+    def _body(self, output: CycleOutput) -> np.ndarray:
+        """Tool spheres (K, 4) at the commanded pose: centre and radius."""
+        if output.commanded is None:
+            return np.zeros((0, 4))
+        points, radii = _tool(self._parameters.values)
+        position, quaternion = output.commanded
+        return np.concatenate(
+            [tool_points(position[None], quaternion[None], points)[0], radii[:, None]], axis=1
+        )
+
+    def _show_health(self) -> None:
+        refusals = self._inputs.refusals
+        self._outputs.diagnostics(
+            self._loop.statistics(),
+            self._parameters["rate"],
+            self._inputs.ages(),
+            refusals.counts,
+            refusals.newest(1.0),
+        )
+
+    # ---------------------------------------------------------------- services
+
+    def _on_plan(self, request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
+        frame = self._parameters["base_frame"]
+        try:
+            plan = self._planner.plan(
+                *_request_pose(request, "start", frame), *_request_pose(request, "goal", frame)
+            )
+        except MessageRefused as error:
+            self.get_logger().warning(f"plan refused: {error}")
+            return response
+        if plan.reference is None:
+            self.get_logger().warning(f"no plan: {plan.verdict.code.name}: {plan.verdict.reason}")
+            return response
+        reference, stamp = plan.reference, self.get_clock().now().to_msg()
+        response.plan = path_message(reference.positions, reference.quaternions, frame, stamp)
+        return response
+
+    def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._inputs.request_hold(request.data)
+        response.success, response.message = True, "holding" if request.data else "released"
+        return response
+
+    def _on_clear_obstacles(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        count = self._inputs.clear_obstacles()
+        response.success, response.message = True, f"{count} obstacles forgotten"
+        return response
+
+    def _parameters_changed(self, values: Mapping[str, Value]) -> None:
+        self._cycle.state_timeout = values["state_timeout"]
+        self._cycle.tracking_tolerance = values["tracking_tolerance"]
+        self._cycle.tracking_tolerance_angle = values["tracking_tolerance_angle"]
+
+
+def _path_news(before: tuple[CycleInputs, CycleOutput], now: tuple[CycleInputs, CycleOutput]) -> bool:
+    """Whether the path is of another goal than before, or has appeared or vanished."""
+    had, has = before[1].reference is not None, now[1].reference is not None
+    return had != has or before[0].goal_number != now[0].goal_number
+
+
+def _request_pose(request: GetPlan.Request, end: str, frame: str) -> tuple[np.ndarray, np.ndarray]:
+    try:
+        return read_pose(getattr(request, end), frame)
+    except MessageRefused as error:
+        raise MessageRefused(f"{end}: {error}") from error
+
+
+def _tool(values: Mapping[str, Value]) -> tuple[np.ndarray, np.ndarray]:
+    """Tool spheres as points (K, 3) and radii (K,) [m]."""
+    spheres = np.array(values["tool_spheres"]).reshape(-1, 4)
+    return spheres[:, :3], spheres[:, 3]
+
+
+def _settings(values: Mapping[str, Value]) -> PlannerSettings:
+    points, radii = _tool(values)
+    return PlannerSettings(
+        tool_points=tuple(tuple(point) for point in points.tolist()),
+        tool_radii=tuple(radii.tolist()),
+        **{name: values[name] for name in _SETTINGS},
+    )
+
+
+def _check_settings(values: Mapping[str, Value]) -> None:
+    try:
+        _settings(values)
+    except PlanningError as error:
+        raise ParameterError(f"parameters do not go together: {error}") from error
+
+
+def _robot_of(skill: Skill) -> Robot:
+    if skill.robot != "panda":
+        raise SkillError(f"skill {skill.name} is for the robot {skill.robot!r}, this node drives: 'panda'")
+    return Robot.panda()
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the planner until SIGINT or SIGTERM; returns the exit code."""
+    return run_node("planner", PlannerNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,163 @@
+"""Everything the planner node says.
+
+`~/status` carries one DiagnosticStatus a cycle: its message is `CODE: reason`, its values hold the figures
+of the verdict. `/diagnostics` carries the loop's health once a second. Both are DiagnosticArrays, for
+their stamp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import Image
+from visualization_msgs.msg import Marker, MarkerArray
+
+from geodesic_motion_ros.nodes.messages import (
+    MarkerScene,
+    diagnostic_array,
+    diagnostic_status,
+    fill_pose,
+    image_message,
+    line_marker,
+    path_message,
+    sphere_marker,
+)
+from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
+from geodesic_motion_ros.nodes.planning_cycle import CycleOutput
+from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.nodes.steady_loop import LoopStatistics
+from geodesic_motion_ros.reference import TaskSpaceReference
+from geodesic_motion_ros.verdict import VerdictCode
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+_LEVELS = {
+    VerdictCode.OK: DiagnosticStatus.OK,
+    VerdictCode.HOLD_REQUESTED: DiagnosticStatus.WARN,
+    VerdictCode.NO_GOAL: DiagnosticStatus.WARN,
+    VerdictCode.NO_FEASIBLE_PATH: DiagnosticStatus.WARN,
+    VerdictCode.GOAL_OUT_OF_SUPPORT: DiagnosticStatus.WARN,
+    VerdictCode.DEADLINE_MISSED: DiagnosticStatus.WARN,
+}
+_PATH_COLOUR = (0.95, 0.85, 0.25, 1.0)
+_OBSTACLE_COLOUR = (0.88, 0.28, 0.24, 0.55)
+_TOOL_COLOUR = (0.25, 0.55, 0.85, 0.45)
+
+
+class PlannerOutputs:
+    """The publishers of the planner. Stamps are taken when a message leaves."""
+
+    def __init__(self, node: Node, frame: str, hardware: str) -> None:
+        self._node, self._frame, self._hardware = node, frame, hardware
+        self._target = node.create_publisher(PoseStamped, "target_pose", QoSProfile(depth=1))
+        self._path = node.create_publisher(Path, "path", QoSProfile(depth=1))
+        self._status = node.create_publisher(DiagnosticArray, "~/status", QoSProfile(depth=10))
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self._markers = node.create_publisher(MarkerArray, "~/markers", QoSProfile(depth=2))
+        self._view = node.create_publisher(Image, "~/latent_view", LATCHED)
+        self._scene = MarkerScene(frame)
+        self._target_message = PoseStamped()
+        self._target_message.header.frame_id = frame
+
+    def target(self, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """The pose to be at now; only the control loop calls this."""
+        self._target_message.header.stamp = self._now()
+        fill_pose(self._target_message.pose, position, quaternion)
+        self._target.publish(self._target_message)
+
+    def status(self, output: CycleOutput, refusals: Refusals, misses: int) -> None:
+        """The verdict of a cycle."""
+        verdict, newest = output.verdict, refusals.newest(within=1.0)
+        level = _LEVELS.get(verdict.code, DiagnosticStatus.ERROR)
+        if newest or not (output.goal_verdict.ok or output.goal_verdict.code is VerdictCode.NO_GOAL):
+            level = max(level, DiagnosticStatus.WARN)
+        values = {
+            "code": verdict.code.name,
+            "reason": verdict.reason,
+            "clearance": verdict.clearance,
+            "energy_per_edge": verdict.energy_per_edge,
+            "in_support": verdict.in_support,
+            "start_offset": verdict.start_offset,
+            "goal_offset": verdict.goal_offset,
+            "goal_code": output.goal_verdict.code.name,
+            "goal_reason": output.goal_verdict.reason,
+            "refused_input": newest,
+            "speed": output.speed,
+            "time_to_goal": np.nan if output.reference is None else output.reference.duration,
+            "deadline_misses": misses,
+        }
+        self._publish_status(self._status, level, "verdict", _sentence(verdict.code, verdict.reason), values)
+
+    def diagnostics(
+        self,
+        loop: LoopStatistics,
+        rate: float,
+        ages: Mapping[str, float],
+        dropped: Mapping[str, int],
+        refused: str,
+    ) -> None:
+        """The health of the loop: rate [Hz], tick [ms], misses, ages of inputs [s], refused messages by
+        topic.
+        """
+        values: dict[str, object] = {
+            "rate_hz": loop.rate,
+            "tick_ms_p50": 1e3 * loop.tick_p50,
+            "tick_ms_p99": 1e3 * loop.tick_p99,
+            "ticks": loop.ticks,
+            "deadline_misses": loop.misses,
+        }
+        values |= {f"age_{topic}": age for topic, age in sorted(ages.items())}
+        values |= {f"refused_{topic}": count for topic, count in sorted(dropped.items())}
+        slow = loop.rate < 0.95 * rate
+        level = DiagnosticStatus.WARN if slow or refused else DiagnosticStatus.OK
+        message = f"DEGRADED: {loop.rate:.1f} of {rate:g} Hz" if slow else refused or "running"
+        self._publish_status(self._diagnostics, level, "loop", message, values)
+
+    def path(self, reference: TaskSpaceReference | None) -> None:
+        """The present reference; an empty path when there is none."""
+        positions = reference.positions if reference else np.zeros((0, 3))
+        quaternions = reference.quaternions if reference else np.zeros((0, 4))
+        self._path.publish(path_message(positions, quaternions, self._frame, self._now()))
+
+    def markers(self, reference: TaskSpaceReference | None, obstacles: ObstacleSet, body: np.ndarray) -> None:
+        """Path, obstacles as the planner sees them, and tool spheres `body` (K, 4): centre and radius [m],
+        base frame.
+        """
+        stamp = self._now()
+        shown: list[Marker] = []
+        if reference is not None:
+            shown.append(line_marker("path", reference.positions, 0.006, _PATH_COLOUR, self._frame, stamp))
+        spheres = zip(obstacles.centres, obstacles.radii, strict=True)
+        for number, (centre, radius) in enumerate(spheres):
+            shown.append(
+                sphere_marker("obstacles", number, centre, radius, _OBSTACLE_COLOUR, self._frame, stamp)
+            )
+        for number, sphere in enumerate(body):
+            shown.append(
+                sphere_marker("tool", number, sphere[:3], sphere[3], _TOOL_COLOUR, self._frame, stamp)
+            )
+        self._markers.publish(self._scene.update(shown, stamp))
+
+    def view(self, pixels: np.ndarray) -> None:
+        """A picture (h, w, 3) uint8 of the latent space."""
+        self._view.publish(image_message(pixels, self._now()))
+
+    def _publish_status(
+        self, publisher: object, level: bytes, part: str, message: str, values: dict[str, object]
+    ) -> None:
+        name = f"{self._node.get_fully_qualified_name().lstrip('/')}: {part}"
+        status = diagnostic_status(level, name, message, self._hardware, values)
+        publisher.publish(diagnostic_array([status], self._now()))
+
+    def _now(self) -> object:
+        return self._node.get_clock().now().to_msg()
+
+
+def _sentence(code: VerdictCode, reason: str) -> str:
+    return f"{code.name}: {reason}" if reason else code.name

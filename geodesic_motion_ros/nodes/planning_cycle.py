@@ -1,0 +1,178 @@
+"""One cycle of the planner node, without ROS: judge the inputs, tick the planner, move the commanded pose on.
+
+What is commanded never jumps. The commanded pose moves only along a certified reference or stands still, with
+one exception: when the measured pose is further than a tolerance from it (the arm was moved, blocked, or
+restarted), it is set to the measured pose, which is where the arm already is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
+from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.reference import ReferenceFollower, TaskSpaceReference
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+Pose = tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class CycleInputs:
+    """What is known when a cycle begins.
+
+    Attributes
+    ----------
+    measured : tool pose (position (3,) [m], quaternion (4,)) of the newest joint state, None before the
+        first.
+    state_age : [s] since that joint state was taken.
+    goal : the newest goal asked for, or the verdict with which its message was refused; None before the
+        first.
+    goal_number : grows with every goal asked for.
+    obstacles : the spheres that exist now.
+    silent_sources : obstacle topics that have fallen silent, with their ages [s]; empty where that does
+        not matter.
+    hold : whether a hold was asked for.
+    """
+
+    measured: Pose | None
+    state_age: float
+    goal: Pose | Verdict | None
+    goal_number: int
+    obstacles: ObstacleSet
+    silent_sources: dict[str, float] = field(default_factory=dict)
+    hold: bool = False
+
+
+@dataclass(frozen=True)
+class CycleOutput:
+    """What to say after a cycle: pose to command (None before anything is known), verdict, and reference
+    if it is OK.
+
+    `goal_verdict` is of the newest goal asked for; when it is a refusal, the motion still serves the goal
+    before.
+    """
+
+    commanded: Pose | None
+    verdict: Verdict
+    goal_verdict: Verdict
+    reference: TaskSpaceReference | None
+    speed: float
+
+
+class PlanningCycle:
+    """The stream of commanded poses of one arm.
+
+    Parameters
+    ----------
+    state_timeout : [s] a joint state older than this stops the arm.
+    tracking_tolerance, tracking_tolerance_angle : [m], [rad] largest distance between measured and
+        commanded pose.
+    """
+
+    def __init__(
+        self,
+        planner: ReactivePlanner,
+        state_timeout: float,
+        tracking_tolerance: float,
+        tracking_tolerance_angle: float,
+    ) -> None:
+        self.planner = planner
+        self.follower = ReferenceFollower(planner.settings.speed)
+        self.state_timeout = state_timeout
+        self.tracking_tolerance = tracking_tolerance
+        self.tracking_tolerance_angle = tracking_tolerance_angle
+        self._goal_number = 0
+        self._goal_verdict = Verdict(VerdictCode.NO_GOAL, "no goal has been given")
+        self._has_goal = False
+        self._obstacles_version = -1
+
+    def run(self, inputs: CycleInputs, period: float) -> CycleOutput:
+        """One cycle; the commanded pose moves on by `period` [s]."""
+        self._take_goal(inputs)
+        obstacles_taken = self._take_obstacles(inputs.obstacles)
+        verdict = self._ready(inputs)
+        if verdict.ok:
+            verdict = obstacles_taken
+        reference = None
+        if verdict.ok:
+            plan = self.planner.tick(self.follower.position, self.follower.quaternion, self.follower.speed)
+            verdict, reference = plan.verdict, plan.reference
+        return self._move(verdict, reference, period)
+
+    def stop(self, verdict: Verdict) -> CycleOutput:
+        """A cycle in which nothing may be trusted: hold, and say why."""
+        return self._move(verdict, None, 0.0)
+
+    def _move(self, verdict: Verdict, reference: TaskSpaceReference | None, period: float) -> CycleOutput:
+        if reference is None:
+            self.follower.hold()
+        else:
+            self.follower.accept(reference)
+        commanded = self.follower.advance(period) if self.follower.ready else None
+        return CycleOutput(commanded, verdict, self._goal_verdict, reference, self.follower.speed)
+
+    def _take_goal(self, inputs: CycleInputs) -> None:
+        if inputs.goal is None or inputs.goal_number == self._goal_number:
+            return
+        self._goal_number = inputs.goal_number
+        refused = isinstance(inputs.goal, Verdict)
+        self._goal_verdict = inputs.goal if refused else self.planner.set_goal(*inputs.goal)
+        self._has_goal = self._has_goal or self._goal_verdict.ok
+
+    def _ready(self, inputs: CycleInputs) -> Verdict:
+        """OK when a plan may be asked for; the reason otherwise, the gravest first."""
+        stale = self._stale_state(inputs)
+        if stale is not None:
+            return stale
+        moved = self._follow_measured(inputs.measured)
+        if moved is not None:
+            return moved
+        if inputs.hold:
+            return Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
+        if inputs.silent_sources:
+            silent = ", ".join(f"{source} for {age:.2f} s" for source, age in inputs.silent_sources.items())
+            return Verdict(VerdictCode.STALE_OBSTACLES, f"silent: {silent}")
+        if not self._has_goal:
+            return self._goal_verdict
+        return Verdict(VerdictCode.OK)
+
+    def _stale_state(self, inputs: CycleInputs) -> Verdict | None:
+        if inputs.measured is None:
+            return Verdict(VerdictCode.STALE_STATE, "joint_states: none has arrived yet")
+        if inputs.state_age > self.state_timeout:
+            age, allowed = inputs.state_age, self.state_timeout
+            reason = f"joint_states: the newest is {age:.3f} s old, allowed are {allowed:g} s"
+            return Verdict(VerdictCode.STALE_STATE, reason)
+        return None
+
+    def _follow_measured(self, measured: Pose | None) -> Verdict | None:
+        """Begin at the measured pose, and again where the arm is not where it was sent."""
+        assert measured is not None  # _stale_state came first
+        if not self.follower.ready:
+            self.follower.reset(*measured)
+            return None
+        distance = float(np.linalg.norm(measured[0] - self.follower.position))
+        angle = float(angle_between(measured[1], self.follower.quaternion))
+        if distance <= self.tracking_tolerance and angle <= self.tracking_tolerance_angle:
+            return None
+        self.follower.reset(*measured)
+        limit, limit_angle = 1000 * self.tracking_tolerance, math.degrees(self.tracking_tolerance_angle)
+        return Verdict(
+            VerdictCode.BAD_INPUT,
+            f"joint_states: the arm is {1000 * distance:.0f} mm and {math.degrees(angle):.1f} deg from where "
+            f"it was sent (allowed by tracking_tolerance: {limit:.0f} mm, {limit_angle:.1f} deg): "
+            "starting again from where it is",
+        )
+
+    def _take_obstacles(self, obstacles: ObstacleSet) -> Verdict:
+        if obstacles.version == self._obstacles_version:
+            return Verdict(VerdictCode.OK)
+        verdict = self.planner.set_obstacles(obstacles.centres, obstacles.radii)
+        if verdict.ok:
+            self._obstacles_version = obstacles.version
+        return verdict

@@ -1,0 +1,100 @@
+"""How a node of this package lives and dies: one clear line when it cannot start, exit code 0 on SIGINT
+and SIGTERM.
+"""
+
+from __future__ import annotations
+
+import gc
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from types import FrameType
+from typing import Protocol
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from geodesic_motion_ros.errors import GeodesicMotionError
+
+# A Python thread waits this long [s] for another one to let go of the interpreter. The default, 5 ms, is
+# half a control period.
+_SWITCH_INTERVAL = 0.0005
+
+
+class LoopingNode(Protocol):
+    """A ROS node with threads of its own."""
+
+    failure: threading.Event
+
+    def start(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def destroy_node(self) -> None: ...
+
+
+class StopRequest:
+    """SIGINT and SIGTERM: an exception while starting up, later a flag that the spinning loop looks at."""
+
+    def __init__(self) -> None:
+        self.starting = True
+        self._requested = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._handle)
+
+    def __bool__(self) -> bool:
+        return self._requested.is_set()
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self._requested.set()
+        if self.starting:
+            raise KeyboardInterrupt
+
+
+def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | None) -> int:
+    """Create a node, spin it until it is asked to end, and take it down in the order that never aborts.
+
+    Returns the exit code: 0 after SIGINT or SIGTERM, 1 when the node could not start or its loop died.
+    """
+    request = StopRequest()
+    node = None
+    try:
+        # rclpy's own handlers shut the context down under the running threads; ours end the threads first.
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        node = create()
+        request.starting = False
+        if not request:
+            _spin(node, request)
+        return 1 if node.failure.is_set() else 0
+    except KeyboardInterrupt:
+        return 0
+    except GeodesicMotionError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        return 1
+    finally:
+        request.starting = False
+        if node is not None:
+            node.stop()
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _spin(node: LoopingNode, request: StopRequest) -> None:
+    sys.setswitchinterval(_SWITCH_INTERVAL)
+    # What was built so far lives as long as the process: the collector need not walk through it at every
+    # pass.
+    gc.collect()
+    gc.freeze()
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    node.start()
+    try:
+        while not request and not node.failure.is_set():
+            executor.spin_once(timeout_sec=0.1)
+    except ExternalShutdownException:
+        return
+    finally:
+        node.stop()
+        executor.shutdown()

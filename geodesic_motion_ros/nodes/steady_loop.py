@@ -1,0 +1,134 @@
+"""A loop at a fixed rate on the steady clock, in a thread of its own, that counts what it misses."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+
+class Schedule:
+    """When the next tick is due. Periods that were missed are counted and skipped, never made up in a
+    burst.
+    """
+
+    def __init__(self, period: float, start: float) -> None:
+        self.period = period
+        self.due = start
+        self.misses = 0
+
+    def finished(self, now: float) -> int:
+        """Say that the tick due at `due` ended at `now` [s]; returns the periods until the next one, at
+        least 1.
+
+        A tick meets its deadline when it ends before the next one is due. Every later one that passed is a
+        miss.
+        """
+        missed = max(0, int((now - self.due) / self.period))
+        self.misses += missed
+        self.due += (missed + 1) * self.period
+        return missed + 1
+
+
+@dataclass(frozen=True)
+class LoopStatistics:
+    """How the loop is doing: rate [Hz] and tick durations [s] over the last ticks, counts since the start."""
+
+    rate: float
+    tick_p50: float
+    tick_p99: float
+    ticks: int
+    misses: int
+
+
+class _Recorder:
+    """Ring of the last tick starts and durations."""
+
+    def __init__(self, length: int) -> None:
+        self._starts = np.zeros(length)
+        self._durations = np.zeros(length)
+        self.ticks = 0
+
+    def add(self, start: float, duration: float) -> None:
+        slot = self.ticks % len(self._starts)
+        self._starts[slot], self._durations[slot] = start, duration
+        self.ticks += 1
+
+    def statistics(self, misses: int) -> LoopStatistics:
+        count = min(self.ticks, len(self._starts))
+        if count < 2:
+            return LoopStatistics(float("nan"), float("nan"), float("nan"), self.ticks, misses)
+        starts, durations = self._starts[:count], self._durations[:count]
+        span = float(starts.max() - starts.min())
+        p50, p99 = np.percentile(durations, [50.0, 99.0])
+        return LoopStatistics((count - 1) / span, float(p50), float(p99), self.ticks, misses)
+
+
+class SteadyLoop:
+    """Calls `tick(periods)` at a fixed rate in its own thread until stopped.
+
+    Parameters
+    ----------
+    tick : is told how many periods have passed since the last call (1, or more after misses). An exception
+        ends
+        the loop and is handed to `failed`.
+    rate_hz : ticks a second.
+    failed : called once, from the loop's thread, with the exception that ended the loop.
+    window : number of ticks the statistics look back on.
+    """
+
+    def __init__(
+        self,
+        tick: Callable[[int], None],
+        rate_hz: float,
+        failed: Callable[[BaseException], None],
+        name: str = "loop",
+        window: int = 1000,
+    ) -> None:
+        self._tick = tick
+        self._failed = failed
+        self._period = 1.0 / rate_hz
+        self._recorder = _Recorder(window)
+        self._misses = 0
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self, timeout: float = 1.0) -> bool:
+        """Ask the loop to end and wait for it [s]; True when it has ended."""
+        self._stopping.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    @property
+    def misses(self) -> int:
+        """Deadlines missed since the start."""
+        return self._misses
+
+    def statistics(self) -> LoopStatistics:
+        return self._recorder.statistics(self._misses)
+
+    def _run(self) -> None:
+        try:
+            self._loop()
+        except BaseException as error:  # the owner decides what a dead loop means; it must not die unheard
+            self._failed(error)
+
+    def _loop(self) -> None:
+        schedule = Schedule(self._period, time.monotonic())
+        periods = 1
+        while not self._stopping.is_set():
+            start = time.monotonic()
+            self._tick(periods)
+            end = time.monotonic()
+            self._recorder.add(start, end - start)
+            periods = schedule.finished(end)
+            self._misses = schedule.misses
+            # time.sleep waits on CLOCK_MONOTONIC and wakes within 0.1 ms; Event.wait would cost a lock more.
+            time.sleep(max(0.0, schedule.due - time.monotonic()))

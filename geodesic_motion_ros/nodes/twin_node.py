@@ -1,0 +1,286 @@
+"""Node `twin`: a simulated Panda that stands in for the hardware behind the same topics.
+
+Physics runs in real time in a thread of its own, and only that thread touches PyBullet: callbacks leave
+what they want in a mailbox, services wait until it was done.
+"""
+
+from __future__ import annotations
+
+import queue
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NotDoneInTime
+from typing import Any
+
+import numpy as np
+import yaml
+from geometry_msgs.msg import PointStamped, PoseStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import Float64, UInt32
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError, RobotError
+from geodesic_motion_ros.nodes.messages import (
+    MarkerScene,
+    image_message,
+    joint_state_message,
+    point_message,
+    pose_message,
+    read_pose,
+    sphere_marker,
+)
+from geodesic_motion_ros.nodes.parameter_tables import TWIN
+from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
+from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.nodes.running import run_node
+from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.scenes import Scene, scene_named
+from geodesic_motion_ros.simulation.world import PandaWorld
+
+# After a stall physics catches up by this many steps at most; what is more is lost, and the world is late
+# for good.
+_MOST_STEPS = 24
+# A service waits this long [s] for the physics thread.
+_PATIENCE = 2.0
+_OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
+_IMAGE_SIZE = (320, 240)
+
+
+class TwinNode(Node):
+    """The digital twin as a ROS 2 node. `start` begins physics, `stop` ends it; an executor spins the
+    callbacks.
+
+    `~/contacts` counts the physics steps with contact between arm and obstacles since the last reset, so
+    that no contact is lost between messages; `~/clearance` is the smallest distance [m] since the message
+    before, inf without obstacles.
+
+    Raises
+    ------
+    ParameterError : a parameter does not exist or does not fit.
+    """
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("twin", **node_options)
+        try:
+            self._build()
+        except BaseException:
+            self.destroy_node()
+            raise
+
+    def _build(self) -> None:
+        self.failure = threading.Event()
+        self._parameters = NodeParameters(self, TWIN, _check)
+        values = self._parameters
+        self._frame: str = values["base_frame"]
+        self._world = PandaWorld(gui=values["gui"], rate_hz=values["physics_rate"])
+        self._world.reset(np.array(values["initial_joint_positions"]))
+        self._scene, self._scene_start = Scene({}), 0.0
+        self._steps = self._contacts = 0
+        self._least_clearance = np.inf
+        self._refusals = Refusals(self.get_logger().warning)
+        self._mailbox: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = queue.SimpleQueue()
+        self._command: tuple[np.ndarray, np.ndarray] | None = None
+        self._command_lock = threading.Lock()
+        self._commanded_at = -np.inf
+        self._loop = SteadyLoop(self._tick, values["physics_rate"], self._died, name="physics")
+        self._make_interface()
+        if values["spawn_at_start"]:
+            self._spawn()
+
+    def _make_interface(self) -> None:
+        # Reliable publishers serve subscribers of either kind; best effort ones would leave reliable
+        # subscribers out.
+        qos = QoSProfile(depth=1)
+        self._joint_states = self.create_publisher(JointState, "joint_states", qos)
+        self._ee_pose = self.create_publisher(PoseStamped, "ee_pose", qos)
+        self._obstacles = self.create_publisher(MarkerArray, "obstacles", qos)
+        self._obstacle_point = self.create_publisher(PointStamped, "obstacle_point", qos)
+        self._clearance = self.create_publisher(Float64, "~/clearance", qos)
+        self._contact_count = self.create_publisher(UInt32, "~/contacts", qos)
+        self._image = self.create_publisher(Image, "~/image", qos)
+        self._markers = MarkerScene(self._frame)
+        values = self._parameters
+        every = {name: _steps_between(values["physics_rate"], values[name]) for name in _RATES}
+        self._schedule = [
+            (every["state_rate"], self._publish_state),
+            (every["obstacle_rate"], self._publish_obstacles),
+            (every["image_rate"], self._publish_image),
+        ]
+        self.create_subscription(PoseStamped, "target_pose", self._on_target, QoSProfile(depth=1))
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(Trigger, "~/spawn_obstacles", self._on_spawn)
+
+    def start(self) -> None:
+        """Begin physics."""
+        self._loop.start()
+
+    def stop(self) -> None:
+        """End physics and close the world; harmless when done before."""
+        if self._loop.stop():
+            self._world.close()
+
+    # ------------------------------------------------------------ physics thread
+
+    def _tick(self, periods: int) -> None:
+        self._serve_mailbox()
+        self._take_command()
+        for _ in range(min(periods, _MOST_STEPS)):
+            self._step()
+        for every, publish in self._schedule:
+            # a late tick makes several steps at once; what fell due among them is published once
+            if every and self._steps // every != (self._steps - min(periods, _MOST_STEPS)) // every:
+                publish()
+
+    def _step(self) -> None:
+        self._world.set_obstacles(self._scene.obstacles(self._world.time - self._scene_start))
+        self._world.step()
+        self._steps += 1
+        if self._scene.items:
+            self._contacts += self._world.contacts() > 0
+            self._least_clearance = min(self._least_clearance, self._world.clearance()[0])
+
+    def _take_command(self) -> None:
+        with self._command_lock:
+            command, self._command = self._command, None
+        now = time.monotonic()
+        if command is not None:
+            self._commanded_at = now
+            try:
+                self._world.set_target_pose(*command)
+            except RobotError as error:
+                self._refusals.add("target_pose", str(error))
+        elif now - self._commanded_at > self._parameters["command_timeout"]:
+            self._world.hold()
+
+    def _serve_mailbox(self) -> None:
+        while not self._mailbox.empty():
+            work, done = self._mailbox.get()
+            if not done.set_running_or_notify_cancel():
+                continue
+            try:
+                done.set_result(work())
+            except GeodesicMotionError as error:
+                done.set_exception(error)
+
+    def _publish_state(self) -> None:
+        stamp = self.get_clock().now().to_msg()
+        world = self._world
+        self._joint_states.publish(
+            joint_state_message(world.robot.joint_names, world.joint_positions, world.joint_velocities, stamp)
+        )
+        self._ee_pose.publish(pose_message(*world.tool_pose(), self._frame, stamp))
+
+    def _publish_obstacles(self) -> None:
+        stamp = self.get_clock().now().to_msg()
+        spheres = list(self._scene.obstacles(self._world.time - self._scene_start).values())
+        shown = [
+            sphere_marker("twin", number, *sphere, _OBSTACLE_COLOUR, self._frame, stamp)
+            for number, sphere in enumerate(spheres)
+        ]
+        update = self._markers.update(shown, stamp)
+        # With an empty scene only the deletions that end the one before are sent: silence afterwards means
+        # no obstacle.
+        if update.markers:
+            self._obstacles.publish(update)
+        if spheres:
+            self._obstacle_point.publish(point_message(spheres[0][0], self._frame, stamp))
+        self._clearance.publish(Float64(data=float(self._least_clearance)))
+        self._contact_count.publish(UInt32(data=int(self._contacts)))
+        self._least_clearance = np.inf
+
+    def _publish_image(self) -> None:
+        self._image.publish(image_message(self._world.render(*_IMAGE_SIZE), self.get_clock().now().to_msg()))
+
+    def _died(self, error: BaseException) -> None:
+        self.get_logger().fatal("physics ended: " + "".join(traceback.format_exception(error)))
+        self.failure.set()
+
+    # ---------------------------------------------------------------- callbacks
+
+    def _on_target(self, message: PoseStamped) -> None:
+        with self._refusals.guard("target_pose"):
+            command = read_pose(message, self._frame)
+            with self._command_lock:
+                self._command = command
+
+    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._in_physics_thread(self._reset, response)
+
+    def _on_spawn(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._in_physics_thread(self._spawn, response)
+
+    def _in_physics_thread(self, work: Callable[[], str], response: Trigger.Response) -> Trigger.Response:
+        done: Future[str] = Future()
+        self._mailbox.put((work, done))
+        try:
+            response.message = done.result(_PATIENCE)
+            response.success = True
+        except GeodesicMotionError as error:
+            response.success, response.message = False, str(error)
+        except NotDoneInTime:
+            done.cancel()
+            response.success, response.message = False, f"physics did not answer within {_PATIENCE:g} s"
+        return response
+
+    def _reset(self) -> str:
+        self._world.reset(np.array(self._parameters["initial_joint_positions"]))
+        self._scene_start = self._world.time
+        self._contacts, self._least_clearance = 0, np.inf
+        self._commanded_at = -np.inf
+        return "the arm is where it started, the scene begins again, contacts count from zero"
+
+    def _spawn(self) -> str:
+        self._scene = _scene(self._parameters["scene"])
+        self._scene_start = self._world.time
+        self._contacts, self._least_clearance = 0, np.inf
+        return f"{len(self._scene.items)} obstacles: {', '.join(self._scene.items) or 'none'}"
+
+
+_RATES = ("state_rate", "obstacle_rate", "image_rate")
+
+
+def _steps_between(physics_rate: float, rate: float) -> int:
+    """Physics steps from one message to the next, 0 for never; rounded down, so that `rate` is reached."""
+    return 0 if rate == 0.0 else max(1, int(physics_rate / rate))
+
+
+def _scene(text: str) -> Scene:
+    """A scene by name, or from a YAML mapping; an empty text is a scene without obstacles."""
+    try:
+        described = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ParameterError(f"scene is neither a name nor YAML: {' '.join(str(error).split())}") from error
+    if described is None:
+        return Scene({})
+    return scene_named(described) if isinstance(described, str) else Scene.from_dict(described)
+
+
+def _check(values: Mapping[str, Value]) -> None:
+    _scene(values["scene"])
+    try:
+        Robot.panda().checked(np.array(values["initial_joint_positions"]))
+    except RobotError as error:
+        raise ParameterError(f"parameter initial_joint_positions: {error}") from error
+    slow = [name for name in _RATES if values[name] > values["physics_rate"]]
+    if slow:
+        raise ParameterError(
+            f"parameter {slow[0]} = {values[slow[0]]:g} Hz: "
+            f"expected at most physics_rate, {values['physics_rate']:g} Hz"
+        )
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the twin until SIGINT or SIGTERM; returns the exit code."""
+    return run_node("twin", TwinNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

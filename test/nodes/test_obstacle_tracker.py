@@ -1,0 +1,196 @@
+"""Book-keeping of obstacles: identity, deletion, lifetimes, overtaken messages, silence."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from geodesic_motion_ros.nodes.obstacle_tracker import REORDER_WINDOW, ObstacleTracker
+
+HERE, THERE = np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.5, 0.6])
+
+
+def test_same_key_moves_the_obstacle_another_key_adds_one():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("a", 1), HERE, 0.05, now=0.0)
+    tracker.put("obstacles", ("a", 1), THERE, 0.04, now=0.1)
+    tracker.put("obstacles", ("b", 1), HERE, 0.03, now=0.1)
+    seen = tracker.current(0.2)
+    np.testing.assert_array_equal(seen.centres, [THERE, HERE])
+    np.testing.assert_array_equal(seen.radii, [0.04, 0.03])
+    assert seen.labels == ("obstacles/a/1", "obstacles/b/1")
+
+
+def test_sources_do_not_share_keys():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("a", 1), HERE, 0.05, now=0.0)
+    tracker.put("obstacle_marker", ("a", 1), THERE, 0.05, now=0.0)
+    tracker.delete_all("obstacles", now=0.1)
+    assert tracker.current(0.1).labels == ("obstacle_marker/a/1",)
+
+
+def test_delete_removes_one_and_only_one():
+    tracker = ObstacleTracker()
+    for number in range(3):
+        tracker.put("obstacles", ("", number), HERE, 0.05, now=0.0)
+    assert tracker.delete("obstacles", ("", 1), now=0.1)
+    assert not tracker.delete("obstacles", ("", 1), now=0.1)
+    assert not tracker.delete("obstacles", ("", 9), now=0.1)
+    assert tracker.current(0.1).labels == ("obstacles//0", "obstacles//2")
+
+
+def test_delete_all_may_be_limited_to_a_namespace():
+    tracker = ObstacleTracker()
+    for namespace in "aab":
+        tracker.put("obstacles", (namespace, 0), HERE, 0.05, now=0.0)
+    assert tracker.delete_all("obstacles", now=0.1, namespace="a") == 1
+    assert tracker.current(0.1).labels == ("obstacles/b/0",)
+    assert tracker.delete_all("obstacles", now=0.1) == 1
+    assert len(tracker.current(0.1).radii) == 0
+
+
+def test_lifetime_counts_from_the_last_update():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0, lifetime=0.5)
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.4, lifetime=0.5)
+    tracker.put("obstacles", ("", 1), HERE, 0.05, now=0.4)
+    assert len(tracker.current(0.89).radii) == 2
+    assert tracker.current(0.9).labels == ("obstacles//1",)
+
+
+def test_overtaken_messages_are_ignored_until_the_window_closes():
+    tracker = ObstacleTracker()
+    assert tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0, stamp=10.0)
+    assert not tracker.put("obstacles", ("", 0), THERE, 0.05, now=0.01, stamp=9.99)
+    np.testing.assert_array_equal(tracker.current(0.01).centres, [HERE])
+    # a clock that was set back further than any message is late
+    assert tracker.put("obstacles", ("", 0), THERE, 0.05, now=0.02, stamp=10.0 - 5.0)
+    np.testing.assert_array_equal(tracker.current(0.02).centres, [THERE])
+
+
+def test_an_overtaken_add_does_not_revive_a_deleted_obstacle():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0, stamp=10.0)
+    tracker.delete("obstacles", ("", 0), now=0.02, stamp=10.02)
+    assert not tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.03, stamp=10.01)
+    assert len(tracker.current(0.03).radii) == 0
+    assert tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.04, stamp=10.03)
+    assert len(tracker.current(0.04).radii) == 1
+
+
+def test_deleted_keys_are_forgotten_after_the_window():
+    tracker = ObstacleTracker()
+    for number in range(100):
+        tracker.put("obstacles", ("", number), HERE, 0.05, now=0.0, stamp=10.0)
+    tracker.delete_all("obstacles", now=0.1, stamp=10.1)
+    tracker.current(0.1 + 1.01 * REORDER_WINDOW)
+    assert not any(tracker._tracks.values())
+
+
+def test_without_stamps_every_message_counts():
+    tracker = ObstacleTracker()
+    tracker.put("obstacle_point", ("", 0), HERE, 0.05, now=0.0)
+    assert tracker.put("obstacle_point", ("", 0), THERE, 0.05, now=0.0)
+    np.testing.assert_array_equal(tracker.current(0.0).centres, [THERE])
+
+
+def test_a_source_that_stops_talking_is_silent_even_when_its_obstacles_have_expired():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0, lifetime=0.2)
+    assert tracker.silent(0.5, timeout=0.5) == {}
+    assert len(tracker.current(0.6).radii) == 0
+    assert tracker.silent(0.6, timeout=0.5) == {"obstacles": 0.6}
+    tracker.hear("obstacles", 0.7)
+    assert tracker.silent(0.8, timeout=0.5) == {}
+
+
+def test_a_source_that_deletes_its_last_obstacle_has_said_goodbye():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0)
+    tracker.put("obstacles", ("", 1), HERE, 0.05, now=0.0)
+    tracker.delete("obstacles", ("", 0), now=0.1)
+    assert "obstacles" in tracker.silent(5.0, timeout=0.5)
+    tracker.delete("obstacles", ("", 1), now=0.2)
+    assert tracker.silent(5.0, timeout=0.5) == {}
+    tracker.put("obstacles", ("", 2), HERE, 0.05, now=6.0)
+    assert "obstacles" in tracker.silent(7.0, timeout=0.5)
+
+
+def test_never_heard_means_never_silent():
+    assert ObstacleTracker().silent(1e9, timeout=0.5) == {}
+
+
+def test_replace_exchanges_the_whole_source():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0)
+    tracker.replace("obstacle_cloud", np.stack([HERE, THERE]), 0.02, now=0.0)
+    assert len(tracker.current(0.0).radii) == 3
+    tracker.replace("obstacle_cloud", THERE[None], 0.02, now=0.1)
+    seen = tracker.current(0.1)
+    np.testing.assert_array_equal(seen.centres, [THERE, HERE])
+    tracker.replace("obstacle_cloud", np.zeros((0, 3)), 0.02, now=0.2)
+    assert len(tracker.current(0.2).radii) == 1
+
+
+def test_clear_forgets_obstacles_and_expectations():
+    tracker = ObstacleTracker()
+    tracker.put("obstacle_point", ("", 0), HERE, 0.05, now=0.0)
+    tracker.clear()
+    assert len(tracker.current(0.1).radii) == 0
+    assert tracker.silent(100.0, timeout=0.5) == {}
+
+
+def test_version_changes_with_the_set_and_only_then():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0, lifetime=1.0)
+    first = tracker.current(0.1)
+    assert tracker.current(0.9) is first
+    expired = tracker.current(1.0)
+    assert expired.version > first.version
+    tracker.hear("obstacles", 1.1)
+    assert tracker.current(1.2) is expired
+
+
+def test_a_set_once_given_does_not_change():
+    tracker = ObstacleTracker()
+    centre = HERE.copy()
+    tracker.put("obstacles", ("", 0), centre, 0.05, now=0.0)
+    seen = tracker.current(0.0)
+    centre[:] = 9.0
+    tracker.put("obstacles", ("", 0), THERE, 0.05, now=0.1)
+    np.testing.assert_array_equal(seen.centres, [HERE])
+
+
+_KEYS = st.tuples(st.sampled_from(["", "a"]), st.integers(0, 3))
+_EVENTS = st.lists(
+    st.tuples(
+        st.sampled_from(["put", "delete", "delete_all", "wait"]),
+        _KEYS,
+        st.floats(0.0, 2.0),
+        st.floats(0.0, 1.0),
+    ),
+    max_size=40,
+)
+
+
+@settings(deadline=None, max_examples=150)
+@given(_EVENTS)
+def test_agrees_with_a_plain_dictionary_of_expiry_times(events):
+    """Any sequence of updates, against the simplest model there is."""
+    tracker, model, now = ObstacleTracker(), {}, 0.0
+    for number, (action, key, lifetime, pause) in enumerate(events):
+        now += pause
+        centre = np.full(3, float(number))
+        if action == "put":
+            tracker.put("obstacles", key, centre, 0.1, now, lifetime)
+            model[key] = (centre, now + lifetime if lifetime > 0.0 else np.inf)
+        elif action == "delete":
+            tracker.delete("obstacles", key, now)
+            model.pop(key, None)
+        elif action == "delete_all":
+            tracker.delete_all("obstacles", now)
+            model.clear()
+        model = {key: entry for key, entry in model.items() if now < entry[1]}
+        expected = [entry[0] for _, entry in sorted(model.items())]
+        np.testing.assert_array_equal(tracker.current(now).centres, np.reshape(expected, (-1, 3)))

@@ -1,0 +1,77 @@
+"""Pacing: no burst after a stall, misses counted, errors heard. Time is passed in wherever it is judged."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from geodesic_motion_ros.nodes.steady_loop import Schedule, SteadyLoop
+
+
+def test_on_time_ticks_follow_the_grid():
+    schedule = Schedule(period=0.01, start=5.0)
+    for tick in range(1, 200):
+        assert schedule.finished(schedule.due + 0.004) == 1
+        assert schedule.due == pytest.approx(5.0 + 0.01 * tick)
+    assert schedule.misses == 0
+
+
+def test_an_overrun_is_counted_and_the_next_tick_waits_for_the_grid():
+    schedule = Schedule(period=0.01, start=0.0)
+    assert schedule.finished(0.0131) == 2
+    assert schedule.misses == 1
+    assert schedule.due == pytest.approx(0.02)
+
+
+def test_a_stall_is_skipped_not_made_up():
+    schedule = Schedule(period=0.01, start=0.0)
+    assert schedule.finished(1.0051) == 101
+    assert schedule.misses == 100
+    assert schedule.due == pytest.approx(1.01)
+    assert schedule.finished(1.012) == 1
+
+
+def test_loop_ticks_until_stopped_and_knows_its_rate():
+    enough, periods = threading.Event(), []
+
+    def tick(count: int) -> None:
+        periods.append(count)
+        if len(periods) >= 30:
+            enough.set()
+
+    loop = SteadyLoop(tick, 200.0, failed=lambda error: None)
+    loop.start()
+    assert enough.wait(20.0)
+    assert loop.stop(20.0)
+    ticks = len(periods)
+    statistics = loop.statistics()
+    assert statistics.ticks == ticks
+    assert statistics.misses == loop.misses
+    assert min(periods) >= 1
+    # every period is either a tick or a miss
+    assert sum(periods[1:]) <= ticks + statistics.misses
+    assert 0.0 < statistics.rate <= 220.0
+    assert 0.0 <= statistics.tick_p50 <= statistics.tick_p99
+
+
+def test_an_error_ends_the_loop_and_is_reported_once():
+    heard, done = [], threading.Event()
+
+    def tick(count: int) -> None:
+        raise ZeroDivisionError("in the tick")
+
+    def failed(error: BaseException) -> None:
+        heard.append(error)
+        done.set()
+
+    loop = SteadyLoop(tick, 100.0, failed)
+    loop.start()
+    assert done.wait(20.0)
+    assert loop.stop(20.0)
+    assert len(heard) == 1
+    assert isinstance(heard[0], ZeroDivisionError)
+
+
+def test_stopping_what_never_started_is_harmless():
+    assert SteadyLoop(lambda count: None, 100.0, failed=lambda error: None).stop()
