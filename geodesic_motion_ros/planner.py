@@ -36,8 +36,16 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: The smoothed curve may leave the pruned nodes by this factor of sigma before it counts as unsupported.
 _CURVE_SIGMA_MULTIPLE = 1.2
-#: Attempts at one tick, in order: smoothing width in grid steps, and multiple of the obstacle margin.
-_ATTEMPTS = ((1.5, 1.0), (0.7, 1.0), (1.5, 2.5), (0.0, 2.5))
+#: What is tried in one tick until a curve is certified: multiples of the obstacle margin, and for each of them
+#: smoothing widths in grid steps.
+_MARGIN_MULTIPLES = (1.0, 2.5)
+_SMOOTHING_WIDTHS = (1.5, 0.7, 0.0)
+#: A path may enter the graph this many grid steps from the start.
+_ENTRY_STEPS = 3
+#: A stream's pose is looked for on the first seconds of its reference only: a task may pass the same place again.
+_LOCATE_WITHIN = 0.5
+#: How far a rotation counts against a distance when a pose is looked for on a curve.
+_METRES_PER_RADIAN = 0.1
 #: Dense samples of the published curve per grid step.
 _SAMPLES_PER_STEP = 1.5
 
@@ -133,6 +141,7 @@ class _Query:
     energies: EdgeEnergies
     to_goal: np.ndarray
     misfits: dict[str, float]
+    start: Pose
     start_latent: np.ndarray
 
 
@@ -214,7 +223,7 @@ class ReactivePlanner:
             query = self._anchor(start, self._goal)
             if isinstance(query, Verdict):
                 return Plan(None, query)
-            self._query, latent = query, query.start_latent
+            self._query, self._previous, latent = query, None, query.start_latent
         assert self._query is not None
         plan = self._solve(self._query, start, latent, self._obstacles, speed)
         if plan.reference is not None:
@@ -312,6 +321,7 @@ class ReactivePlanner:
                 "start_offset": start_misfit[0], "start_offset_angle": start_misfit[1],
                 "goal_offset": goal_misfit[0], "goal_offset_angle": goal_misfit[1],
             },
+            start=start,
             start_latent=self.graph.latent[start_node],
         )  # fmt: skip
 
@@ -327,95 +337,89 @@ class ReactivePlanner:
         )
 
     def _locate(self, pose: Pose) -> np.ndarray | None:
-        """Latent point of a pose on the reference being followed; None where a new query must begin.
-
-        Only the beginning of the reference is searched: a task may come past the same place again later.
-        """
+        """Latent point of a pose on the reference being followed; None where a new query must begin."""
+        if self._query is None:
+            return None
         reference = self._previous
-        if self._query is None or reference is None:
+        if reference is None:
+            anchor = self._query.start
+            moved = np.linalg.norm(pose.position - anchor.position)
+            turned = angle_between(pose.quaternion, anchor.quaternion)
+            return self._query.start_latent if self._near(float(moved), float(turned)) else None
+        near = min(len(reference.times), int(np.searchsorted(reference.times, _LOCATE_WITHIN)) + 2)
+        begin, step = reference.positions[: near - 1], np.diff(reference.positions[:near], axis=0)
+        along = np.sum((pose.position - begin) * step, axis=1)
+        share = np.clip(along / np.maximum(np.sum(step**2, axis=1), 1e-18), 0.0, 1.0)
+        distance = np.linalg.norm(begin + share[:, None] * step - pose.position, axis=1)
+        angle = angle_between(reference.quaternions[: near - 1], pose.quaternion)
+        i = int(np.argmin(distance + _METRES_PER_RADIAN * angle))
+        if not self._near(float(distance[i]), float(angle[i])):
             return None
-        near = max(2, int(np.searchsorted(reference.times, 0.5)) + 1)
-        distance = np.linalg.norm(reference.positions[:near] - pose.position, axis=1)
-        angle = angle_between(reference.quaternions[:near], pose.quaternion)
-        i = int(np.argmin(distance + 0.1 * angle))
-        j = i + 1 if i + 1 < near and (i == 0 or distance[i + 1] <= distance[i - 1]) else i - 1
-        if distance[i] > self.settings.reanchor_distance or angle[i] > self.settings.reanchor_angle:
-            return None
-        step = reference.positions[j] - reference.positions[i]
-        length = float(step @ step)
-        share = 0.0 if length == 0.0 else np.clip((pose.position - reference.positions[i]) @ step / length, 0.0, 1.0)
-        return reference.latent[i] + share * (reference.latent[j] - reference.latent[i])
+        return reference.latent[i] + share[i] * (reference.latent[i + 1] - reference.latent[i])
+
+    def _near(self, distance: float, angle: float) -> bool:
+        return distance <= self.settings.reanchor_distance and angle <= self.settings.reanchor_angle
 
     # --------------------------------------------------------------- solve
 
     def _solve(self, query: _Query, start: Pose, start_latent: np.ndarray, obstacles: Obstacles, speed: float) -> Plan:
-        """Reweight, search, smooth, decode, certify, time."""
-        if not self.settings.avoidance:
-            return self._search(query, start, start_latent, Obstacles.none(), obstacles, (1.5, 0.0), speed)
-        ends = np.stack([start.position, query.goal.position]), np.stack([start.quaternion, query.goal.quaternion])
-        here, there = clearances(
-            tool_points(*ends, self._points), self._point_radii, obstacles.centres, obstacles.radii
-        )
-        if here <= 0.0:
-            return _refusal(
-                VerdictCode.IN_COLLISION,
-                f"the tool overlaps an obstacle by {-1000 * here:.0f} mm where it stands",
-                query,
-                clearance=float(here),
-            )
-        if there <= 0.0:
-            return _refusal(
-                VerdictCode.NO_FEASIBLE_PATH, f"an obstacle covers the goal by {-1000 * there:.0f} mm", query
-            )
-        # Ends closer to an obstacle than the margin may stay so: the path must not come closer than they are.
-        end_clearance = 0.5 * float(min(here, there))
-        for width, multiple in _ATTEMPTS:
-            margin = min(multiple * self.settings.obstacle_margin, end_clearance)
-            plan = self._search(query, start, start_latent, obstacles, obstacles, (width, margin), speed)
-            if plan.reference is not None:
-                return plan
-        return plan
-
-    def _search(
-        self,
-        query: _Query,
-        start: Pose,
-        start_latent: np.ndarray,
-        avoided: Obstacles,
-        judged: Obstacles,
-        attempt: tuple[float, float],
-        speed: float,
-    ) -> Plan:
-        """One attempt: path around the `avoided` obstacles, smoothing width and margin as given by `attempt`."""
-        width, margin = attempt
+        """Reweight once; then search, smooth, decode, certify and time until an attempt is certified."""
         settings, energies = self.settings, query.energies
+        avoided = obstacles if settings.avoidance else Obstacles.none()
+        ends = self._end_clearance(query, start, avoided)
+        if isinstance(ends, Plan):
+            return ends
         factors = ambient_factors(
             energies.body_points, self._point_radii, avoided.centres, avoided.radii,
             settings.ambient_strength, settings.ambient_width_ratio,
         )  # fmt: skip
-        blocked = clearances(energies.body_points, self._point_radii, avoided.centres, avoided.radii) < margin
-        # The goal itself was found free; its node lies under the goal only up to the spline's rounding.
-        blocked[query.goal_node] = False
-        source = self._entry(query, start_latent, blocked)
+        free = clearances(energies.body_points, self._point_radii, avoided.centres, avoided.radii)
+        # The goal itself was found free; its node lies under it but for rounding.
+        free[query.goal_node] = math.inf
+        for multiple in _MARGIN_MULTIPLES:
+            # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
+            margin = min(multiple * settings.obstacle_margin, 0.5 * ends)
+            found = self._search(query, start_latent, factors, free < margin)
+            if isinstance(found, Plan):
+                return found
+            for width in _SMOOTHING_WIDTHS:
+                plan = self._certified(query, start, *found, obstacles, width, speed)
+                if plan.reference is not None:
+                    return plan
+        return plan
+
+    def _end_clearance(self, query: _Query, start: Pose, obstacles: Obstacles) -> float | Plan:
+        """Smaller clearance [m] of start and goal, or the refusal where one of them is covered."""
+        positions = np.stack([start.position, query.goal.position])
+        quaternions = np.stack([start.quaternion, query.goal.quaternion])
+        body = tool_points(positions, quaternions, self._points)
+        here, there = clearances(body, self._point_radii, obstacles.centres, obstacles.radii)
+        if here <= 0.0:
+            reason = f"the tool overlaps an obstacle by {-1000 * here:.0f} mm where it stands"
+            return _refusal(VerdictCode.IN_COLLISION, reason, query, clearance=float(here))
+        if there <= 0.0:
+            reason = f"an obstacle covers the goal by {-1000 * there:.0f} mm"
+            return _refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query)
+        return float(min(here, there))
+
+    def _search(
+        self, query: _Query, start_latent: np.ndarray, factors: np.ndarray, blocked: np.ndarray
+    ) -> tuple[np.ndarray, float] | Plan:
+        """Latent polyline (m, d) of the cheapest path and its largest energy per edge, or the refusal."""
+        allowed = ~blocked & (self.graph.component == query.component)
+        source = self.graph.node_near(start_latent, allowed, _ENTRY_STEPS)
         if source is None:
             return _refusal(VerdictCode.NO_FEASIBLE_PATH, "obstacles leave no free node near the start", query)
+        energies = query.energies
         nodes, edges, cost = shortest_path(
             self.graph.adjacency, energies.fixed, energies.shares, factors, blocked,
             query.to_goal, source, query.goal_node,
         )  # fmt: skip
         if not math.isfinite(cost):
-            return _refusal(
-                VerdictCode.NO_FEASIBLE_PATH, "obstacles block every way to the goal that was demonstrated", query
-            )
-        energy = float(np.max(energies.without_obstacles[edges], initial=0.0))
-        return self._certified(query, start, self._polyline(start_latent, nodes), energy, judged, width, speed)
-
-    def _entry(self, query: _Query, latent: np.ndarray, blocked: np.ndarray) -> int | None:
-        """Free node of the query's piece closest to a latent point, within three grid steps."""
-        steps = np.max(np.abs(self.graph.latent - latent) / self.graph.grid.spacing, axis=1)
-        steps[blocked | (self.graph.component != query.component)] = np.inf
-        best = int(np.argmin(steps))
-        return best if steps[best] <= 3.0 else None
+            reason = "obstacles block every way to the goal that was demonstrated"
+            return _refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query)
+        energy = float(np.max(energies.fixed[edges] + energies.shares[edges].sum(axis=1), initial=0.0))
+        return self._polyline(start_latent, nodes), energy
 
     def _polyline(self, start: np.ndarray, nodes: np.ndarray) -> np.ndarray:
         """Latent start followed by the path's nodes, less the first node where it lies behind the start."""

@@ -28,9 +28,7 @@ class TaskSpaceEncoder:
 
     def encode(self, positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
         """Codes (..., d) of positions (..., 3) [m] and unit quaternions (..., 4)."""
-        inputs = np.concatenate(
-            [(positions - self.position_offset) / self.position_scale, quaternions], axis=-1
-        )
+        inputs = np.concatenate([(positions - self.position_offset) / self.position_scale, quaternions], axis=-1)
         hidden = np.tanh(inputs @ self.W1.T + self.b1)
         hidden = np.tanh(hidden @ self.W2.T + self.b2)
         return hidden @ self.W3.T + self.b3

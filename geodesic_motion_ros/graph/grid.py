@@ -60,10 +60,14 @@ class LatentGrid:
         """Latent points (n, d) in units of the spacing, 0 at `lower`; the form `scipy.ndimage` interpolates in."""
         return (latent - self.lower) / self.spacing
 
-    def edges(self, kept: np.ndarray, neighbours: int) -> np.ndarray:
-        """Undirected edges (m, 2) between kept nodes (mask over all lattice points), numbered among the kept."""
+    def numbering(self, kept: np.ndarray) -> np.ndarray:
+        """Number of every kept lattice point (mask over all) among the kept, in the grid's shape; -1 elsewhere."""
         number = np.full(self.shape, -1)
         number.reshape(-1)[kept] = np.arange(np.count_nonzero(kept))
+        return number
+
+    def edges(self, number: np.ndarray, neighbours: int) -> np.ndarray:
+        """Undirected edges (m, 2) between the nodes of a `numbering`."""
         pairs = []
         for offset in stencil(len(self.shape), neighbours):
             here = tuple(slice(max(0, -o), n - max(0, o)) for o, n in zip(offset, self.shape, strict=True))

@@ -8,6 +8,7 @@ least the square of its length (Cauchy-Schwarz) and equals it where the decoder 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,7 +21,6 @@ from scipy.sparse.csgraph import connected_components
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.decoder import Decoded, TaskSpaceDecoder, rms_sigma
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
-from geodesic_motion_ros.quaternions import to_rotation
 
 
 @dataclass(frozen=True)
@@ -76,15 +76,45 @@ class Offsets:
         self, positions: np.ndarray, quaternions: np.ndarray, progress: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Carry poses (n, 3), (n, 4) at progress (n,) to the query."""
-        tau = self.blend(progress)
-        return _carry(
-            np.ascontiguousarray(positions), np.ascontiguousarray(quaternions), tau,
-            self.start, self.goal, self.start_rotation, self.goal_rotation,
-        )  # fmt: skip
+        moved = np.array(positions, order="C")
+        turned = np.array(quaternions, order="C")
+        _carry_all(moved, turned, self.blend(progress), *self.ends)
+        return moved, turned
+
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """start, goal, start_rotation, goal_rotation: the form the kernels take."""
+        return self.start, self.goal, self.start_rotation, self.goal_rotation
 
 
 @numba.njit(cache=True, nogil=True)
 def _carry(
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    tau: float,
+    start: np.ndarray,
+    goal: np.ndarray,
+    start_rotation: np.ndarray,
+    goal_rotation: np.ndarray,
+) -> None:
+    """In place: x + (1 - tau) start + tau goal, and exp((1 - tau) start_rotation + tau goal_rotation) q."""
+    for j in range(3):
+        position[j] += (1.0 - tau) * start[j] + tau * goal[j]
+    x = (1.0 - tau) * start_rotation[0] + tau * goal_rotation[0]
+    y = (1.0 - tau) * start_rotation[1] + tau * goal_rotation[1]
+    z = (1.0 - tau) * start_rotation[2] + tau * goal_rotation[2]
+    angle = math.sqrt(x * x + y * y + z * z)
+    scale = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
+    a, b, c, d = math.cos(0.5 * angle), scale * x, scale * y, scale * z
+    w, i, j, k = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    quaternion[0] = a * w - b * i - c * j - d * k
+    quaternion[1] = a * i + b * w + c * k - d * j
+    quaternion[2] = a * j - b * k + c * w + d * i
+    quaternion[3] = a * k + b * j - c * i + d * w
+
+
+@numba.njit(cache=True, nogil=True)
+def _carry_all(
     positions: np.ndarray,
     quaternions: np.ndarray,
     tau: np.ndarray,
@@ -92,31 +122,68 @@ def _carry(
     goal: np.ndarray,
     start_rotation: np.ndarray,
     goal_rotation: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """x + (1 - tau) start + tau goal, and exp((1 - tau) start_rotation + tau goal_rotation) q."""
-    moved, turned = np.empty_like(positions), np.empty_like(quaternions)
+) -> None:
+    """`_carry` for poses (n, 3), (n, 4) at tau (n,), in place."""
     for i in range(len(tau)):
-        share, rest = tau[i], 1.0 - tau[i]
-        for j in range(3):
-            moved[i, j] = positions[i, j] + rest * start[j] + share * goal[j]
-        x = rest * start_rotation[0] + share * goal_rotation[0]
-        y = rest * start_rotation[1] + share * goal_rotation[1]
-        z = rest * start_rotation[2] + share * goal_rotation[2]
-        angle = np.sqrt(x * x + y * y + z * z)
-        scale = 0.5 if angle < 1e-9 else np.sin(0.5 * angle) / angle
-        a, b, c, d = np.cos(0.5 * angle), scale * x, scale * y, scale * z
-        w, i1, i2, i3 = quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3]
-        turned[i, 0] = a * w - b * i1 - c * i2 - d * i3
-        turned[i, 1] = a * i1 + b * w + c * i3 - d * i2
-        turned[i, 2] = a * i2 - b * i3 + c * w + d * i1
-        turned[i, 3] = a * i3 + b * i2 - c * i1 + d * w
-    return moved, turned
+        _carry(positions[i], quaternions[i], tau[i], start, goal, start_rotation, goal_rotation)
 
 
+@numba.njit(cache=True, nogil=True)
+def _tool_points(position: np.ndarray, quaternion: np.ndarray, points: np.ndarray, out: np.ndarray) -> None:
+    """Write p + R(q) t for tool points t (K, 3) into out (K, 3): R t = t + 2 w (v x t) + 2 v x (v x t)."""
+    w, x, y, z = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    for k in range(len(points)):
+        tx, ty, tz = points[k, 0], points[k, 1], points[k, 2]
+        cx, cy, cz = y * tz - z * ty, z * tx - x * tz, x * ty - y * tx
+        out[k, 0] = position[0] + tx + 2.0 * (w * cx + y * cz - z * cy)
+        out[k, 1] = position[1] + ty + 2.0 * (w * cy + z * cx - x * cz)
+        out[k, 2] = position[2] + tz + 2.0 * (w * cz + x * cy - y * cx)
+
+
+@numba.njit(cache=True, nogil=True)
 def tool_points(positions: np.ndarray, quaternions: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Points (K, 3) fixed in the tool frame [m], seen from the base at tool poses (n, 3), (n, 4): (n, K, 3)."""
-    matrices = to_rotation(quaternions).as_matrix()
-    return positions[:, None, :] + np.einsum("nij,kj->nki", matrices, points)
+    out = np.empty((len(positions), len(points), 3))
+    for i in range(len(positions)):
+        _tool_points(positions[i], quaternions[i], points, out[i])
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _chord_energies(
+    edges: np.ndarray,
+    body_points: np.ndarray,
+    quaternions: np.ndarray,
+    inner_positions: np.ndarray,
+    inner_quaternions: np.ndarray,
+    inner_tau: np.ndarray,
+    ends: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    points: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sum of squared chords along every edge, of each body point (m, K) and of the quaternion (m,), times the pieces.
+
+    Nodes are given carried; the inner samples (m, pieces - 1, ...) are carried here, to save the memory traffic.
+    """
+    pieces, count = inner_tau.shape[1] + 1, len(points)
+    shares, turns = np.zeros((len(edges), count)), np.zeros(len(edges))
+    before, here = np.empty((count, 3)), np.empty((count, 3))
+    turned_before, turned, position = np.empty(4), np.empty(4), np.empty(3)
+    for e in range(len(edges)):
+        before[:], turned_before[:] = body_points[edges[e, 0]], quaternions[edges[e, 0]]
+        for j in range(pieces):
+            if j < pieces - 1:
+                position[:], turned[:] = inner_positions[e, j], inner_quaternions[e, j]
+                _carry(position, turned, inner_tau[e, j], ends[0], ends[1], ends[2], ends[3])
+                _tool_points(position, turned, points, here)
+            else:
+                here[:], turned[:] = body_points[edges[e, 1]], quaternions[edges[e, 1]]
+            for k in range(count):
+                for axis in range(3):
+                    shares[e, k] += (here[k, axis] - before[k, axis]) ** 2
+            for axis in range(4):
+                turns[e] += (turned[axis] - turned_before[axis]) ** 2
+            before[:], turned_before[:] = here, turned
+    return pieces * shares, pieces * turns
 
 
 class ProgressMap:
@@ -174,11 +241,6 @@ class EdgeEnergies:
     positions: np.ndarray
     quaternions: np.ndarray
 
-    @property
-    def without_obstacles(self) -> np.ndarray:
-        """Obstacle-free squared length of every edge, (m,)."""
-        return self.fixed + self.shares.sum(axis=1)
-
 
 @dataclass(frozen=True)
 class LatentGraph:
@@ -204,7 +266,9 @@ class LatentGraph:
     edges: np.ndarray
     adjacency: Adjacency
     progress_map: ProgressMap
-    # Decoded features at the inner cuts of every edge, (pieces - 1, m, ...).
+    # Number of the kept node at every lattice point, -1 where it was pruned.
+    _number: np.ndarray
+    # Decoded features at the inner cuts of every edge, (m, pieces - 1, ...).
     _inner_positions: np.ndarray
     _inner_quaternions: np.ndarray
     _inner_progress: np.ndarray
@@ -220,18 +284,12 @@ class LatentGraph:
         """
         positions, quaternions = offsets.apply(self.decoded.positions, self.decoded.quaternions, self.progress)
         body = tool_points(positions, quaternions, points)
-        pieces, m = len(self._inner_positions) + 1, len(self.edges)
-        inner_positions, inner_quaternions = offsets.apply(
-            self._inner_positions.reshape(-1, 3),
-            self._inner_quaternions.reshape(-1, 4),
-            self._inner_progress.reshape(-1),
-        )
-        inner_body = tool_points(inner_positions, inner_quaternions, points)
-        body_chain = _chain(body, self.edges, inner_body.reshape(pieces - 1, m, len(points), 3))
-        turn_chain = _chain(quaternions, self.edges, inner_quaternions.reshape(pieces - 1, m, 4))
-        shares = pieces * np.sum(np.diff(body_chain, axis=0) ** 2, axis=(0, -1)) + self._sigma_energy[:, None]
-        fixed = pieces * np.sum(np.diff(turn_chain, axis=0) ** 2, axis=(0, -1)) + self._spread_energy
-        return EdgeEnergies(fixed, shares / len(points), body, positions, quaternions)
+        shares, turns = _chord_energies(
+            self.edges, body, quaternions, self._inner_positions, self._inner_quaternions,
+            offsets.blend(self._inner_progress), offsets.ends, points,
+        )  # fmt: skip
+        shares = (shares + self._sigma_energy[:, None]) / len(points)
+        return EdgeEnergies(turns + self._spread_energy, shares, body, positions, quaternions)
 
     def nearest_node(
         self, position: np.ndarray, quaternion: np.ndarray, component: int, sigma_limit: float
@@ -249,10 +307,22 @@ class LatentGraph:
         best = int(np.argmin(misfit))
         return int(candidates[best]), float(misfit[best])
 
+    def node_near(self, latent: np.ndarray, allowed: np.ndarray, steps: int) -> int | None:
+        """Allowed node (mask (n,)) closest to a latent point (d,), within a number of grid steps; None without one."""
+        centre = np.rint(self.grid.coordinates(latent)).astype(int)
+        window = tuple(slice(max(0, c - steps), c + steps + 1) for c in centre)
+        candidates = self._number[window].reshape(-1)
+        candidates = candidates[candidates >= 0]
+        candidates = candidates[allowed[candidates]]
+        if len(candidates) == 0:
+            return None
+        distance = np.sum(((self.latent[candidates] - latent) / self.grid.spacing) ** 2, axis=1)
+        return int(candidates[np.argmin(distance)])
+
 
 def _chain(at_nodes: np.ndarray, edges: np.ndarray, inner: np.ndarray) -> np.ndarray:
-    """Features along every edge from its first end to its second, (pieces + 1, m, ...)."""
-    return np.concatenate([at_nodes[edges[:, 0]][None], inner, at_nodes[edges[:, 1]][None]])
+    """Features along every edge from its first end to its second, (m, pieces + 1, ...)."""
+    return np.concatenate([at_nodes[edges[:, 0]][:, None], inner, at_nodes[edges[:, 1]][:, None]], axis=1)
 
 
 def build_latent_graph(
@@ -291,27 +361,28 @@ def build_latent_graph(
             "the skill's thresholds do not belong to its weights"
         )
     latent = lattice[kept]
-    edges = grid.edges(kept, neighbours)
+    number = grid.numbering(kept)
+    edges = grid.edges(number, neighbours)
     progress_map = ProgressMap(codes, grid)
 
     fractions = np.arange(1, pieces) / pieces
     start, step = latent[edges[:, 0]], latent[edges[:, 1]] - latent[edges[:, 0]]
-    inner_latent = (start[None] + fractions[:, None, None] * step[None]).reshape(-1, len(grid.shape))
+    inner_latent = (start[:, None] + fractions[None, :, None] * step[:, None]).reshape(-1, len(grid.shape))
     inner = decoder.decode(inner_latent)
     decoded = decoder.decode(latent)
 
     def inner_rows(array: np.ndarray) -> np.ndarray:
-        return array.reshape(pieces - 1, len(edges), *array.shape[1:])
+        return array.reshape(len(edges), pieces - 1, *array.shape[1:])
 
     quaternion_chain = _chain(decoded.quaternions, edges, inner_rows(inner.quaternions))
-    usable = np.all(inner_rows(rms_sigma(inner.sigma)) <= sigma_limit, axis=0)
+    usable = np.all(inner_rows(rms_sigma(inner.sigma)) <= sigma_limit, axis=1)
     if one_sheet:
-        usable &= np.all(np.sum(quaternion_chain[1:] * quaternion_chain[:-1], axis=-1) > 0.0, axis=0)
+        usable &= np.all(np.sum(quaternion_chain[:, 1:] * quaternion_chain[:, :-1], axis=-1) > 0.0, axis=1)
 
     sigma_chain = _chain(decoded.sigma, edges, inner_rows(inner.sigma))
     spread_chain = _chain(metric.orientation_feature(decoded), edges, inner_rows(metric.orientation_feature(inner)))
-    sigma_energy = metric.sigma_weight**2 * pieces * np.sum(np.diff(sigma_chain, axis=0) ** 2, axis=(0, -1))
-    spread_energy = pieces * np.sum(np.diff(spread_chain, axis=0) ** 2, axis=0)
+    sigma_energy = metric.sigma_weight**2 * pieces * np.sum(np.diff(sigma_chain, axis=1) ** 2, axis=(1, 2))
+    spread_energy = pieces * np.sum(np.diff(spread_chain, axis=1) ** 2, axis=1)
 
     used = edges[usable]
     linked = coo_matrix((np.ones(len(used)), (used[:, 0], used[:, 1])), shape=(len(latent), len(latent)))
@@ -328,9 +399,10 @@ def build_latent_graph(
         edges=used,
         adjacency=Adjacency.from_edges(used, len(latent)),
         progress_map=progress_map,
-        _inner_positions=inner_rows(inner.positions)[:, usable],
-        _inner_quaternions=inner_rows(inner.quaternions)[:, usable],
-        _inner_progress=inner_rows(progress_map(inner_latent))[:, usable],
+        _number=number,
+        _inner_positions=inner_rows(inner.positions)[usable],
+        _inner_quaternions=inner_rows(inner.quaternions)[usable],
+        _inner_progress=inner_rows(progress_map(inner_latent))[usable],
         _sigma_energy=sigma_energy[usable],
         _spread_energy=spread_energy[usable],
     )

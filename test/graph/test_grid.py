@@ -23,7 +23,7 @@ def test_stencil_names_the_possible_numbers():
 
 def test_edges_of_a_full_grid_join_every_pair_in_reach_once():
     grid = LatentGrid(np.zeros(2), np.ones(2), (5, 4))
-    edges = grid.edges(np.ones(20, dtype=bool), 8)
+    edges = grid.edges(grid.numbering(np.ones(20, dtype=bool)), 8)
     nodes = grid.nodes() / grid.spacing
     steps = np.abs(nodes[edges[:, 0]] - nodes[edges[:, 1]]).round(9)
     assert np.all(steps.max(axis=1) == 1.0)
@@ -35,7 +35,7 @@ def test_pruned_nodes_have_no_edges_and_the_rest_is_renumbered():
     kept = np.ones(16, dtype=bool)
     kept[[5, 10]] = False
     nodes = grid.nodes()[kept]
-    edges = grid.edges(kept, 8)
+    edges = grid.edges(grid.numbering(kept), 8)
     assert edges.max() == 13
     steps = np.abs(nodes[edges[:, 0]] - nodes[edges[:, 1]]) / grid.spacing
     assert np.all(steps.max(axis=1) < 1.0 + 1e-9)

@@ -18,7 +18,7 @@ class Scene:
         grid = LatentGrid(np.zeros(len(shape)), np.ones(len(shape)), shape)
         kept = self.random.random(np.prod(shape)) < 0.9
         nodes = grid.nodes()[kept]
-        self.edges = grid.edges(kept, neighbours)
+        self.edges = grid.edges(grid.numbering(kept), neighbours)
         self.adjacency = Adjacency.from_edges(self.edges, len(nodes))
         waves = self.random.normal(size=(len(shape), 3 * body_points))
         self.points = np.sin(2.0 * nodes @ waves).reshape(len(nodes), body_points, 3)
