@@ -2,11 +2,12 @@
 
 The step solves, for the pose error e and a feed-forward twist v (both linear then angular, base frame),
 
-    dq = J^T (J J^T + d^2 I)^-1 (gain e + v) + N posture_gain (posture - q),    N = I - J^T (J J^T + d^2 I)^-1 J,
+    dq = J^+ (gain e + v) + (I - J^+ J) posture_gain (posture - q),    J^+ = J^T (J J^T + d^2 I)^-1.
 
-with the damping of Nakamura and Hanafusa (1986) in the step, d^2 = d_0^2 (1 - w / w_0)^2 where the manipulability
-w = sqrt(det J J^T) falls below w_0, and that of Sugihara (2011) in the solution, d^2 = |e|^2 / 2. A joint that would leave its limits is stopped at the limit and the
-others are solved again without it, so that they take over its share.
+The damping d of a step is that of Nakamura and Hanafusa (1986), d = d_0 (1 - w / w_0) where the
+manipulability w = sqrt(det J J^T) falls below w_0; that of the solution is Sugihara's (2011), d^2 = |e|^2 / 2.
+A joint that would leave its limits is stopped there and the others are solved again without it, so that they
+take over its share.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Tolerance:
 def pose_error(
     position: np.ndarray, quaternion: np.ndarray, target_position: np.ndarray, target_quaternion: np.ndarray
 ) -> np.ndarray:
-    """Error (6,) from a pose to a target: position difference [m], then the shortest rotation vector [rad], base frame."""
+    """Error (6,) from a pose to a target: position difference [m], shortest rotation vector [rad], base frame."""
     return _pose_error(position, quaternion, target_position, target_quaternion)
 
 
@@ -60,7 +61,7 @@ def differential_step(
     dt : length of the step [s].
     gain : how fast the error is to vanish [1/s].
     feed_forward : (6,) velocity of the target itself [m/s, rad/s].
-    posture, posture_gain : (n,) joint positions to which the null space is drawn (default `robot.ready`), [1/s].
+    posture, posture_gain : (n,) joint positions to which the null space is drawn (default `robot.ready`) [1/s].
 
     Notes
     -----
@@ -83,7 +84,7 @@ def twist_step(
     posture: np.ndarray | None = None,
     posture_gain: float = 1.0,
 ) -> np.ndarray:
-    """Joint velocities (n,) [rad/s] that move the tool with a twist (6,) [m/s, rad/s]; see `differential_step`."""
+    """Joint velocities (n,) [rad/s] that move the tool with a twist (6,); see `differential_step`."""
     drift = posture_gain * ((robot.ready if posture is None else posture) - joint_positions)
     velocities = (
         _joint_step(joint_positions, twist * dt, drift * dt, -1.0, robot.lower, robot.upper, robot.chain) / dt
@@ -133,9 +134,10 @@ def solve(
         if np.linalg.norm(error) < np.linalg.norm(best_error):
             best, best_error = found, error
     raise RobotError(
-        f"no joint positions within the limits reach position {np.round(position, 3).tolist()} m, quaternion "
-        f"{np.round(quaternion, 3).tolist()}: the best of {attempts} attempts, {np.round(best, 3).tolist()} rad, is "
-        f"{1e3 * np.linalg.norm(best_error[:3]):.1f} mm and {np.degrees(np.linalg.norm(best_error[3:])):.1f} deg away"
+        f"no joint positions within the limits reach position {np.round(position, 3).tolist()} m, "
+        f"quaternion {np.round(quaternion, 3).tolist()}: the best of {attempts} attempts, "
+        f"{np.round(best, 3).tolist()} rad, is {1e3 * np.linalg.norm(best_error[:3]):.1f} mm "
+        f"and {np.degrees(np.linalg.norm(best_error[3:])):.1f} deg away"
     )
 
 
@@ -188,7 +190,7 @@ def _singularity_damping(gram):
 
 @numba.njit(cache=True, nogil=True)
 def _damped_step(matrix, free, task, drift, damping):
-    """Damped least-squares step of the free joints for a task displacement (6,), with drift in the null space."""
+    """Damped least-squares step of the free joints for a displacement (6,), with drift in the null space."""
     active = matrix * free
     gram = active @ active.T
     if damping < 0.0:
@@ -202,7 +204,7 @@ def _damped_step(matrix, free, task, drift, damping):
 
 @numba.njit(cache=True, nogil=True)
 def _joint_step(q, task, drift, damping, lower, upper, chain):
-    """Step dq (n,) for a task displacement (6,) that keeps q + dq in [lower, upper]; damping < 0: by singularity."""
+    """Step dq (n,) for a displacement (6,) with q + dq in [lower, upper]; damping < 0: by manipulability."""
     count = len(q)
     matrix = jacobian(q, chain)
     free = np.ones(count)
@@ -224,7 +226,7 @@ def _joint_step(q, task, drift, damping, lower, upper, chain):
 
 @numba.njit(cache=True, nogil=True)
 def _iterate(start, posture, position, quaternion, lower, upper, chain, position_tolerance, angle_tolerance):
-    """Damped least-squares iteration; the pull to the posture fades, so that it never keeps the pose from settling."""
+    """Damped least-squares iteration, whose pull to the posture fades so that the pose can settle."""
     q = start.copy()
     error = np.empty(6)
     for iteration in range(150):

@@ -64,7 +64,7 @@ class Robot:
 
     @classmethod
     def panda(cls) -> Robot:
-        """Franka Emika Panda from `panda_link0` to `panda_grasptarget`, limits from Franka's documentation."""
+        """Franka Emika Panda from `panda_link0` to `panda_grasptarget`, with Franka's published limits."""
         return cls(
             FOLDER / "panda.urdf",
             "panda_link0",
@@ -77,7 +77,7 @@ class Robot:
     def from_urdf(
         cls, path: str | Path, base_link: str, tool_link: str, limits_path: str | Path | None = None
     ) -> Robot:
-        """Any serial arm from its URDF, with accelerations and jerks from a joint_limits.yaml if there is one.
+        """Any serial arm from its URDF, with acceleration and jerk limits from a joint_limits.yaml if given.
 
         Raises
         ------
@@ -108,11 +108,11 @@ class Robot:
         return positions
 
     def forward(self, joint_positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Tool pose: position (3,) [m] and unit quaternion (4,), scalar first with w >= 0, in the base frame."""
+        """Tool pose in the base frame: position (3,) [m], unit quaternion (4,), scalar first, w >= 0."""
         return forward(np.ascontiguousarray(joint_positions, dtype=np.float64), self.chain)
 
     def jacobian(self, joint_positions: np.ndarray) -> np.ndarray:
-        """Geometric Jacobian (6, n) of the tool: rows linear [m/rad], then angular, both in the base frame."""
+        """Geometric Jacobian (6, n) of the tool in the base frame: rows linear [m/rad], then angular."""
         return jacobian(np.ascontiguousarray(joint_positions, dtype=np.float64), self.chain)
 
     def link_frames(self, joint_positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -121,9 +121,9 @@ class Robot:
 
     @cached_property
     def shoulder(self) -> np.ndarray:
-        """Origin (3,) [m] of the second moving joint's frame at zero, in the base frame: where the arm swings from.
+        """Where the arm swings from (3,) [m]: origin of the second moving joint's frame at zero, base frame.
 
-        For arms whose first joint is a vertical turntable through this point (the Panda), it does not move.
+        It does not move in arms whose first joint turns about an axis through it, as the Panda's does.
         """
         joint_index = self.chain[3]
         second = int(np.flatnonzero(joint_index >= min(1, len(self.joint_names) - 1))[0])
@@ -133,14 +133,15 @@ class Robot:
     def reach(self) -> float:
         """Largest distance [m] of the tool from the shoulder within the joint limits.
 
-        Found by coordinate ascent from 32 seeded postures. Along one revolute joint the squared distance is exactly
-        a + b cos q + c sin q, so each step takes the true maximum in the limits; along a prismatic one it is convex.
+        Found by coordinate ascent from 32 seeded postures. Along one revolute joint the squared distance is
+        exactly a + b cos q + c sin q, so each step takes the true maximum in the limits; along a prismatic
+        one it is convex.
         """
         starts = self.sample(32, np.random.default_rng(0))
         return float(max(self._stretch(start) for start in starts))
 
     def within_reach(self, position: np.ndarray) -> bool:
-        """Whether a position (3,) [m] is no farther from the shoulder than `reach`: necessary, not sufficient."""
+        """Whether a position (3,) [m] is within `reach` of the shoulder: necessary, not sufficient."""
         return bool(np.linalg.norm(np.asarray(position) - self.shoulder) <= self.reach + 1e-6)
 
     def sample(self, count: int, generator: np.random.Generator) -> np.ndarray:
@@ -235,7 +236,7 @@ def link_frames(q, chain):
 
 @numba.njit(cache=True, nogil=True)
 def quaternion_of(rotation):
-    """Unit quaternion (w, x, y, z), w >= 0, of a rotation matrix, by its largest component (Shepperd 1978)."""
+    """Unit quaternion (w, x, y, z), w >= 0, of a rotation matrix by its largest part (Shepperd 1978)."""
     trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
     out = np.empty(4)
     largest = trace

@@ -28,7 +28,7 @@ class Chain:
     axes : (m, 3), unit, in the joint frame; zero for fixed joints.
     joint_index : (m,), index into the n moving joints, -1 for fixed ones.
     prismatic : (m,) bool.
-    lower, upper, velocity : (n,) limits [rad, rad/s; m, m/s for prismatic joints]; infinite positions if continuous.
+    lower, upper, velocity : (n,) limits [rad, rad/s; prismatic: m, m/s]; positions infinite if continuous.
     """
 
     link_names: tuple[str, ...]
@@ -48,7 +48,7 @@ def read_chain(path: str | Path, base_link: str, tool_link: str) -> Chain:
 
     Raises
     ------
-    RobotError : the file cannot be read, a link does not exist or is not below the base, or a moving joint lacks a limit.
+    RobotError : the file cannot be read, a link is missing or not below the base, or a joint lacks a limit.
     """
     joints = _joints_from_base(_parse(path), base_link, tool_link, Path(path).name)
     moving = [joint for joint in joints if joint.get("type") in MOVING]
@@ -72,7 +72,7 @@ def read_chain(path: str | Path, base_link: str, tool_link: str) -> Chain:
 
 
 def read_dynamic_limits(path: str | Path, joint_names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Acceleration [rad/s^2] and jerk limits [rad/s^3], both (n,), from a file laid out like MoveIt's joint_limits.yaml.
+    """Acceleration [rad/s^2] and jerk [rad/s^3] limits, both (n,), from a file like MoveIt's joint_limits.yaml.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from geodesic_motion_ros.errors import ParameterError
 
 @dataclass(frozen=True)
 class View:
-    """A camera that looks at `target` (3,) [m] from `distance` [m]; yaw about z and pitch [deg], field of view [deg]."""
+    """Where a camera looks (target [m]) and from where: distance [m], yaw about z, pitch; angles in degrees."""
 
     target: tuple[float, float, float]
     distance: float

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error, twist_step
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -22,14 +23,20 @@ class CatchUp:
 
 
 class JointMotion:
-    """Commanded joint positions and velocities of an arm, whose velocity and acceleration limits hold at each step.
+    """The commanded joints of an arm; its velocity and acceleration limits hold at each step.
 
     Attributes
     ----------
     positions, velocities : (n,) commanded [rad], [rad/s].
+
+    Raises
+    ------
+    RobotError : the start lies outside the position limits, or the robot has no acceleration limits.
     """
 
     def __init__(self, robot: Robot, positions: np.ndarray, catch_up: CatchUp = CatchUp()) -> None:
+        if not np.all(np.isfinite(robot.acceleration_limits)):
+            raise RobotError("the robot has no acceleration limits: give its description a joint_limits.yaml")
         self.robot, self.catch_up = robot, catch_up
         self.positions = robot.checked(positions)
         self.velocities = np.zeros(len(positions))
@@ -63,9 +70,14 @@ class JointMotion:
         self.positions = positions
 
     def _braking_speed(self, distance: np.ndarray, dt: float) -> np.ndarray:
-        """Largest speed (n,) that, after a step of `dt`, can still be braked to rest within a distance (n,) [rad]."""
-        half = 0.5 * self.robot.acceleration_limits * dt
-        return np.sqrt(half**2 + 2.0 * self.robot.acceleration_limits * np.maximum(distance, 0.0)) - half
+        """Largest speed (n,) now that steps of `dt` can still brake to rest within a distance (n,) [rad].
+
+        With m whole steps of braking, distance = dt ((m + 1) v - m (m + 1) a dt / 2), solved for v.
+        """
+        change = self.robot.acceleration_limits * dt
+        distance = np.clip(distance, 0.0, 2.0 * np.pi)
+        whole_steps = np.floor(0.5 * np.sqrt(1.0 + 8.0 * distance / (change * dt)) - 0.5)
+        return distance / ((whole_steps + 1.0) * dt) + 0.5 * whole_steps * change
 
 
 def _approach(error: np.ndarray, gain: float, deceleration: float, speed: float) -> np.ndarray:

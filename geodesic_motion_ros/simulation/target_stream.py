@@ -15,8 +15,8 @@ class TargetStream:
     """The newest target pose, carried on with the velocity of the stream until the next one arrives.
 
     The velocity is the difference of successive targets over the smoothed period of the stream, not over the
-    measured interval: a message that arrives late or early still stands for one period of motion. A pose
-    that follows none for `timeout` seconds, or that lies too far off to have been moved to, is a step: velocity zero.
+    measured interval: a message that arrives late or early still stands for one period of motion. A pose that
+    follows none for `timeout` seconds, or that lies too far off to have been moved to, is a step: velocity zero.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class TargetStream:
     def sample(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Target position (3,), quaternion (4,) and twist (6,) [m/s, rad/s] at `time` [s].
 
-        The target runs ahead of the last pose for at most one period, and returns to it when the stream has ended.
+        The target runs ahead of the last pose by at most one period, and returns to it when the stream ends.
         """
         elapsed = time - self._arrival
         if elapsed > self.timeout:

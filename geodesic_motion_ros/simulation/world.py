@@ -20,7 +20,7 @@ from geodesic_motion_ros.simulation.target_stream import TargetStream
 PANDA_URDF = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
 SMOOTH_SPHERE = Path(pybullet_data.getDataPath()) / "sphere_smooth.obj"  # of radius one
 FINGER_OPENING = 0.02
-# Share of a position error that PyBullet's motor removes in one step; with velocities fed forward it stays < 1 mrad.
+# Share of a position error that PyBullet's motor removes in one step.
 POSITION_GAIN = 0.5
 OBSTACLE_COLOURS = (
     (0.86, 0.24, 0.18),
@@ -36,7 +36,7 @@ TABLE_HALF_EXTENTS = (0.75, 0.9, 0.03)
 class PandaWorld:
     """A Panda on a table, with gravity, joint motors, kinematic spheres as obstacles, and a camera.
 
-    Each world is a physics server of its own: several may live in one process. Base frame = world frame, z up.
+    Each world is a physics server of its own, so several may live in one process. Base frame = world frame.
 
     Parameters
     ----------
@@ -61,13 +61,13 @@ class PandaWorld:
         joint_positions: np.ndarray | None = None,
         tool_pose: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
-        """Put the arm at rest at joint positions (7,) [rad], or at a tool pose by inverse kinematics, or at `robot.ready`.
+        """Put the arm at rest at joint positions (7,) [rad], at a tool pose (position, quaternion), or at `robot.ready`.
 
-        Obstacles and curves stay, time starts again at zero.
+        A tool pose is reached by inverse kinematics, near `robot.ready`. Obstacles and curves stay, time starts again at zero.
 
         Raises
         ------
-        RobotError : joint positions outside the limits, or a tool pose that is not finite or cannot be reached.
+        RobotError : joint positions outside the limits; a tool pose not finite or out of reach.
         """
         if joint_positions is None:
             start = self.robot.ready if tool_pose is None else solve(self.robot, *tool_pose)
@@ -86,7 +86,7 @@ class PandaWorld:
     def set_target_pose(self, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Follow a tool pose from now on: (3,) [m] and unit quaternion (4,), scalar first, base frame.
 
-        Meant to be called at a steady rate (100 Hz); in between the target moves on with the velocity of the stream.
+        Meant to be called at a steady rate, as 100 Hz; in between the target moves on with the stream's velocity.
 
         Raises
         ------
@@ -95,8 +95,8 @@ class PandaWorld:
         position, quaternion = checked_pose(position, quaternion)
         if not self.robot.within_reach(position):
             raise RobotError(
-                f"target {np.round(position, 3).tolist()} m is {np.linalg.norm(position - self.robot.shoulder):.3f} m "
-                f"from the shoulder: the arm reaches {self.robot.reach:.3f} m"
+                f"target {np.round(position, 3).tolist()} m is out of reach: "
+                f"the arm reaches {self.robot.reach:.3f} m from {self.robot.shoulder.tolist()} m"
             )
         if self._target is None:
             self._target = TargetStream(*self.robot.forward(self._motion.positions))
@@ -113,7 +113,7 @@ class PandaWorld:
             self._motion.stop(self.dt)
         else:
             self._motion.follow(*self._target.sample(self.time + self.dt), self.dt)
-        # the motor adds its share of the position error to the velocity it is given, so the error must be that of now
+        # the motor adds its share of the position error to the velocity given: the error must be that of now
         self._drive(before, self._motion.velocities)
         self._client.stepSimulation()
         self.time += self.dt
@@ -134,11 +134,11 @@ class PandaWorld:
         return self._motion.positions.copy()
 
     def tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
-        """Measured pose of `panda_grasptarget`: position (3,) [m], quaternion (4,), scalar first, base frame."""
+        """Measured pose of `panda_grasptarget`, base frame: position (3,) [m], quaternion (4,), scalar first."""
         return self.robot.forward(self.joint_positions)
 
     def set_obstacles(self, obstacles: Mapping[str, tuple[np.ndarray, float]]) -> None:
-        """Make these the obstacles: name -> (centre (3,) [m], radius [m]). Known names move, absent ones vanish.
+        """Make these the obstacles, name -> (centre (3,), radius) [m]: known names move, absent ones vanish.
 
         Raises
         ------
@@ -157,7 +157,7 @@ class PandaWorld:
             )
 
     def clearance(self, cutoff: float = 2.0) -> tuple[float, str]:
-        """Smallest signed distance [m] between the arm's collision geometry and any obstacle, and the link's name.
+        """Smallest signed distance [m] from the arm's collision geometry to an obstacle, and the link's name.
 
         Negative: penetration. (inf, "") when no obstacle is nearer than `cutoff` [m].
         """

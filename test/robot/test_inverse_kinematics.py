@@ -25,8 +25,10 @@ def test_random_reachable_poses_are_solved_inside_the_limits() -> None:
         position, quaternion = ROBOT.forward(q)
         found = solve(ROBOT, position, quaternion)
         distance, angle = error_of(found, position, quaternion)
-        assert distance < 1e-4 and angle < np.radians(0.1)
-        assert np.all(found >= ROBOT.lower) and np.all(found <= ROBOT.upper)
+        assert distance < 1e-4
+        assert angle < np.radians(0.1)
+        assert np.all(found >= ROBOT.lower)
+        assert np.all(found <= ROBOT.upper)
 
 
 def test_the_solution_is_the_same_each_time_and_near_a_good_start() -> None:
@@ -89,7 +91,8 @@ def test_steps_converge_to_the_target() -> None:
     for _ in range(400):
         q = q + 0.01 * differential_step(ROBOT, q, position, quaternion, 0.01)
     distance, angle = error_of(q, position, quaternion)
-    assert distance < 1e-4 and angle < 1e-3
+    assert distance < 1e-4
+    assert angle < 1e-3
 
 
 def test_feed_forward_moves_the_tool_with_the_twist() -> None:

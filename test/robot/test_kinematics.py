@@ -16,9 +16,11 @@ from geodesic_motion_ros.robot.kinematics import Robot
 
 SLIDER = """<robot name="slider">
   <link name="base"/><link name="arm"/><link name="tool"/>
-  <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 1" rpy="0.3 0.2 0.1"/>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
+    <origin xyz="0 0 1" rpy="0.3 0.2 0.1"/>
     <axis xyz="0 1 1"/><limit lower="-1" upper="2" velocity="1.5" effort="1"/></joint>
-  <joint name="push" type="prismatic"><parent link="arm"/><child link="tool"/><origin xyz="0.2 0 0" rpy="0 0.4 0"/>
+  <joint name="push" type="prismatic"><parent link="arm"/><child link="tool"/>
+    <origin xyz="0.2 0 0" rpy="0 0.4 0"/>
     <axis xyz="1 0 0"/><limit lower="0.1" upper="0.3" velocity="0.2" effort="1"/></joint>
 </robot>"""
 
@@ -84,7 +86,10 @@ def test_jacobian_is_the_derivative_of_the_pose(any_robot: Robot) -> None:
         numeric = np.empty((6, len(q)))
         for joint in range(len(q)):
             shift = step * np.eye(len(q))[joint]
-            (before, turned_before), (after, turned_after) = any_robot.forward(q - shift), any_robot.forward(q + shift)
+            (before, turned_before), (after, turned_after) = (
+                any_robot.forward(q - shift),
+                any_robot.forward(q + shift),
+            )
             numeric[:3, joint] = (after - before) / (2.0 * step)
             numeric[3:, joint] = rotation_vector_between(turned_before, turned_after) / (2.0 * step)
         np.testing.assert_allclose(any_robot.jacobian(q), numeric, atol=1e-6)
@@ -94,7 +99,9 @@ def test_quaternion_is_that_of_the_last_rotation(any_robot: Robot) -> None:
     for q in any_robot.sample(200, np.random.default_rng(5)):
         _, quaternion = any_robot.forward(q)
         assert quaternion[0] >= 0.0
-        np.testing.assert_allclose(to_rotation(quaternion).as_matrix(), any_robot.link_frames(q)[0][-1], atol=1e-12)
+        np.testing.assert_allclose(
+            to_rotation(quaternion).as_matrix(), any_robot.link_frames(q)[0][-1], atol=1e-12
+        )
 
 
 def test_panda_carries_the_limits_of_the_datasheet(robot: Robot) -> None:
@@ -121,7 +128,8 @@ def test_reach_of_an_arm_whose_farthest_point_is_known(tmp_path: Path) -> None:
     path.write_text(SLIDER.replace('rpy="0 0.4 0"', ""))
     slider = Robot.from_urdf(path, "base", "tool")
     farthest = max(
-        np.linalg.norm(slider.forward(np.array([turn, 0.3]))[0] - slider.shoulder) for turn in np.linspace(-1, 2, 3001)
+        np.linalg.norm(slider.forward(np.array([turn, 0.3]))[0] - slider.shoulder)
+        for turn in np.linspace(-1, 2, 3001)
     )
     assert slider.reach == pytest.approx(farthest, abs=1e-6)
 
@@ -153,5 +161,5 @@ def test_checked_positions_are_a_copy(robot: Robot) -> None:
 def test_an_unknown_tool_link_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "slider.urdf"
     path.write_text(SLIDER)
-    with pytest.raises(RobotError, match="'gripper'.*base, arm, tool"):
+    with pytest.raises(RobotError, match=r"'gripper'.*base, arm, tool"):
         Robot.from_urdf(path, "base", "gripper")

@@ -13,7 +13,8 @@ from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits
 ARM = """<robot name="arm">
   <link name="base"/><link name="upper"/><link name="slide"/><link name="tool"/><link name="camera"/>
   <joint name="turn" type="revolute"><parent link="base"/><child link="upper"/>
-    <origin xyz="0 0 0.5" rpy="0 0 0"/><axis xyz="0 0 2"/><limit lower="-1" upper="2" velocity="1.5" effort="1"/></joint>
+    <origin xyz="0 0 0.5" rpy="0 0 0"/><axis xyz="0 0 2"/>
+    <limit lower="-1" upper="2" velocity="1.5" effort="1"/></joint>
   <joint name="push" type="prismatic"><parent link="upper"/><child link="slide"/>
     <axis xyz="1 0 0"/><limit lower="0" upper="0.3" velocity="0.2" effort="1"/></joint>
   <joint name="mount" type="fixed"><parent link="slide"/><child link="tool"/><origin xyz="0.1 0 0"/></joint>
@@ -39,7 +40,8 @@ def test_reads_the_chain_between_two_links(tmp_path: Path) -> None:
 def test_a_continuous_joint_has_no_position_limits(tmp_path: Path) -> None:
     text = ARM.replace('type="revolute"', 'type="continuous"')
     chain = read_chain(write(tmp_path, text), "base", "tool")
-    assert chain.lower[0] == -np.inf and chain.upper[0] == np.inf
+    assert chain.lower[0] == -np.inf
+    assert chain.upper[0] == np.inf
 
 
 @pytest.mark.parametrize(
@@ -64,7 +66,7 @@ def test_names_what_is_wrong(tmp_path: Path, old: str, new: str, words: tuple[st
 
 
 def test_an_unknown_link_is_answered_with_those_that_exist(tmp_path: Path) -> None:
-    with pytest.raises(RobotError, match="'flange'.*base, upper, slide, tool"):
+    with pytest.raises(RobotError, match=r"'flange'.*base, upper, slide, tool"):
         read_chain(write(tmp_path, ARM), "base", "flange")
 
 

@@ -1,0 +1,315 @@
+"""The twin follows, measures and repeats: physics behaviour of PandaWorld."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.demonstrations.readers import read_demonstrations
+from geodesic_motion_ros.errors import ParameterError, RobotError
+from geodesic_motion_ros.robot.inverse_kinematics import pose_error, solve
+from geodesic_motion_ros.simulation.camera import VIEWS
+from geodesic_motion_ros.simulation.world import PandaWorld
+
+Pose = tuple[np.ndarray, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def shared_world() -> Iterator[PandaWorld]:
+    with PandaWorld() as world:
+        yield world
+
+
+@pytest.fixture
+def world(shared_world: PandaWorld) -> PandaWorld:
+    shared_world.set_obstacles({})
+    shared_world.clear_curves()
+    shared_world.reset()
+    return shared_world
+
+
+def distance_to(world: PandaWorld, pose: Pose) -> tuple[float, float]:
+    error = pose_error(*world.tool_pose(), *pose)
+    return float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
+
+
+def play(
+    world: PandaWorld, pose_at: Callable[[float], Pose], duration: float, rate_hz: float = 100.0
+) -> np.ndarray:
+    """Stream target poses at a rate; rows of position error [m], angle error and joint lag [rad]."""
+    sent, rows = 0, []
+    while world.time < duration:
+        if world.time >= sent / rate_hz - 1e-9:
+            world.set_target_pose(*pose_at(sent / rate_hz))
+            sent += 1
+        world.step()
+        lag = np.max(np.abs(world.joint_positions - world.commanded_positions))
+        rows.append((*distance_to(world, pose_at(world.time)), lag))
+    return np.array(rows)
+
+
+def ramped(time: float, speed: float, length: float, acceleration: float) -> float:
+    """Distance travelled with constant acceleration to a speed, and back to rest after a length."""
+    ramp = speed / acceleration
+    total = length / speed + ramp
+    time = min(time, total)
+    if time < ramp:
+        return 0.5 * acceleration * time**2
+    if time < total - ramp:
+        return 0.5 * speed * ramp + speed * (time - ramp)
+    return length - 0.5 * acceleration * (total - time) ** 2
+
+
+def test_a_straight_line_at_250_mm_per_second_is_tracked(world: PandaWorld) -> None:
+    start, quaternion = world.tool_pose()
+
+    def pose_at(time: float) -> Pose:
+        return start + np.array([0.1, -1.0, -0.1]) * ramped(time, 0.25, 0.4, 1.0), quaternion
+
+    rows = play(world, pose_at, 2.5)
+    assert rows[:, 0].max() < 2e-3
+    assert np.median(rows[:, 0]) < 1e-3
+    assert rows[:, 1].max() < np.radians(0.5)
+    assert rows[:, 2].max() < 1e-3
+    assert rows[-1, 0] < 1e-4
+
+
+def test_joint_limits_hold_while_a_far_target_is_approached(world: PandaWorld) -> None:
+    start, quaternion = world.tool_pose()
+    world.set_target_pose(start + [0.1, -0.5, -0.2], quaternion)
+    for _ in range(480):
+        world.step()
+        assert np.all(np.abs(world.joint_velocities) <= world.robot.velocity_limits * 1.05)
+    assert distance_to(world, (start + [0.1, -0.5, -0.2], quaternion))[0] < 1e-3
+
+
+def test_hold_stops_and_stays(world: PandaWorld) -> None:
+    start, quaternion = world.tool_pose()
+    world.set_target_pose(start + [0.0, -0.4, 0.0], quaternion)
+    for _ in range(80):
+        world.step()
+    assert np.max(np.abs(world.joint_velocities)) > 0.1
+    world.hold()
+    for _ in range(120):
+        world.step()
+    stopped = world.joint_positions
+    for _ in range(120):
+        world.step()
+    np.testing.assert_allclose(world.joint_positions, stopped, atol=1e-4)
+    assert np.max(np.abs(world.joint_velocities)) < 1e-3
+
+
+def test_gravity_does_not_sag_the_arm(world: PandaWorld) -> None:
+    for _ in range(240):
+        world.step()
+    np.testing.assert_allclose(world.joint_positions, world.robot.ready, atol=1e-3)
+
+
+@pytest.mark.parametrize("pose", [(np.nan, 0.0, 0.4), (np.inf, 0.0, 0.4), (0.4, 0.0), (3.0, 0.0, 0.4)])
+def test_an_impossible_target_is_refused_and_the_old_one_kept(world: PandaWorld, pose: tuple) -> None:
+    start, quaternion = world.tool_pose()
+    world.set_target_pose(start + [0.0, 0.02, 0.0], quaternion)
+    with pytest.raises(RobotError):
+        world.set_target_pose(np.array(pose), quaternion)
+    with pytest.raises(RobotError, match="quaternion"):
+        world.set_target_pose(start, np.zeros(4))
+    for _ in range(240):
+        world.step()
+    assert distance_to(world, (start + [0.0, 0.02, 0.0], quaternion))[0] < 1e-3
+
+
+def test_reset_restores(world: PandaWorld) -> None:
+    start, quaternion = world.tool_pose()
+    world.set_target_pose(start + [0.0, 0.2, 0.0], quaternion)
+    for _ in range(100):
+        world.step()
+    world.reset()
+    assert world.time == 0.0
+    np.testing.assert_allclose(world.joint_positions, world.robot.ready, atol=1e-12)
+    world.step()
+    np.testing.assert_allclose(world.joint_positions, world.robot.ready, atol=1e-4)
+
+
+def test_reset_to_a_tool_pose(world: PandaWorld) -> None:
+    pose = (np.array([0.38, 0.10, 0.33]), np.array([0.0, 1.0, 0.0, 0.0]))
+    world.reset(tool_pose=pose)
+    distance, angle = distance_to(world, pose)
+    assert distance < 1e-4
+    assert angle < 2e-4
+    with pytest.raises(RobotError, match="shoulder"):
+        world.reset(tool_pose=(np.array([0.0, 0.0, 3.0]), pose[1]))
+    with pytest.raises(RobotError, match="panda_joint4"):
+        world.reset(np.zeros(7))
+
+
+def test_the_same_commands_give_the_same_motion() -> None:
+    def run(world: PandaWorld) -> np.ndarray:
+        world.reset()
+        start, quaternion = world.tool_pose()
+        track = []
+        for step in range(240):
+            if step % 3 == 0:
+                world.set_target_pose(start + np.array([0.0, -1e-3, 5e-4]) * step, quaternion)
+            world.step()
+            track.append(world.joint_positions)
+        return np.array(track)
+
+    with PandaWorld() as first, PandaWorld() as second:
+        np.testing.assert_array_equal(run(first), run(second))
+        np.testing.assert_array_equal(run(first), run(first))
+
+
+def test_two_worlds_do_not_touch_each_other() -> None:
+    with PandaWorld() as moving, PandaWorld() as resting:
+        start, quaternion = moving.tool_pose()
+        moving.set_target_pose(start + [0.0, 0.2, 0.0], quaternion)
+        moving.set_obstacles({"ball": (np.array([0.5, 0.0, 0.5]), 0.05)})
+        for _ in range(120):
+            moving.step()
+            resting.step()
+        assert np.max(np.abs(moving.joint_positions - resting.joint_positions)) > 0.05
+        assert resting.clearance() == (np.inf, "")
+        assert moving.clearance()[0] < 1.0
+
+
+def test_clearance_is_the_distance_to_the_nearest_link(world: PandaWorld) -> None:
+    """Below the finger tips the distance of a sphere shrinks as it rises, and is negative inside."""
+    tool, _ = world.tool_pose()
+    distances = []
+    for drop in (0.20, 0.15, 0.10):
+        world.set_obstacles({"ball": (tool - [0.0, 0.0, drop], 0.05)})
+        distance, link = world.clearance()
+        assert link in ("panda_leftfinger", "panda_rightfinger")
+        distances.append(distance)
+    np.testing.assert_allclose(np.diff(distances), -0.05, atol=2e-3)
+    assert distances[0] == pytest.approx(0.20 - 0.05, abs=0.02)
+    world.set_obstacles({"ball": (tool, 0.05)})
+    assert world.clearance()[0] < -0.01
+
+
+def test_clearance_names_the_elbow(world: PandaWorld) -> None:
+    """A sphere beside the elbow, whose joint lies where forward kinematics says."""
+    _, origins = world.robot.link_frames(world.robot.ready)
+    elbow = origins[world.robot.link_names.index("panda_link4")]
+    world.set_obstacles({"ball": (elbow + [0.0, 0.3, 0.0], 0.05), "far": (np.array([-1.0, -1.0, 1.0]), 0.05)})
+    distance, link = world.clearance()
+    assert link in ("panda_link3", "panda_link4")
+    assert 0.3 - 0.05 - 0.12 < distance < 0.3 - 0.05
+
+
+def test_without_obstacles_clearance_is_infinite(world: PandaWorld) -> None:
+    assert world.clearance() == (np.inf, "")
+    world.set_obstacles({"far": (np.array([0.0, 0.0, 9.0]), 0.1)})
+    assert world.clearance(cutoff=1.0) == (np.inf, "")
+
+
+def test_a_sphere_that_runs_into_the_hand_is_felt(world: PandaWorld) -> None:
+    """With the control: the same sphere passing 25 cm away touches nothing."""
+    tool, _ = world.tool_pose()
+
+    def sweep(offset: float) -> tuple[int, float]:
+        world.reset()
+        touched, nearest = 0, np.inf
+        for y in np.linspace(-0.25, 0.1, 120):
+            world.set_obstacles({"ball": (tool + [offset, y, 0.0], 0.05)})
+            world.step()
+            touched += world.contacts()
+            nearest = min(nearest, world.clearance()[0])
+        return touched, nearest
+
+    hits, depth = sweep(0.0)
+    misses, distance = sweep(0.25)
+    assert hits > 0
+    assert depth < 0.0
+    assert misses == 0
+    assert distance > 0.0
+
+
+def test_obstacles_appear_move_grow_and_vanish(world: PandaWorld) -> None:
+    tool, _ = world.tool_pose()
+    below = tool - [0.0, 0.0, 0.1]
+    world.set_obstacles({"ball": (below, 0.03)})
+    small = world.clearance()[0]
+    world.set_obstacles({"ball": (below, 0.05)})
+    assert world.clearance()[0] == pytest.approx(small - 0.02, abs=2e-3)
+    world.set_obstacles({"other": (below - [0.0, 0.0, 0.05], 0.03)})
+    assert world.clearance()[0] == pytest.approx(small + 0.05, abs=2e-3)
+    world.set_obstacles({})
+    assert world.clearance() == (np.inf, "")
+
+
+@pytest.mark.parametrize(
+    ("sphere", "message"),
+    [
+        ((np.array([np.nan, 0.0, 0.0]), 0.1), "centre of obstacle 'bad'"),
+        ((np.zeros(2), 0.1), "centre of obstacle 'bad'"),
+        ((np.zeros(3), -0.1), "radius of obstacle 'bad'"),
+        ((np.zeros(3), np.inf), "radius of obstacle 'bad'"),
+    ],
+)
+def test_a_bad_obstacle_is_named_and_changes_nothing(world: PandaWorld, sphere: tuple, message: str) -> None:
+    world.set_obstacles({"ball": (np.array([0.5, 0.0, 0.2]), 0.05)})
+    before = world.clearance()
+    with pytest.raises(ParameterError, match=message):
+        world.set_obstacles({"fine": (np.array([0.4, 0.0, 0.3]), 0.1), "bad": sphere})
+    assert world.clearance() == before
+
+
+@pytest.mark.parametrize("view", sorted(VIEWS))
+def test_pictures_show_obstacles_and_curves(world: PandaWorld, view: str) -> None:
+    plain = world.render(80, 60, view)
+    assert plain.shape == (60, 80, 3)
+    assert plain.dtype == np.uint8
+    world.set_obstacles({"ball": (np.array([0.45, -0.3, 0.3]), 0.08)})
+    world.add_curve(np.linspace([0.3, -0.4, 0.3], [0.6, 0.2, 0.2], 20), (0.0, 0.0, 1.0), radius=0.02)
+    picture = world.render(80, 60, view).astype(int)
+    red = (picture[..., 0] > 120) & (picture[..., 1] < 90) & (picture[..., 2] < 90)
+    blue = (picture[..., 2] > 120) & (picture[..., 0] < 90) & (picture[..., 1] < 90)
+    assert red.any()
+    assert blue.any()
+    world.set_obstacles({})
+    world.clear_curves()
+    np.testing.assert_array_equal(world.render(80, 60, view), plain)
+
+
+def test_oversampling_keeps_the_size(world: PandaWorld) -> None:
+    assert world.render(64, 48, oversampling=2).shape == (48, 64, 3)
+
+
+def test_an_unknown_view_and_a_bad_curve_are_refused(world: PandaWorld) -> None:
+    with pytest.raises(ParameterError, match=r"'below'.*front"):
+        world.render(8, 8, "below")
+    with pytest.raises(ParameterError, match="curve"):
+        world.add_curve(np.zeros((1, 3)), (1.0, 0.0, 0.0))
+
+
+def test_a_bad_rate_is_refused() -> None:
+    with pytest.raises(ParameterError, match="rate_hz"):
+        PandaWorld(rate_hz=10.0)
+
+
+def test_close_twice() -> None:
+    world = PandaWorld()
+    world.close()
+    world.close()
+
+
+@pytest.mark.parametrize("task", ["pouring", "bottle2shelf"])
+def test_real_demonstrations_are_followed(world: PandaWorld, recordings: Path, task: str) -> None:
+    """The first hand-guided recording, played at the 100 Hz of the recording: near all along, exact at the end."""
+    demonstration = read_demonstrations(recordings / "robotasks" / f"{task}.npy", units="cm")[0]
+    world.reset(solve(world.robot, demonstration.positions[0], demonstration.quaternions[0]))
+    last = len(demonstration.positions) - 1
+
+    def pose_at(time: float) -> Pose:
+        index = min(round(100.0 * time), last)
+        return demonstration.positions[index], demonstration.quaternions[index]
+
+    rows = play(world, pose_at, 0.01 * last + 0.5)
+    assert rows[:, 0].max() < 4e-3
+    assert rows[:, 1].max() < np.radians(5.0)
+    assert rows[-1, 0] < 1e-4
+    assert rows[-1, 1] < np.radians(0.05)
