@@ -418,7 +418,7 @@ class ReactivePlanner:
         if not math.isfinite(cost):
             reason = "obstacles block every way to the goal that was demonstrated"
             return _refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query)
-        energy = float(np.max(energies.fixed[edges] + energies.shares[edges].sum(axis=1), initial=0.0))
+        energy = float(np.max(energies.without_obstacles[edges], initial=0.0))
         return self._polyline(start_latent, nodes), energy
 
     def _polyline(self, start: np.ndarray, nodes: np.ndarray) -> np.ndarray:

@@ -1,11 +1,16 @@
-"""Shared fixtures: where real recordings are, when they are there at all."""
+"""Shared fixtures: a small skill trained for the tests, and where real recordings are, when they are there at all."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.quaternions import rotate_by
+from geodesic_motion_ros.skill import Skill
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -17,3 +22,27 @@ def recordings() -> Path:
     if not (folder / "robotasks").is_dir():
         pytest.skip(f"no recordings in {folder}: set GEODESIC_DATA to a folder that holds robotasks/")
     return folder
+
+
+def fan_of_demonstrations() -> Demonstrations:
+    """Seven reaches of a Panda from right to left that bulge out differently far, turning the tool by half a radian."""
+    share = np.linspace(0.0, 1.0, 120)
+    start, goal = np.array([0.45, -0.28, 0.32]), np.array([0.48, 0.26, 0.36])
+    down = np.array([0.0, 1.0, 0.0, 0.0])
+    items = []
+    for number, bulge in enumerate(np.linspace(-0.12, 0.12, 7)):
+        line = start + share[:, None] * (goal - start)
+        positions = line + np.sin(np.pi * share)[:, None] * bulge * np.array([0.8, 0.0, 0.6])
+        turns = share[:, None] * np.array([0.0, 0.0, 0.5]) + bulge * np.array([0.5, 0.0, 0.0])
+        quaternions = rotate_by(turns, np.broadcast_to(down, (len(share), 4)))
+        items.append(Demonstration(positions, quaternions, 4.0 * share, f"reach {number}"))
+    return Demonstrations(tuple(items))
+
+
+@pytest.fixture(scope="session")
+def fan_skill() -> Skill:
+    """A skill for a Panda, really trained, small enough to be trained anew for every run of the tests."""
+    from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+
+    settings = TrainingSettings(steps=800, kernels=150, hidden=(64, 32))
+    return train_task_space_skill(fan_of_demonstrations(), settings, name="fan")

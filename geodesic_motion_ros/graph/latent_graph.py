@@ -241,6 +241,11 @@ class EdgeEnergies:
     positions: np.ndarray
     quaternions: np.ndarray
 
+    @property
+    def without_obstacles(self) -> np.ndarray:
+        """Obstacle-free squared length of every edge, (m,)."""
+        return self.fixed + self.shares.sum(axis=1)
+
 
 @dataclass(frozen=True)
 class LatentGraph:
