@@ -5,9 +5,9 @@ The step solves, for the pose error e and a feed-forward twist v (both linear th
     dq = J^+ (gain e + v) + (I - J^+ J) posture_gain (posture - q),    J^+ = J^T (J J^T + d^2 I)^-1.
 
 The damping d of a step is that of Nakamura and Hanafusa (1986), d = d_0 (1 - w / w_0) where the
-manipulability w = sqrt(det J J^T) falls below w_0; that of the solution is Sugihara's (2011), d^2 = |e|^2 / 2.
-A joint that would leave its limits is stopped there and the others are solved again without it, so that they
-take over its share.
+manipulability w = sqrt(det J J^T) falls below w_0; that of the solution is Sugihara's (2011),
+d^2 = |e|^2 / 2. A joint that would leave its limits is stopped there and the others are solved again without
+it, so that they take over its share.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.errors import RobotError
-from geodesic_motion_ros.robot.kinematics import Robot, forward, jacobian
+from geodesic_motion_ros.robot.kinematics import CHAIN, MATRIX, VECTOR, Robot, contiguous, forward, jacobian
 
 DAMPING = 0.1
 LOW_MANIPULABILITY = 0.02
@@ -36,8 +36,13 @@ class Tolerance:
 def pose_error(
     position: np.ndarray, quaternion: np.ndarray, target_position: np.ndarray, target_quaternion: np.ndarray
 ) -> np.ndarray:
-    """Error (6,) from a pose to a target: position difference [m], shortest rotation vector [rad], base frame."""
-    return _pose_error(position, quaternion, target_position, target_quaternion)
+    """Error (6,) from a pose to a target, base frame: position [m], shortest rotation vector [rad]."""
+    return _pose_error(
+        contiguous(position),
+        contiguous(quaternion),
+        contiguous(target_position),
+        contiguous(target_quaternion),
+    )
 
 
 def differential_step(
@@ -61,15 +66,16 @@ def differential_step(
     dt : length of the step [s].
     gain : how fast the error is to vanish [1/s].
     feed_forward : (6,) velocity of the target itself [m/s, rad/s].
-    posture, posture_gain : (n,) joint positions to which the null space is drawn (default `robot.ready`) [1/s].
+    posture : (n,) joint positions to which the null space is drawn; default `robot.ready`.
+    posture_gain : how fast it is drawn there [1/s].
 
     Notes
     -----
     Velocities above a limit are scaled down together, which keeps the tool's direction of motion.
     """
-    q = np.ascontiguousarray(joint_positions, dtype=np.float64)
+    q = contiguous(joint_positions)
     reached_position, reached_quaternion = forward(q, robot.chain)
-    twist = gain * _pose_error(reached_position, reached_quaternion, position, quaternion)
+    twist = gain * pose_error(reached_position, reached_quaternion, position, quaternion)
     if feed_forward is not None:
         twist = twist + feed_forward
     return twist_step(robot, q, twist, dt, posture=posture, posture_gain=posture_gain)
@@ -85,10 +91,10 @@ def twist_step(
     posture_gain: float = 1.0,
 ) -> np.ndarray:
     """Joint velocities (n,) [rad/s] that move the tool with a twist (6,); see `differential_step`."""
-    drift = posture_gain * ((robot.ready if posture is None else posture) - joint_positions)
-    velocities = (
-        _joint_step(joint_positions, twist * dt, drift * dt, -1.0, robot.lower, robot.upper, robot.chain) / dt
-    )
+    q = contiguous(joint_positions)
+    drift = posture_gain * ((robot.ready if posture is None else posture) - q)
+    step = _joint_step(q, contiguous(twist * dt), drift * dt, -1.0, robot.lower, robot.upper, robot.chain)
+    velocities = step / dt
     return velocities / max(1.0, float(np.max(np.abs(velocities) / robot.velocity_limits)))
 
 
@@ -159,7 +165,7 @@ def checked_pose(position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarr
     return position, quaternion / length
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit((VECTOR, VECTOR, VECTOR, VECTOR), cache=True, nogil=True)
 def _pose_error(position, quaternion, target_position, target_quaternion):
     w, x, y, z = target_quaternion
     a, b, c, d = quaternion
@@ -182,13 +188,13 @@ def _pose_error(position, quaternion, target_position, target_quaternion):
     return error
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit((MATRIX,), cache=True, nogil=True)
 def _singularity_damping(gram):
     manipulability = np.sqrt(max(np.linalg.det(gram), 0.0))
     return (DAMPING * max(1.0 - manipulability / LOW_MANIPULABILITY, 0.0)) ** 2
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit((MATRIX, VECTOR, VECTOR, VECTOR, numba.float64), cache=True, nogil=True)
 def _damped_step(matrix, free, task, drift, damping):
     """Damped least-squares step of the free joints for a displacement (6,), with drift in the null space."""
     active = matrix * free
@@ -202,7 +208,7 @@ def _damped_step(matrix, free, task, drift, damping):
     return active.T @ np.linalg.solve(gram, task - active @ drift) + drift
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit((VECTOR, VECTOR, VECTOR, numba.float64, VECTOR, VECTOR, CHAIN), cache=True, nogil=True)
 def _joint_step(q, task, drift, damping, lower, upper, chain):
     """Step dq (n,) for a displacement (6,) with q + dq in [lower, upper]; damping < 0: by manipulability."""
     count = len(q)
@@ -224,7 +230,7 @@ def _joint_step(q, task, drift, damping, lower, upper, chain):
     return np.minimum(np.maximum(q + step, lower), upper) - q
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit((*(VECTOR,) * 6, CHAIN, numba.float64, numba.float64), cache=True, nogil=True)
 def _iterate(start, posture, position, quaternion, lower, upper, chain, position_tolerance, angle_tolerance):
     """Damped least-squares iteration, whose pull to the posture fades so that the pose can settle."""
     q = start.copy()

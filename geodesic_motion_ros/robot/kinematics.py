@@ -14,6 +14,18 @@ import numpy as np
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits
 
+# Written signatures: compiled at the first import, never in the middle of a run. All inputs are read only.
+VECTOR = numba.types.Array(numba.float64, 1, "C", readonly=True)
+MATRIX = numba.types.Array(numba.float64, 2, "C", readonly=True)
+CHAIN = numba.types.Tuple(
+    (
+        numba.types.Array(numba.float64, 3, "C", readonly=True),
+        MATRIX,
+        MATRIX,
+        numba.types.Array(numba.int64, 1, "C", readonly=True),
+        numba.types.Array(numba.boolean, 1, "C", readonly=True),
+    )
+)
 FOLDER = Path(__file__).parent
 PANDA_READY = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
 
@@ -52,15 +64,9 @@ class Robot:
         )
         self.chain = (chain.rotations, chain.translations, chain.axes, chain.joint_index, chain.prismatic)
         self.ready = self._middle() if ready is None else self.checked(np.asarray(ready, dtype=float))
-        for limits in (
-            self.lower,
-            self.upper,
-            self.velocity_limits,
-            self.acceleration_limits,
-            self.jerk_limits,
-        ):
-            limits.setflags(write=False)
-        self.ready.setflags(write=False)
+        limits = (self.lower, self.upper, self.velocity_limits, self.acceleration_limits, self.jerk_limits)
+        for array in (*limits, self.ready, *self.chain):
+            array.setflags(write=False)
 
     @classmethod
     def panda(cls) -> Robot:
@@ -109,15 +115,15 @@ class Robot:
 
     def forward(self, joint_positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tool pose in the base frame: position (3,) [m], unit quaternion (4,), scalar first, w >= 0."""
-        return forward(np.ascontiguousarray(joint_positions, dtype=np.float64), self.chain)
+        return forward(contiguous(joint_positions), self.chain)
 
     def jacobian(self, joint_positions: np.ndarray) -> np.ndarray:
         """Geometric Jacobian (6, n) of the tool in the base frame: rows linear [m/rad], then angular."""
-        return jacobian(np.ascontiguousarray(joint_positions, dtype=np.float64), self.chain)
+        return jacobian(contiguous(joint_positions), self.chain)
 
     def link_frames(self, joint_positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Frames of `link_names` in the base frame: rotations (m + 1, 3, 3) and origins (m + 1, 3) [m]."""
-        return link_frames(np.ascontiguousarray(joint_positions, dtype=np.float64), self.chain)
+        return link_frames(contiguous(joint_positions), self.chain)
 
     @cached_property
     def shoulder(self) -> np.ndarray:
@@ -186,6 +192,11 @@ class Robot:
         return float(np.linalg.norm(self.forward(positions)[0] - self.shoulder))
 
 
+def contiguous(values: np.ndarray) -> np.ndarray:
+    """The same values as the kernels take them: float64 in one piece."""
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
 @numba.njit(cache=True, nogil=True)
 def _multiply(left, right, out):
     for i in range(3):
@@ -204,7 +215,7 @@ def _axis_rotation(axis, angle, out):
     out[2, 0], out[2, 1], out[2, 2] = t * x * z - s * y, t * y * z + s * x, c + t * z * z
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
 def link_frames(q, chain):
     """Rotations (m + 1, 3, 3) and origins (m + 1, 3) of all links of the chain in the base frame."""
     offset_rotations, offset_translations, axes, joint_index, prismatic = chain
@@ -234,7 +245,7 @@ def link_frames(q, chain):
     return rotations, origins
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit((MATRIX,), cache=True, nogil=True)
 def quaternion_of(rotation):
     """Unit quaternion (w, x, y, z), w >= 0, of a rotation matrix by its largest part (Shepperd 1978)."""
     trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
@@ -262,14 +273,14 @@ def quaternion_of(rotation):
     return out * (-scale if out[0] < 0.0 else scale)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
 def forward(q, chain):
     """Tool position (3,) and quaternion (4,) of a chain."""
     rotations, origins = link_frames(q, chain)
     return origins[-1].copy(), quaternion_of(rotations[-1])
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
 def jacobian(q, chain):
     """Geometric Jacobian (6, n): column of a revolute joint (a x (p - o); a), of a prismatic one (a; 0)."""
     rotations, origins = link_frames(q, chain)

@@ -52,10 +52,10 @@ def read_chain(path: str | Path, base_link: str, tool_link: str) -> Chain:
     """
     joints = _joints_from_base(_parse(path), base_link, tool_link, Path(path).name)
     moving = [joint for joint in joints if joint.get("type") in MOVING]
-    limits = np.array([_limits(joint) for joint in moving]).reshape(-1, 3)
     if not moving:
         raise RobotError(f"no moving joint lies between '{base_link}' and '{tool_link}' in {Path(path).name}")
     names = tuple(joint.get("name", "") for joint in moving)
+    limits = np.array([_limits(joint) for joint in moving]).T.copy()
     origins = [_origin(joint) for joint in joints]
     return Chain(
         link_names=(base_link, *(joint.find("child").get("link") for joint in joints)),
@@ -65,14 +65,14 @@ def read_chain(path: str | Path, base_link: str, tool_link: str) -> Chain:
         axes=np.array([_axis(joint) for joint in joints]),
         joint_index=np.array([names.index(joint.get("name")) if joint in moving else -1 for joint in joints]),
         prismatic=np.array([joint.get("type") == "prismatic" for joint in joints]),
-        lower=limits[:, 0],
-        upper=limits[:, 1],
-        velocity=limits[:, 2],
+        lower=limits[0],
+        upper=limits[1],
+        velocity=limits[2],
     )
 
 
 def read_dynamic_limits(path: str | Path, joint_names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Acceleration [rad/s^2] and jerk [rad/s^3] limits, both (n,), from a file like MoveIt's joint_limits.yaml.
+    """Acceleration [rad/s^2] and jerk limits [rad/s^3], both (n,), from a joint_limits.yaml as MoveIt's.
 
     Raises
     ------

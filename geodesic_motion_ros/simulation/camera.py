@@ -12,7 +12,7 @@ from geodesic_motion_ros.errors import ParameterError
 
 @dataclass(frozen=True)
 class View:
-    """Where a camera looks (target [m]) and from where: distance [m], yaw about z, pitch; angles in degrees."""
+    """Where a camera looks (target [m]) and from where: distance [m], yaw about z and pitch [deg]."""
 
     target: tuple[float, float, float]
     distance: float

@@ -2,7 +2,7 @@
 
 A scene is written as a mapping, in code or in YAML, from a name to the fields of one obstacle:
 
-    ball:  {kind: line, start: [0.5, -0.4, 0.3], end: [0.5, 0.2, 0.3], speed: 0.2, start_time: 1, radius: 0.05}
+    ball:  {kind: line, start: [0.5, -0.4, 0.3], end: [0.5, 0.2, 0.3], speed: 0.2, radius: 0.05}
     post:  {kind: static, centre: [0.4, 0.0, 0.2], radius: 0.04}
     orbit: {kind: circle, centre: [0.45, 0.0, 0.3], amplitude: 0.15, period: 6.0, radius: 0.03}
 """
@@ -109,7 +109,7 @@ class Scene:
 
     @classmethod
     def from_dict(cls, description: Mapping[str, Mapping]) -> Scene:
-        """A scene from a mapping name -> fields of an obstacle, as YAML gives it (see the head of this module).
+        """A scene from name -> fields of an obstacle, as YAML gives it (see the head of this module).
 
         Raises
         ------

@@ -15,8 +15,9 @@ class TargetStream:
     """The newest target pose, carried on with the velocity of the stream until the next one arrives.
 
     The velocity is the difference of successive targets over the smoothed period of the stream, not over the
-    measured interval: a message that arrives late or early still stands for one period of motion. A pose that
-    follows none for `timeout` seconds, or that lies too far off to have been moved to, is a step: velocity zero.
+    measured interval: a message that arrives late or early still stands for one period of motion. A pose
+    that follows none for `timeout` seconds, or that lies too far off to have been moved to, is a step: its
+    velocity is zero.
 
     Parameters
     ----------

@@ -61,9 +61,10 @@ class PandaWorld:
         joint_positions: np.ndarray | None = None,
         tool_pose: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
-        """Put the arm at rest at joint positions (7,) [rad], at a tool pose (position, quaternion), or at `robot.ready`.
+        """Put the arm at rest: at joint positions (7,) [rad], at a tool pose, or else at `robot.ready`.
 
-        A tool pose is reached by inverse kinematics, near `robot.ready`. Obstacles and curves stay, time starts again at zero.
+        A tool pose (position, quaternion) goes through inverse kinematics. Obstacles and curves stay, time
+        starts again at zero.
 
         Raises
         ------
@@ -86,7 +87,7 @@ class PandaWorld:
     def set_target_pose(self, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Follow a tool pose from now on: (3,) [m] and unit quaternion (4,), scalar first, base frame.
 
-        Meant to be called at a steady rate, as 100 Hz; in between the target moves on with the stream's velocity.
+        To be called at a steady rate, as 100 Hz: in between the target moves on with the stream's velocity.
 
         Raises
         ------
@@ -134,7 +135,7 @@ class PandaWorld:
         return self._motion.positions.copy()
 
     def tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
-        """Measured pose of `panda_grasptarget`, base frame: position (3,) [m], quaternion (4,), scalar first."""
+        """Measured pose of the tool in the base frame: position (3,) [m], quaternion (4,), scalar first."""
         return self.robot.forward(self.joint_positions)
 
     def set_obstacles(self, obstacles: Mapping[str, tuple[np.ndarray, float]]) -> None:

@@ -299,7 +299,7 @@ def test_close_twice() -> None:
 
 @pytest.mark.parametrize("task", ["pouring", "bottle2shelf"])
 def test_real_demonstrations_are_followed(world: PandaWorld, recordings: Path, task: str) -> None:
-    """The first hand-guided recording, played at the 100 Hz of the recording: near all along, exact at the end."""
+    """The first hand-guided recording, played at 100 Hz: near all along, exact at the end."""
     demonstration = read_demonstrations(recordings / "robotasks" / f"{task}.npy", units="cm")[0]
     world.reset(solve(world.robot, demonstration.positions[0], demonstration.quaternions[0]))
     last = len(demonstration.positions) - 1
