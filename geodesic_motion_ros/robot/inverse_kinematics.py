@@ -188,24 +188,65 @@ def _pose_error(position, quaternion, target_position, target_quaternion):
     return error
 
 
-@numba.njit((MATRIX,), cache=True, nogil=True)
-def _singularity_damping(gram):
-    manipulability = np.sqrt(max(np.linalg.det(gram), 0.0))
-    return (DAMPING * max(1.0 - manipulability / LOW_MANIPULABILITY, 0.0)) ** 2
+@numba.njit((MATRIX, numba.float64), cache=True, nogil=True)
+def _factor(matrix, damping):
+    """Cholesky factor L (6, 6) with L L^T = matrix + damping I."""
+    factor = np.zeros((6, 6))
+    for i in range(6):
+        for j in range(i + 1):
+            value = matrix[i, j]
+            for k in range(j):
+                value -= factor[i, k] * factor[j, k]
+            if i == j:
+                # rounding can push what is damped to almost nothing below zero
+                factor[i, i] = np.sqrt(max(value + damping, 1e-14))
+            else:
+                factor[i, j] = value / factor[j, j]
+    return factor
+
+
+@numba.njit((MATRIX, VECTOR), cache=True, nogil=True)
+def _solve_factored(factor, right):
+    """Solution (6,) of L L^T x = right."""
+    x = right.copy()
+    for i in range(6):
+        for k in range(i):
+            x[i] -= factor[i, k] * x[k]
+        x[i] /= factor[i, i]
+    for i in range(5, -1, -1):
+        for k in range(i + 1, 6):
+            x[i] -= factor[k, i] * x[k]
+        x[i] /= factor[i, i]
+    return x
 
 
 @numba.njit((MATRIX, VECTOR, VECTOR, VECTOR, numba.float64), cache=True, nogil=True)
 def _damped_step(matrix, free, task, drift, damping):
     """Damped least-squares step of the free joints for a displacement (6,), with drift in the null space."""
-    active = matrix * free
-    gram = active @ active.T
-    if damping < 0.0:
-        damping = _singularity_damping(gram)
-    damping += SMALLEST_DAMPING**2
+    count = len(free)
+    gram = np.zeros((6, 6))
+    residual = task.copy()
     for i in range(6):
-        gram[i, i] += damping
-    drift = drift * free
-    return active.T @ np.linalg.solve(gram, task - active @ drift) + drift
+        for joint in range(count):
+            residual[i] -= matrix[i, joint] * free[joint] * drift[joint]
+            for j in range(i + 1):
+                gram[i, j] += matrix[i, joint] * free[joint] * matrix[j, joint]
+    factor = _factor(gram, SMALLEST_DAMPING**2 + max(damping, 0.0))
+    if damping < 0.0:
+        manipulability = 1.0
+        for i in range(6):
+            manipulability *= factor[i, i]
+        if manipulability < LOW_MANIPULABILITY:
+            shortage = 1.0 - manipulability / LOW_MANIPULABILITY
+            factor = _factor(gram, SMALLEST_DAMPING**2 + (DAMPING * shortage) ** 2)
+    pull = _solve_factored(factor, residual)
+    step = np.zeros(count)
+    for joint in range(count):
+        step[joint] = drift[joint]
+        for i in range(6):
+            step[joint] += matrix[i, joint] * pull[i]
+        step[joint] *= free[joint]
+    return step
 
 
 @numba.njit((VECTOR, VECTOR, VECTOR, numba.float64, VECTOR, VECTOR, CHAIN), cache=True, nogil=True)
