@@ -87,7 +87,8 @@ def calibrated_energy_per_edge(graph: LatentGraph, codes: np.ndarray) -> float:
     ------
     SkillError : no demonstration's ends are connected in the graph.
     """
-    energies = graph.transported(Offsets.none(), np.zeros((1, 3))).without_obstacles
+    untouched = graph.transported(Offsets.none(), np.zeros((1, 3)))
+    energies = untouched.fixed + untouched.shares.sum(axis=1)
     count = len(graph.latent)
     first, second = graph.edges.T
     lengths = coo_matrix((np.sqrt(energies), (first, second)), shape=(count, count)).tocsr()

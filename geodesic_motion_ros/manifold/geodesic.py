@@ -106,7 +106,7 @@ def continuous_geodesic(
 
 
 def _initial_curve(start: np.ndarray, end: np.ndarray, initial: np.ndarray | None) -> np.ndarray:
-    guess = np.stack([start, end]) if initial is None else np.array(initial, dtype=float)
+    guess = np.array([start, end] if initial is None else initial, dtype=float)
     if guess.ndim != 2 or len(guess) < 2 or not start.shape == end.shape == guess.shape[1:]:
         raise ParameterError(
             f"start {start.shape}, end {end.shape} and curve {guess.shape} must be (d,), (d,) and (points, d)"
