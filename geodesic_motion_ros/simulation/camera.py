@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pybullet_utils.bullet_client import BulletClient
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.simulation.physics_client import PhysicsClient
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class View:
 SKY = ((236.0, 240.0, 245.0), (206.0, 214.0, 222.0))  # colours at the upper and the lower edge
 
 VIEWS = {
-    "front": View((0.24, -0.13, 0.36), 1.5, 60.0, -22.0),
+    "front": View((0.26, -0.15, 0.35), 1.55, 60.0, -22.0),
     "side": View((0.24, -0.12, 0.36), 1.75, 20.0, -18.0),
     "top": View((0.28, -0.12, 0.25), 1.9, 90.0, -70.0),
 }
@@ -42,7 +42,7 @@ def view_named(name: str) -> View:
     return VIEWS[name]
 
 
-def take_picture(client: BulletClient, view: View, width: int, height: int, oversampling: int) -> np.ndarray:
+def take_picture(client: PhysicsClient, view: View, width: int, height: int, oversampling: int) -> np.ndarray:
     """uint8 picture (height, width, 3); each pixel is the mean of oversampling^2 rendered ones."""
     columns, rows = width * oversampling, height * oversampling
     looking = client.computeViewMatrixFromYawPitchRoll(

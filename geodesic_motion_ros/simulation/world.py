@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pybullet
 import pybullet_data
-from pybullet_utils.bullet_client import BulletClient
 
 from geodesic_motion_ros.errors import ParameterError, RobotError
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.camera import take_picture, view_named
 from geodesic_motion_ros.simulation.joint_motion import JointMotion
+from geodesic_motion_ros.simulation.physics_client import PhysicsClient
 from geodesic_motion_ros.simulation.target_stream import TargetStream
 
 PANDA_URDF = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
@@ -50,7 +49,7 @@ class PandaWorld:
         self.robot = Robot.panda()
         self.dt = 1.0 / rate_hz
         self.time = 0.0
-        self._client = BulletClient(connection_mode=pybullet.GUI if gui else pybullet.DIRECT)
+        self._client = PhysicsClient(gui)
         self._obstacles: dict[str, tuple[int, float]] = {}
         self._decorations: list[int] = []
         self._build(gui)

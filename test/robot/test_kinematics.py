@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pybullet
 import pybullet_data
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.quaternions import rotation_vector_between, to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.physics_client import PhysicsClient
 
 SLIDER = """<robot name="slider">
   <link name="base"/><link name="arm"/><link name="tool"/>
@@ -45,7 +44,7 @@ def any_robot(request: pytest.FixtureRequest, tmp_path: Path) -> Robot:
 
 
 def test_link_frames_agree_with_pybullet(robot: Robot, configurations: np.ndarray) -> None:
-    client = BulletClient(connection_mode=pybullet.DIRECT)
+    client = PhysicsClient()
     try:
         arm = client.loadURDF(
             str(Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"), useFixedBase=True
