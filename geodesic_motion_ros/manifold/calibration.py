@@ -26,8 +26,9 @@ CODE_SAMPLES = 100
 #: The support is measured by this percentile of rms sigma on the codes: a few bad samples do not widen it.
 SUPPORT_PERCENTILE = 99.0
 #: An edge may cost this multiple of the dearest edge on the shortest paths between the demonstrations' own
-#: ends. Edges between clusters cost a hundred times more and up, so the exact number does not matter.
-ENERGY_MULTIPLE = 10.0
+#: ends: a detour along the rim of the support costs some ten times as much, a crossing between clusters a hundred
+#: times more again.
+ENERGY_MULTIPLE = 100.0
 
 
 def assemble_skill(
