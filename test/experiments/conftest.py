@@ -1,0 +1,26 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.quaternions import rotate_by
+
+
+@pytest.fixture(scope="session")
+def demonstrations() -> Demonstrations:
+    """Six invented demonstrations of carrying a cup over an edge and tilting it; starts and goals vary."""
+    rng = np.random.default_rng(11)
+    items = []
+    for index in range(6):
+        samples = 150 + 10 * index
+        s = np.linspace(0.0, 1.0, samples)[:, None]
+        start, goal = np.array([0.45, 0.2, 0.3]), np.array([0.4, -0.35, 0.25])
+        start, goal = start + rng.normal(0.0, 0.02, 3), goal + rng.normal(0.0, 0.01, 3)
+        lift = (0.12 + 0.01 * rng.normal()) * np.sin(np.pi * s) * np.array([0.3, 0.0, 1.0])
+        turn = s**2 * (np.array([1.2, 0.2, 0.0]) + rng.normal(0.0, 0.05, 3))
+        upright = np.tile([0.0, 1.0, 0.0, 0.0], (samples, 1))
+        recorded = rotate_by(turn, upright) * (-1.0 if index == 4 else 1.0)
+        times = s[:, 0] * (2.0 + 0.1 * index)
+        items.append(Demonstration(start + s * (goal - start) + lift, recorded, times, f"cup_{index}"))
+    return Demonstrations(tuple(items))

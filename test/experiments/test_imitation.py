@@ -1,0 +1,147 @@
+import json
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.errors import DemonstrationError, ParameterError
+from geodesic_motion_ros.experiments.imitation import (
+    COLUMNS,
+    ROWS,
+    ImitationReport,
+    default_folds,
+    evaluate,
+    parse_folds,
+)
+from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+
+HELD_OUT = (1, 4)
+
+
+def train_briefly(demonstrations, seed, progress):
+    settings = TrainingSettings(seed=seed, steps=600, hidden=(64, 32), kernels=150)
+    return train_task_space_skill(demonstrations, settings, progress=progress)
+
+
+@pytest.fixture(scope="module")
+def report(demonstrations) -> ImitationReport:
+    pytest.importorskip("movement_primitives")
+    return evaluate(demonstrations, [HELD_OUT], [0], train_briefly, task="cup", show_progress=False)
+
+
+def test_every_row_has_every_column(report):
+    assert tuple(report.rows) == ROWS
+    for values in report.rows.values():
+        assert set(COLUMNS) < set(values)
+
+
+def test_every_prediction_of_every_held_out_demonstration_is_measured(report):
+    for row in ROWS:
+        measured = [item.demonstration for item in report.measurements if item.row == row]
+        assert sorted(measured) == sorted(HELD_OUT)
+
+
+def test_the_geodesic_answers_meets_its_ends_and_follows_the_skill(report):
+    geodesic, line = report.rows["geodesic"], report.rows["task_line"]
+    assert geodesic["unanswered"] == 0
+    assert geodesic["endpoint_after_mm"] < 1e-6
+    assert geodesic["endpoint_after_deg"] < 1e-4
+    assert geodesic["endpoint_before_mm"] > 0.1
+    assert geodesic["dtw_mm"] < 0.5 * line["dtw_mm"]
+    assert geodesic["to_closest_mm"] < 0.5 * line["to_closest_mm"]
+
+
+def test_cells_without_meaning_are_null(report):
+    assert report.rows["people"]["endpoint_before_mm"] is None
+    assert report.rows["reconstruction"]["endpoint_after_mm"] is None
+    assert report.rows["mean_demonstration"]["off_manifold"] is None
+    for row in ("geodesic", "latent_line", "reconstruction"):
+        assert 0.0 <= report.rows[row]["off_manifold"] <= 1.0
+
+
+def test_a_row_is_the_mean_of_its_measurements(report):
+    measured = [item.values["dtw_mm"] for item in report.measurements if item.row == "promp"]
+    assert report.rows["promp"]["dtw_mm"] == pytest.approx(np.mean(measured))
+
+
+def test_json_is_valid_and_round_trips(report, tmp_path):
+    report.write_json(tmp_path / "deep" / "cup.json")
+
+    def refuse(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    read = json.loads((tmp_path / "deep" / "cup.json").read_text(), parse_constant=refuse)
+    assert read["task"] == "cup"
+    assert read["seeds"] == [0]
+    assert read["folds"] == [list(HELD_OUT)]
+    assert read["rows"] == report.rows
+    assert len(read["held_out"]) == len(report.measurements)
+
+
+def test_the_table_has_a_line_a_row(report):
+    lines = report.table().splitlines()
+    assert lines[0] == "cup: held out 1,4, seeds 0"
+    for row in ROWS:
+        (line,) = [line for line in lines if line.startswith(f"{row} ")]
+        shown = report.rows[row]["dtw_mm"]
+        assert line.split()[1] == f"{shown:.2f}"
+
+
+def test_positions_alone_have_no_orientation_figures(demonstrations):
+    pytest.importorskip("movement_primitives")
+    flat = Demonstrations(
+        tuple(
+            type(item)(item.positions, np.tile([1.0, 0.0, 0.0, 0.0], (len(item), 1)), item.times, item.name)
+            for item in demonstrations
+        ),
+        has_orientation=False,
+    )
+    report = evaluate(flat, [(2,)], [0], train_briefly, show_progress=False)
+    assert all(values["orientation_deg"] is None for values in report.rows.values())
+    assert report.rows["geodesic"]["dtw_mm"] < report.rows["task_line"]["dtw_mm"]
+
+
+def test_folds_are_parsed():
+    assert parse_folds("0,3,6/1,4,7/2,5,8", 9) == ((0, 3, 6), (1, 4, 7), (2, 5, 8))
+    assert parse_folds(" 1 , 2 ", 3) == ((1, 2),)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0,3,9", "there is no demonstration 9; the 9 are numbered 0 to 8"),
+        ("-1", "there is no demonstration -1"),
+        ("0,3/", "'' is not a list of indices; write them like 0,3,6/1,4,7/2,5,8"),
+        ("0;3", "'0;3' is not a list of indices"),
+        ("1,1", "'1,1' holds out a demonstration twice"),
+        ("0,1,2,3,4,5,6,7,8", "leaves no demonstration to train on"),
+    ],
+)
+def test_bad_folds_are_refused(text, message):
+    with pytest.raises(ParameterError, match=message):
+        parse_folds(text, 9)
+
+
+def test_default_folds_hold_every_demonstration_out_once():
+    assert default_folds(9) == ((0, 3, 6), (1, 4, 7), (2, 5, 8))
+    assert default_folds(2) == ((0,), (1,))
+    assert sorted(sum(default_folds(8), ())) == list(range(8))
+    with pytest.raises(DemonstrationError, match="at least 2"):
+        default_folds(1)
+
+
+@pytest.mark.parametrize(("folds", "seeds"), [([], [0]), ([(0,)], [])])
+def test_nothing_to_evaluate_is_refused(demonstrations, folds, seeds):
+    pytest.importorskip("movement_primitives")
+    with pytest.raises(ParameterError, match="at least one fold and one seed"):
+        evaluate(demonstrations, folds, seeds, train_briefly, show_progress=False)
+
+
+def test_bad_folds_are_refused_before_anything_is_trained(demonstrations):
+    pytest.importorskip("movement_primitives")
+
+    def never(*arguments):
+        raise AssertionError("trained before the folds were checked")
+
+    with pytest.raises(DemonstrationError, match="cannot hold out demonstration 7"):
+        evaluate(demonstrations, [(0,), (7,)], [0], never, show_progress=False)
