@@ -382,9 +382,11 @@ def _left_support(plan: Plan) -> float:
 
 
 def _postfix(bar: tqdm) -> Progress:
+    """Show the stage of a training behind the bar; redrawn every twentieth, a training has thousands of steps."""
+
     def show(stage: str, step: int, steps: int) -> None:
-        bar.set_postfix_str(f"{stage} {100 * step // steps} %", refresh=False)
-        bar.update(0)
+        if step == 1 or 20 * step // steps > 20 * (step - 1) // steps:
+            bar.set_postfix_str(f"{stage} {100 * step // steps} %")
 
     return show
 
