@@ -159,9 +159,7 @@ def checked_pose(position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarr
         raise RobotError(f"target position is {position.tolist()}: expected three finite numbers in metres")
     length = np.linalg.norm(quaternion)
     if quaternion.shape != (4,) or not abs(length - 1.0) < 1e-2:
-        raise RobotError(
-            f"target quaternion is {quaternion.tolist()}: expected a unit quaternion (w, x, y, z)"
-        )
+        raise RobotError(f"target quaternion is {quaternion.tolist()}: expected a unit quaternion (w, x, y, z)")
     return position, quaternion / length
 
 
@@ -279,15 +277,11 @@ def _iterate(start, posture, position, quaternion, lower, upper, chain, position
     for iteration in range(150):
         reached_position, reached_quaternion = forward(q, chain)
         error = _pose_error(reached_position, reached_quaternion, position, quaternion)
-        near = (
-            np.linalg.norm(error[:3]) <= position_tolerance and np.linalg.norm(error[3:]) <= angle_tolerance
-        )
+        near = np.linalg.norm(error[:3]) <= position_tolerance and np.linalg.norm(error[3:]) <= angle_tolerance
         if near and iteration >= 30:
             break
         # steps of at most 0.1 m and 0.3 rad, where the linearisation can be trusted
-        shrink = min(
-            1.0, 0.1 / (np.linalg.norm(error[:3]) + 1e-12), 0.3 / (np.linalg.norm(error[3:]) + 1e-12)
-        )
+        shrink = min(1.0, 0.1 / (np.linalg.norm(error[:3]) + 1e-12), 0.3 / (np.linalg.norm(error[3:]) + 1e-12))
         pull = 0.1 * 0.93**iteration * (posture - q)
         q = q + _joint_step(q, shrink * error, pull, 0.5 * np.dot(error, error), lower, upper, chain)
     return q, error

@@ -82,10 +82,7 @@ def read_dynamic_limits(path: str | Path, joint_names: tuple[str, ...]) -> tuple
         table = yaml.safe_load(Path(path).read_text())["joint_limits"]
     except (OSError, yaml.YAMLError, TypeError, KeyError) as error:
         raise RobotError(f"{path} must be a YAML file with a mapping `joint_limits`: {error}") from error
-    limits = [
-        [_positive(table, joint, key, path) for joint in joint_names]
-        for key in ("max_acceleration", "max_jerk")
-    ]
+    limits = [[_positive(table, joint, key, path) for joint in joint_names] for key in ("max_acceleration", "max_jerk")]
     return np.array(limits[0]), np.array(limits[1])
 
 
@@ -180,7 +177,5 @@ def _positive(table: Mapping, joint: str, key: str, path: str | Path) -> float:
     entry = table.get(joint) if isinstance(table, Mapping) else None
     value = entry.get(key) if isinstance(entry, Mapping) else None
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < np.inf:
-        raise RobotError(
-            f"{key} of joint '{joint}' in {Path(path).name} is {value}: expected a positive number"
-        )
+        raise RobotError(f"{key} of joint '{joint}' in {Path(path).name} is {value}: expected a positive number")
     return float(value)

@@ -45,9 +45,7 @@ def view_named(name: str) -> View:
 def take_picture(client: PhysicsClient, view: View, width: int, height: int, oversampling: int) -> np.ndarray:
     """uint8 picture (height, width, 3); each pixel is the mean of oversampling^2 rendered ones."""
     columns, rows = width * oversampling, height * oversampling
-    looking = client.computeViewMatrixFromYawPitchRoll(
-        view.target, view.distance, view.yaw, view.pitch, 0.0, 2
-    )
+    looking = client.computeViewMatrixFromYawPitchRoll(view.target, view.distance, view.yaw, view.pitch, 0.0, 2)
     projecting = client.computeProjectionMatrixFOV(view.field_of_view, width / height, 0.05, 8.0)
     _, _, picture, _, owners = client.getCameraImage(
         columns,

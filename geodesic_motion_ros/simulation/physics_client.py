@@ -27,9 +27,7 @@ class PhysicsClient:
     def __init__(self, gui: bool = False) -> None:
         # PyBullet itself would end the whole process here
         if gui and sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
-            raise ParameterError(
-                "gui needs a display, but DISPLAY is not set: run without gui, or set DISPLAY"
-            )
+            raise ParameterError("gui needs a display, but DISPLAY is not set: run without gui, or set DISPLAY")
         self._server = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
 
     def __getattr__(self, name: str) -> Any:

@@ -96,9 +96,7 @@ class CircleObstacle:
 
 
 Obstacle = StaticObstacle | LineObstacle | CircleObstacle
-KINDS: dict[str, type[Obstacle]] = {
-    kind.kind: kind for kind in (StaticObstacle, LineObstacle, CircleObstacle)
-}
+KINDS: dict[str, type[Obstacle]] = {kind.kind: kind for kind in (StaticObstacle, LineObstacle, CircleObstacle)}
 
 
 @dataclass(frozen=True)
@@ -116,9 +114,7 @@ class Scene:
         ParameterError : an unknown kind, a field missing, unknown or out of range; the obstacle is named.
         """
         if not isinstance(description, Mapping):
-            raise ParameterError(
-                f"a scene maps names to obstacles, but this is a {type(description).__name__}"
-            )
+            raise ParameterError(f"a scene maps names to obstacles, but this is a {type(description).__name__}")
         return cls({str(name): _obstacle_from_dict(str(name), entry) for name, entry in description.items()})
 
     def obstacles(self, time: float) -> dict[str, tuple[np.ndarray, float]]:
@@ -148,9 +144,7 @@ def crossing(
     way = np.asarray(direction, dtype=float)
     length = np.linalg.norm(way)
     if not (way.shape == (3,) and np.isfinite(length) and length > 0.0):
-        raise ParameterError(
-            f"direction of a crossing obstacle is {way.tolist()}: expected a vector (3,) unequal zero"
-        )
+        raise ParameterError(f"direction of a crossing obstacle is {way.tolist()}: expected a vector (3,) unequal zero")
     if not (np.isfinite([before, after]).all() and min(before, after) >= 0.0 and speed > 0.0):
         raise ParameterError(
             f"a crossing obstacle has speed {speed}, before {before}, after {after}: speed must be positive, "
@@ -232,13 +226,9 @@ def _obstacle_from_dict(name: str, entry: Mapping) -> Obstacle:
     wrong = [f"unknown '{key}'" for key in given if key not in known]
     wrong += [f"no '{key}'" for key in required if key not in given]
     if wrong:
-        raise ParameterError(
-            f"obstacle '{name}' has {', '.join(wrong)}: a {kind.kind} obstacle has {', '.join(known)}"
-        )
+        raise ParameterError(f"obstacle '{name}' has {', '.join(wrong)}: a {kind.kind} obstacle has {', '.join(known)}")
     try:
-        return kind(
-            **{key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
-        )
+        return kind(**{key: tuple(value) if isinstance(value, list) else value for key, value in given.items()})
     except ParameterError as error:
         raise ParameterError(f"obstacle '{name}': {error}") from error
 
@@ -246,23 +236,15 @@ def _obstacle_from_dict(name: str, entry: Mapping) -> Obstacle:
 def _check_points(obstacle: Obstacle, *names: str) -> None:
     for name in names:
         value = getattr(obstacle, name)
-        if not (
-            isinstance(value, (tuple, list, np.ndarray))
-            and len(value) == 3
-            and all(_is_number(v) for v in value)
-        ):
-            raise ParameterError(
-                f"{name} of a {obstacle.kind} obstacle is {value}: expected three finite numbers"
-            )
+        if not (isinstance(value, (tuple, list, np.ndarray)) and len(value) == 3 and all(_is_number(v) for v in value)):
+            raise ParameterError(f"{name} of a {obstacle.kind} obstacle is {value}: expected three finite numbers")
 
 
 def _check_positive(obstacle: Obstacle, *names: str) -> None:
     for name in names:
         value = getattr(obstacle, name)
         if not (_is_number(value) and value > 0.0):
-            raise ParameterError(
-                f"{name} of a {obstacle.kind} obstacle is {value}: expected a positive number"
-            )
+            raise ParameterError(f"{name} of a {obstacle.kind} obstacle is {value}: expected a positive number")
 
 
 def _check_finite(obstacle: Obstacle, *names: str) -> None:
@@ -273,8 +255,4 @@ def _check_finite(obstacle: Obstacle, *names: str) -> None:
 
 
 def _is_number(value: object) -> bool:
-    return (
-        isinstance(value, (int, float, np.floating))
-        and not isinstance(value, bool)
-        and bool(np.isfinite(value))
-    )
+    return isinstance(value, (int, float, np.floating)) and not isinstance(value, bool) and bool(np.isfinite(value))

@@ -47,6 +47,7 @@ class PandaWorld:
         if not 100.0 <= rate_hz <= 2000.0:
             raise ParameterError(f"rate_hz is {rate_hz}: physics runs at 100 to 2000 steps per second")
         self.robot = Robot.panda()
+        self._reach = self.robot.reach  # worked out now, not at the first target
         self.dt = 1.0 / rate_hz
         self.time = 0.0
         self._client = PhysicsClient(gui)
@@ -96,7 +97,7 @@ class PandaWorld:
         if not self.robot.within_reach(position):
             raise RobotError(
                 f"target {np.round(position, 3).tolist()} m is out of reach: "
-                f"the arm reaches {self.robot.reach:.3f} m from {self.robot.shoulder.tolist()} m"
+                f"the arm reaches {self._reach:.3f} m from {self.robot.shoulder.tolist()} m"
             )
         if self._target is None:
             self._target = TargetStream(*self.robot.forward(self._motion.positions))
@@ -152,9 +153,7 @@ class PandaWorld:
         for name, (centre, radius) in checked.items():
             if name not in self._obstacles:
                 self._obstacles[name] = (self._add_sphere(centre, radius), radius)
-            self._client.resetBasePositionAndOrientation(
-                self._obstacles[name][0], centre, (0.0, 0.0, 0.0, 1.0)
-            )
+            self._client.resetBasePositionAndOrientation(self._obstacles[name][0], centre, (0.0, 0.0, 0.0, 1.0))
 
     def clearance(self, cutoff: float = 2.0) -> tuple[float, str]:
         """Smallest signed distance [m] from the arm's collision geometry to an obstacle, and the link's name.
@@ -176,9 +175,7 @@ class PandaWorld:
             for point in self._client.getContactPoints(self._arm, body)
         )
 
-    def add_curve(
-        self, points: np.ndarray, colour: tuple[float, float, float], radius: float = 0.004
-    ) -> None:
+    def add_curve(self, points: np.ndarray, colour: tuple[float, float, float], radius: float = 0.004) -> None:
         """Draw a curve (n, 3) [m] as a thin tube of one colour (r, g, b in [0, 1]); it touches nothing."""
         curve = np.asarray(points, dtype=float)
         if curve.ndim != 2 or curve.shape[1] != 3 or len(curve) < 2 or not np.all(np.isfinite(curve)):
@@ -193,9 +190,7 @@ class PandaWorld:
             self._client.removeBody(body)
         self._decorations = []
 
-    def render(
-        self, width: int = 640, height: int = 480, view: str = "front", oversampling: int = 1
-    ) -> np.ndarray:
+    def render(self, width: int = 640, height: int = 480, view: str = "front", oversampling: int = 1) -> np.ndarray:
         """Picture (height, width, 3), uint8, from one of `camera.VIEWS`; oversampling > 1 smooths edges.
 
         Takes about 0.1 s at 320 x 240 and holds Python's global lock: not for a control thread.
@@ -259,9 +254,7 @@ class PandaWorld:
         )
         return client.createMultiBody(0.0, shape, look, basePosition=centre)
 
-    def _add_capsule(
-        self, start: np.ndarray, end: np.ndarray, colour: tuple[float, ...], radius: float
-    ) -> int:
+    def _add_capsule(self, start: np.ndarray, end: np.ndarray, colour: tuple[float, ...], radius: float) -> int:
         client = self._client
         along = end - start
         length = float(np.linalg.norm(along))
