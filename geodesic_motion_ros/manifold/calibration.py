@@ -26,8 +26,8 @@ CODE_SAMPLES = 100
 #: The support is measured by this percentile of rms sigma on the codes: a few bad samples do not widen it.
 SUPPORT_PERCENTILE = 99.0
 #: An edge may cost this multiple of the dearest edge on the shortest paths between the demonstrations' own
-#: ends: a detour along the rim of the support costs some ten times as much, a crossing between clusters a hundred
-#: times more again.
+#: ends: a detour runs across the tube and near its rim, where edges cost ten times more; walls cost thousands
+#: of times more.
 ENERGY_MULTIPLE = 100.0
 
 

@@ -114,9 +114,7 @@ def _one_minus_bessel_ratio(kappa: Tensor) -> Tensor:
     """1 - I_2(kappa) / I_1(kappa) to rounding, for positive kappa."""
     small = kappa <= _LARGE
     fraction = _continued_fraction(torch.where(small, kappa, torch.ones_like(kappa)))
-    return torch.where(
-        small, 1.0 - fraction, _asymptotic(torch.where(small, torch.full_like(kappa, _LARGE), kappa))
-    )
+    return torch.where(small, 1.0 - fraction, _asymptotic(torch.where(small, torch.full_like(kappa, _LARGE), kappa)))
 
 
 def _continued_fraction(kappa: Tensor) -> Tensor:

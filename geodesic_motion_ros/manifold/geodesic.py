@@ -42,9 +42,7 @@ class GeodesicSettings:
                 "at least 3 control points, and more samples than that, are needed"
             )
         if self.iterations < 1 or not self.tolerance > 0.0:
-            raise ParameterError(
-                f"iterations {self.iterations} and tolerance {self.tolerance} must both be positive"
-            )
+            raise ParameterError(f"iterations {self.iterations} and tolerance {self.tolerance} must both be positive")
 
 
 @dataclass(frozen=True)
@@ -120,9 +118,7 @@ def _initial_curve(start: np.ndarray, end: np.ndarray, initial: np.ndarray | Non
 def _at_constant_speed(metric: Metric, curve: np.ndarray, count: int) -> np.ndarray:
     """Resample a polyline (m, d) to `count` points equally far apart in the Riemannian sense, ends kept."""
     fine = np.linspace(0.0, 1.0, 10 * max(count, len(curve)))
-    dense = np.stack(
-        [np.interp(fine, np.linspace(0.0, 1.0, len(curve)), column) for column in curve.T], axis=1
-    )
+    dense = np.stack([np.interp(fine, np.linspace(0.0, 1.0, len(curve)), column) for column in curve.T], axis=1)
     points = torch.tensor(dense)
     with torch.no_grad():
         steps = points[1:] - points[:-1]

@@ -68,9 +68,7 @@ class PullbackMetric:
         means, precisions = self.decoder.means(latent), self.decoder.precisions(latent)
         kappa = precisions.kappa
         scale = kappa**-0.5 if self.settings.orientation_scale == "spread" else kappa
-        return torch.cat(
-            [means.positions, 1.0 / precisions.inverse_sigma, means.quaternions, scale[..., None]], dim=-1
-        )
+        return torch.cat([means.positions, 1.0 / precisions.inverse_sigma, means.quaternions, scale[..., None]], dim=-1)
 
     def jacobian(self, latent: Tensor) -> Tensor:
         """Jacobian (n, 11, d) of the features at latent points (n, d)."""

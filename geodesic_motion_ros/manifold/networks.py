@@ -95,9 +95,7 @@ def place_centres(codes: np.ndarray, count: int, seed: int) -> np.ndarray:
     if count < 2:
         raise ParameterError(f"{count} radial-basis centres; at least 2 are needed to have a bandwidth")
     if len(codes) < 4 or not np.all(np.isfinite(codes)):
-        raise ParameterError(
-            f"cannot place centres on {len(codes)} codes: at least 4, all finite, are needed"
-        )
+        raise ParameterError(f"cannot place centres on {len(codes)} codes: at least 4, all finite, are needed")
     rng = np.random.default_rng(seed)
     centres = rng.permutation(codes)[: min(count, len(codes) // 2)]
     for _ in range(_LLOYD_ITERATIONS):
@@ -120,9 +118,7 @@ def kernel_rate(centres: np.ndarray, bandwidth_factor: float) -> float:
 def _lloyd_step(codes: np.ndarray, centres: np.ndarray) -> np.ndarray:
     _, labels = cKDTree(centres).query(codes)
     sizes = np.bincount(labels, minlength=len(centres))
-    sums = np.stack(
-        [np.bincount(labels, weights=column, minlength=len(centres)) for column in codes.T], axis=1
-    )
+    sums = np.stack([np.bincount(labels, weights=column, minlength=len(centres)) for column in codes.T], axis=1)
     return sums[sizes > 0] / sizes[sizes > 0, None]
 
 

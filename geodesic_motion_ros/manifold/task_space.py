@@ -57,9 +57,7 @@ class FixedPrecisions:
 
     def __call__(self, latent: Tensor) -> Precisions:
         like = latent[..., 0]
-        return Precisions(
-            torch.full_like(like, 1.0 / self.sigma)[..., None], torch.full_like(like, self.kappa)
-        )
+        return Precisions(torch.full_like(like, 1.0 / self.sigma)[..., None], torch.full_like(like, self.kappa))
 
 
 class EncoderNetwork(nn.Module):
@@ -117,9 +115,7 @@ class DecoderNetwork(nn.Module):
     def means(self, latent: Tensor) -> Means:
         """Mean positions and directions at latent points (..., d)."""
         outputs = self.perceptron(latent)
-        return Means(
-            self.offset + self.scale * outputs[..., :3], nn.functional.normalize(outputs[..., 3:], dim=-1)
-        )
+        return Means(self.offset + self.scale * outputs[..., :3], nn.functional.normalize(outputs[..., 3:], dim=-1))
 
     def precisions(self, latent: Tensor) -> Precisions:
         """1 / sigma and kappa at latent points (..., d). Both networks share their kernels, evaluated
@@ -200,9 +196,7 @@ class TaskSpaceVAE(nn.Module):
 
     def orientation_log_density(self, quaternions: Tensor, means: Means, precisions: Precisions) -> Tensor:
         """log p(q | z) (...) under the model's orientation density."""
-        density = (
-            antipodal_log_density if self.orientation_model == "sign_blind" else von_mises_fisher_log_density
-        )
+        density = antipodal_log_density if self.orientation_model == "sign_blind" else von_mises_fisher_log_density
         return density(quaternions, means.quaternions, precisions.kappa)
 
     def sample(self, positions: Tensor, quaternions: Tensor) -> tuple[Tensor, Tensor]:

@@ -105,9 +105,7 @@ class TrainingSettings:
         choices = {"orientation_model": ("two_cluster", "sign_blind"), "schedule": ("two_stage", "joint")}
         for name, allowed in choices.items():
             if getattr(self, name) not in allowed:
-                raise ParameterError(
-                    f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}"
-                )
+                raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
         if len(self.hidden) != 2:
             raise ParameterError(f"hidden has {len(self.hidden)} layers; the decoder format has exactly 2")
         not_positive = [
@@ -202,9 +200,7 @@ def train_model(
     """
     with _one_seeded_thread(settings.seed):
         offset, scale = _position_scaling(positions)
-        vae = TaskSpaceVAE(
-            settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model
-        )
+        vae = TaskSpaceVAE(settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model)
         poses = Poses(torch.tensor(positions).float(), torch.tensor(quaternions).float())
         if settings.schedule == "joint":
             _fit_jointly(vae, poses, settings, progress)
@@ -212,9 +208,7 @@ def train_model(
             fixed = FixedPrecisions(settings.fixed_sigma, settings.fixed_kappa)
             _ascend(vae, poses, fixed, settings.steps, "means", settings, progress)
             vae.double()
-            _fit_precisions(
-                vae, Poses(poses.positions.double(), poses.quaternions.double()), settings, progress
-            )
+            _fit_precisions(vae, Poses(poses.positions.double(), poses.quaternions.double()), settings, progress)
         return vae.double().requires_grad_(False)
 
 
@@ -282,9 +276,7 @@ def _log_likelihood(
     return settings.position_weight * position + settings.orientation_weight * orientation
 
 
-def _fit_jointly(
-    vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings, progress: Progress | None
-) -> None:
+def _fit_jointly(vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings, progress: Progress | None) -> None:
     first = max(1, settings.steps // 2)
     fixed = FixedPrecisions(settings.fixed_sigma, settings.fixed_kappa)
     _ascend(vae, poses, fixed, first, "codes settle", settings, progress)
@@ -314,9 +306,7 @@ def _basis_networks(
     )
 
 
-def _fit_precisions(
-    vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings, progress: Progress | None
-) -> None:
+def _fit_precisions(vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings, progress: Progress | None) -> None:
     """Maximum likelihood of sigma and kappa with the means frozen and z ~ q(z | x, q) drawn once."""
     inverse_sigma, kappa = _basis_networks(vae, poses, settings)
     vae.decoder.set_precisions(inverse_sigma, kappa)

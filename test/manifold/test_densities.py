@@ -69,9 +69,7 @@ def test_densities_integrate_to_one_over_the_sphere(kappa):
     concentration = torch.full_like(angle, kappa)
     for density in (von_mises_fisher_log_density, antipodal_log_density):
         height = density(quaternions, direction, concentration).exp()
-        assert float(torch.trapezoid(4.0 * math.pi * torch.sin(angle) ** 2 * height, angle)) == pytest.approx(
-            1.0
-        )
+        assert float(torch.trapezoid(4.0 * math.pi * torch.sin(angle) ** 2 * height, angle)) == pytest.approx(1.0)
 
 
 def test_the_uniform_limit():
@@ -88,9 +86,7 @@ def test_the_mixture_is_blind_to_sign_and_the_single_density_is_not():
     kappa = torch.tensor(np.logspace(-2, 5, 50))
     mixture = antipodal_log_density(quaternions, directions, kappa)
     torch.testing.assert_close(mixture, antipodal_log_density(-quaternions, directions, kappa))
-    both = torch.stack(
-        [von_mises_fisher_log_density(q, directions, kappa) for q in (quaternions, -quaternions)]
-    )
+    both = torch.stack([von_mises_fisher_log_density(q, directions, kappa) for q in (quaternions, -quaternions)])
     torch.testing.assert_close(mixture, torch.logsumexp(both, 0) - math.log(2.0))
     assert not torch.allclose(both[0], both[1])
 

@@ -19,9 +19,7 @@ def vae():
         vae = TaskSpaceVAE(2, (20, 10), *scaling, "two_cluster").double()
         centres, rate = torch.randn(30, 2).double(), torch.tensor(2.5).double()
         networks = [
-            RadialBasisNetwork(
-                centres, rate, torch.full((n,), floor).double(), torch.full((n,), scale).double()
-            )
+            RadialBasisNetwork(centres, rate, torch.full((n,), floor).double(), torch.full((n,), scale).double())
             for n, floor, scale in ((3, 1.0, 200.0), (1, 0.01, 1600.0))
         ]
         for network in networks:
@@ -93,9 +91,7 @@ def test_samples_scatter_as_the_posterior_says(vae, poses):
         torch.manual_seed(0)
         latent, divergence = vae.sample(*one)
     deviation = torch.exp(0.5 * log_variance[0])
-    torch.testing.assert_close(
-        latent.mean(0), mean[0], rtol=0.0, atol=float(4.0 * deviation.max() / 20000**0.5)
-    )
+    torch.testing.assert_close(latent.mean(0), mean[0], rtol=0.0, atol=float(4.0 * deviation.max() / 20000**0.5))
     torch.testing.assert_close(latent.std(0), deviation, rtol=0.03, atol=0.0)
     assert (divergence > 0.0).all()
 

@@ -1,0 +1,64 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.errors import SkillError
+from geodesic_motion_ros.graph.decoder import rms_sigma
+from geodesic_motion_ros.graph.latent_graph import Offsets, build_latent_graph
+from geodesic_motion_ros.manifold.calibration import calibrated_energy_per_edge
+from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.skill import Skill
+
+
+def edge_energies(graph):
+    untouched = graph.transported(Offsets.none(), np.zeros((1, 3)))
+    return untouched.fixed + untouched.shares.sum(axis=1)
+
+
+def test_codes_box_and_poses_belong_to_the_demonstrations(skill, demonstrations):
+    assert skill.codes.shape == (8, 100, 2)
+    assert np.all(skill.codes > skill.latent_lower)
+    assert np.all(skill.codes < skill.latent_upper)
+    starts = np.stack([item.positions[0] for item in demonstrations])
+    np.testing.assert_allclose(skill.start_pose[:3], starts.mean(axis=0))
+    assert np.degrees(angle_between(skill.goal_pose[3:], demonstrations[0].quaternions[-1])) < 1.0
+    decoded = skill.decoder.decode(skill.codes[:4, 0])
+    assert np.all(np.sum(decoded.quaternions * skill.start_pose[3:], axis=1) > 0.9)
+
+
+def test_support_is_the_99th_percentile_of_sigma(skill):
+    sigma = rms_sigma(skill.decoder.decode(skill.codes.reshape(-1, 2)).sigma)
+    assert np.mean(sigma <= skill.sigma_support) == pytest.approx(0.99, abs=0.005)
+
+
+def test_threshold_separates_the_demonstrations_from_the_walls(skill):
+    """Steps along the demonstrations are feasible, steps over the wall around them are not."""
+    everywhere = build_latent_graph(
+        skill.decoder, skill.codes, skill.latent_lower, skill.latent_upper, skill.metric, np.inf
+    )
+    energies = edge_energies(everywhere)
+    on = everywhere.sigma[everywhere.edges].max(axis=1) < skill.sigma_support
+    assert np.mean(energies[on] < skill.energy_per_edge) > 0.99
+    assert energies.max() > 10.0 * skill.energy_per_edge
+
+
+def test_threshold_scales_with_the_edges_it_was_measured_on(skill):
+    """Half the grid spacing: half the length and a quarter of the energy of an edge."""
+    coarse, fine = (calibrated_energy_per_edge(skill.graph((n, n)), skill.codes) for n in (60, 119))
+    assert 2.0 < coarse / fine < 8.0
+
+
+def test_a_support_that_falls_apart_is_reported(skill):
+    torn = replace(skill, sigma_support=float(skill.sigma_support * 0.1))
+    with pytest.raises(SkillError):
+        calibrated_energy_per_edge(torn.graph(), torn.codes)
+
+
+def test_a_trained_skill_survives_the_disk(skill, tmp_path):
+    loaded = Skill.load(skill.save(tmp_path / "bend"))
+    np.testing.assert_array_equal(loaded.codes, skill.codes)
+    assert loaded.energy_per_edge == skill.energy_per_edge
+    assert loaded.provenance["seed"] == 0
+    assert loaded.provenance["demonstrations"] == [f"bend {i}" for i in range(4)]
+    assert set(loaded.encoder_arrays) == set(skill.encoder_arrays)

@@ -1,0 +1,155 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
+from geodesic_motion_ros.manifold.training import (
+    TrainingSettings,
+    train_model,
+    train_task_space_skill,
+    training_poses,
+)
+from geodesic_motion_ros.quaternions import angle_between
+
+TINY = TrainingSettings(steps=30, samples=20, batch=32, hidden=(16, 8), kernels=20, precision_iterations=10)
+
+
+def poses_of(demonstrations, samples=40):
+    even = demonstrations.resampled(samples)
+    return even.positions_array(), even.quaternions_array()
+
+
+def test_training_is_reproducible_bit_by_bit_and_depends_on_the_seed(demonstrations):
+    poses = training_poses(demonstrations, 20, 0.1)
+    first, again = (train_model(*poses, TINY).state_dict() for _ in range(2))
+    other = train_model(*poses, replace(TINY, seed=1)).state_dict()
+    assert all(torch.equal(first[name], again[name]) for name in first)
+    weight = "decoder.perceptron.layers.0.weight"
+    assert not torch.equal(first[weight], other[weight])
+
+
+def test_training_leaves_the_callers_random_state_and_threads_alone(demonstrations):
+    threads, state = torch.get_num_threads(), torch.get_rng_state()
+    train_model(*training_poses(demonstrations, 20, 0.1), TINY)
+    assert torch.get_num_threads() == threads
+    assert torch.equal(torch.get_rng_state(), state)
+
+
+def test_progress_counts_every_stage_to_its_end(demonstrations):
+    calls = []
+    train_model(*training_poses(demonstrations, 20, 0.1), TINY, lambda *call: calls.append(call))
+    last = {stage: (step, steps) for stage, step, steps in calls}
+    assert last == {"means": (30, 30), "sigma and kappa": (10, 10)}
+
+
+@pytest.mark.parametrize("model", ["two_cluster", "sign_blind"])
+def test_demonstrations_are_reconstructed(request, demonstrations, model):
+    skill = request.getfixturevalue("skill" if model == "two_cluster" else "sign_blind_skill")
+    positions, quaternions = poses_of(demonstrations)
+    codes = TaskSpaceEncoder.from_arrays(skill.encoder_arrays).encode(positions, quaternions)
+    decoded = skill.decoder.decode(codes.reshape(-1, 2))
+    assert np.mean(np.linalg.norm(decoded.positions - positions.reshape(-1, 3), axis=1)) < 0.01
+    assert np.degrees(np.mean(angle_between(decoded.quaternions, quaternions.reshape(-1, 4)))) < 4.0
+
+
+def test_sigma_and_kappa_say_how_far_off_the_means_are(demonstrations, skill):
+    """Standardised residuals near one on the demonstrations: the maximum of the likelihood, not just any number."""
+    positions, quaternions = poses_of(demonstrations)
+    codes = TaskSpaceEncoder.from_arrays(skill.encoder_arrays).encode(positions, quaternions)
+    decoded = skill.decoder.decode(codes.reshape(-1, 2))
+    standardised = (decoded.positions - positions.reshape(-1, 3)) / decoded.sigma
+    assert 0.3 < np.sqrt(np.mean(standardised**2)) < 1.5
+    half_angle = 0.5 * angle_between(decoded.quaternions, quaternions.reshape(-1, 4)) / decoded.spread
+    assert 0.3 < np.sqrt(np.mean(half_angle**2) / 3.0) < 1.5
+
+
+def test_uncertainty_grows_away_from_the_demonstrations(skill):
+    on = skill.decoder.decode(skill.codes.reshape(-1, 2))
+    far = skill.decoder.decode(np.array([[30.0, 30.0]]))
+    assert np.median(on.sigma) < 0.03
+    np.testing.assert_allclose(far.sigma, 1.0)
+    assert far.kappa[0] < 0.02 < np.median(on.kappa)
+
+
+def test_two_clusters_keep_the_signs_apart_and_the_mixture_does_not_care(skill, sign_blind_skill, demonstrations):
+    positions, quaternions = poses_of(demonstrations)
+
+    def signed_dot(skill):
+        encoder = TaskSpaceEncoder.from_arrays(skill.encoder_arrays)
+        codes = encoder.encode(positions, -quaternions).reshape(-1, 2)
+        return np.sum(skill.decoder.decode(codes).quaternions * -quaternions.reshape(-1, 4), axis=1)
+
+    assert np.all(signed_dot(skill) > 0.8)
+    assert np.all(np.abs(signed_dot(sign_blind_skill)) > 0.8)
+    first, second = np.split(skill.codes, 2)
+    gap = np.linalg.norm(first[:, None, :, None] - second[None, :, None, :], axis=-1).min()
+    assert gap > 0.0
+
+
+def test_joint_schedule_learns_too(demonstrations):
+    settings = replace(TINY, schedule="joint", steps=600, hidden=(40, 20), kernels=60, learning_rate=4e-3, batch=64)
+    positions, quaternions = training_poses(demonstrations, 40, 0.1)
+    vae = train_model(positions, quaternions, settings)
+    with torch.no_grad():
+        codes, _ = vae.encoder(torch.tensor(positions), torch.tensor(quaternions))
+        decoded = vae.decoder.to_numpy().decode(codes.numpy())
+    error = np.mean(np.linalg.norm(decoded.positions - positions, axis=1))
+    assert error < 0.25 * np.mean(np.linalg.norm(positions - positions.mean(axis=0), axis=1))
+    assert np.all(decoded.sigma < 1.0)
+
+
+def test_poses_are_spread_over_turns_as_well_as_over_ways():
+    """Half a turn on the spot in the middle of a straight line."""
+    turn = np.concatenate([np.zeros(50), np.linspace(0.0, np.pi, 50), np.full(50, np.pi)])
+    way = np.concatenate([np.linspace(0.0, 0.2, 50), np.full(50, 0.2), np.linspace(0.2, 0.4, 50)])
+    quaternions = np.stack([np.cos(turn / 2), np.sin(turn / 2), 0.0 * turn, 0.0 * turn], axis=1)
+    positions = np.stack([way, 0.0 * way, 0.0 * way], axis=1)
+    shown = Demonstrations((Demonstration(positions, quaternions, np.arange(150) * 0.01, "turn"),))
+    largest = {}
+    for rotation_length in (0.0, 0.1):
+        _, resampled = training_poses(shown, 100, rotation_length)
+        largest[rotation_length] = np.degrees(angle_between(resampled[1:], resampled[:-1]).max())
+    assert largest[0.0] > 100.0
+    assert largest[0.1] < 10.0
+
+
+def test_planar_recordings_without_orientation_give_one_cluster(demonstrations):
+    flat = Demonstrations(
+        tuple(
+            Demonstration(
+                item.positions * [1.0, 1.0, 0.0],
+                np.tile([1.0, 0.0, 0.0, 0.0], (len(item), 1)),
+                item.times,
+                "",
+            )
+            for item in demonstrations
+        ),
+        has_orientation=False,
+    )
+    settings = replace(TINY, steps=300, learning_rate=4e-3)
+    skill = train_task_space_skill(flat, settings)
+    assert skill.codes.shape == (4, 100, 2)
+    decoded = skill.decoder.decode(skill.codes.reshape(-1, 2))
+    assert np.all(np.isfinite(decoded.sigma))
+    assert np.all(np.isfinite(decoded.kappa))
+    assert np.median(decoded.sigma[:, 2]) == pytest.approx(settings.position_resolution, rel=0.7)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "match"),
+    [
+        ({"orientation_model": "both"}, "sign_blind"),
+        ({"schedule": "paper"}, "two_stage"),
+        ({"hidden": (200,)}, "exactly 2"),
+        ({"steps": 0}, "steps"),
+        ({"fixed_sigma": float("nan")}, "fixed_sigma"),
+        ({"far_kappa": -1.0}, "far_kappa"),
+    ],
+)
+def test_impossible_settings_are_refused(wrong, match):
+    with pytest.raises(ParameterError, match=match):
+        TrainingSettings(**wrong)
