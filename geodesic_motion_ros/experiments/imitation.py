@@ -86,13 +86,16 @@ EVERY_END = PlannerSettings(maximum_offset=10.0, maximum_offset_angle=math.pi)
 
 @dataclass(frozen=True)
 class Measurement:
-    """Values of one row for held-out demonstration number `demonstration`; `seed` where one was trained."""
+    """Values of one row for held-out demonstration number `demonstration`; `seed` where one was trained.
+
+    `refusal` is the planner's reason where it found no path, empty where there is an answer.
+    """
 
     row: str
     demonstration: int
     seed: int | None
     values: Values
-    answered: bool = True
+    refusal: str = ""
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,7 @@ class ImitationReport:
         means = {column: _mean([item.values.get(column, math.nan) for item in of_row]) for column in columns}
         if row == "people":
             means |= {column: _finite(value) for column, value in self.people.items()}
-        return means | {"unanswered": sum(not item.answered for item in of_row)}
+        return means | {"unanswered": sum(bool(item.refusal) for item in of_row)}
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` writes; valid JSON, nothing in it is NaN."""
@@ -137,6 +140,7 @@ class ImitationReport:
                     "row": item.row,
                     "demonstration": item.demonstration,
                     "seed": item.seed,
+                    "refusal": item.refusal or None,
                     **{column: _finite(value) for column, value in item.values.items()},
                 }
                 for item in self.measurements
@@ -284,10 +288,10 @@ class _Judge:
         plan = planner.plan(*start, *goal)
         reconstruction = Measurement("reconstruction", index, seed, self._reconstruction(planner.skill, held_out))
         if plan.reference is None:
-            left = {"off_manifold": _left_support(plan)}
+            left, refusal = {"off_manifold": _left_support(plan)}, f"{plan.verdict.code.name}: {plan.verdict.reason}"
             return [
-                Measurement("geodesic", index, seed, left, answered=False),
-                Measurement("latent_line", index, seed, {}, answered=False),
+                Measurement("geodesic", index, seed, left, refusal),
+                Measurement("latent_line", index, seed, {}, refusal),
                 reconstruction,
             ]
         ends = plan.reference.latent[[0, -1]]

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -85,6 +86,22 @@ def test_the_table_has_a_line_a_row(report):
         (line,) = [line for line in lines if line.startswith(f"{row} ")]
         shown = report.rows[row]["dtw_mm"]
         assert line.split()[1] == f"{shown:.2f}"
+
+
+def test_refused_geodesics_are_counted_with_the_reason_and_in_no_mean(demonstrations):
+    pytest.importorskip("movement_primitives")
+
+    def train_timidly(*arguments):
+        return replace(train_briefly(*arguments), energy_per_edge=1e-12)
+
+    report = evaluate(demonstrations, [(3,)], [0], train_timidly, show_progress=False)
+    for row in ("geodesic", "latent_line"):
+        assert report.rows[row]["unanswered"] == 1
+        assert report.rows[row]["dtw_mm"] is None
+    (refused,) = [item for item in report.as_dict()["held_out"] if item["row"] == "geodesic"]
+    assert refused["refusal"].startswith("NO_FEASIBLE_PATH: ")
+    assert "geodesic: 1 prediction(s) without an answer" in report.table()
+    assert report.rows["reconstruction"]["dtw_mm"] > 0.0
 
 
 def test_positions_alone_have_no_orientation_figures(demonstrations):
