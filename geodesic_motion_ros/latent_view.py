@@ -39,9 +39,7 @@ class LatentView:
         self, skill: Skill, graph: LatentGraph, points: np.ndarray, radii: np.ndarray, size: int = 320
     ) -> None:
         if len(skill.latent_lower) != 2:
-            raise PlanningError(
-                f"a latent view shows two dimensions, this skill has {len(skill.latent_lower)}"
-            )
+            raise PlanningError(f"a latent view shows two dimensions, this skill has {len(skill.latent_lower)}")
         self._lower, self._upper, self._size = skill.latent_lower, skill.latent_upper, size
         self._radii = radii
         self._body = tool_points(graph.decoded.positions, graph.decoded.quaternions, points)
@@ -94,9 +92,7 @@ class LatentView:
         mask = np.zeros(pixels.shape[:2], dtype=bool)
         reach = np.arange(self._cell) - self._cell // 2
         columns, rows = (touched[:, :1] + reach), (touched[:, 1:] + reach)
-        mask[
-            np.clip(rows[:, :, None], 0, self._size - 1), np.clip(columns[:, None, :], 0, self._size - 1)
-        ] = True
+        mask[np.clip(rows[:, :, None], 0, self._size - 1), np.clip(columns[:, None, :], 0, self._size - 1)] = True
         pixels[mask] = (0.45 * pixels[mask] + 0.55 * _FOOTPRINT).astype(np.uint8)
         return pixels
 
@@ -106,9 +102,7 @@ def magnification_factor(skill: Skill, size: int) -> np.ndarray:
 
     M = J^T J of the decoded features, with Jacobians by central differences on the picture's own grid.
     """
-    axes = [
-        np.linspace(low, high, size) for low, high in zip(skill.latent_lower, skill.latent_upper, strict=True)
-    ]
+    axes = [np.linspace(low, high, size) for low, high in zip(skill.latent_lower, skill.latent_upper, strict=True)]
     first, second = np.meshgrid(axes[0], axes[1][::-1])
     features = _features(skill, skill.decoder.decode(np.stack([first.ravel(), second.ravel()], axis=1)))
     picture = features.reshape(size, size, -1)
@@ -131,9 +125,7 @@ def _colours(values: np.ndarray) -> np.ndarray:
     low, high = np.percentile(values, [2.0, 98.0])
     share = np.clip((values - low) / max(high - low, 1e-12), 0.0, 1.0)
     stops = np.linspace(0.0, 1.0, len(_COLOUR_STOPS))
-    return np.stack([np.interp(share, stops, _COLOUR_STOPS[:, i]) for i in range(3)], axis=-1).astype(
-        np.uint8
-    )
+    return np.stack([np.interp(share, stops, _COLOUR_STOPS[:, i]) for i in range(3)], axis=-1).astype(np.uint8)
 
 
 def _dot(draw: ImageDraw.ImageDraw, at: tuple[int, int], radius: int, colour: tuple[int, int, int]) -> None:

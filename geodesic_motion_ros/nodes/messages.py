@@ -66,9 +66,7 @@ def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.
         raise MessageRefused(f"joint state names a joint twice: {', '.join(message.name)}")
     missing = [name for name in joint_names if name not in positions]
     if missing:
-        raise MessageRefused(
-            f"joint state lacks {', '.join(missing)}; it has {', '.join(message.name) or 'no joints'}"
-        )
+        raise MessageRefused(f"joint state lacks {', '.join(missing)}; it has {', '.join(message.name) or 'no joints'}")
     vector = np.array([positions[name] for name in joint_names])
     for name, value in zip(joint_names, vector, strict=True):
         _check_number(float(value), f"joint {name}", "rad")
@@ -102,9 +100,7 @@ def read_marker(message: Marker, base_frame: str) -> MarkerUpdate:
         return MarkerUpdate("delete", key, stamp)
     name = f"marker {message.ns}/{message.id}"
     if message.action != Marker.ADD:  # MODIFY has the same number
-        raise MessageRefused(
-            f"{name}: action {message.action}, expected ADD (0), DELETE (2) or DELETEALL (3)"
-        )
+        raise MessageRefused(f"{name}: action {message.action}, expected ADD (0), DELETE (2) or DELETEALL (3)")
     if message.type != Marker.SPHERE:
         raise MessageRefused(f"{name}: type {message.type}, expected SPHERE ({Marker.SPHERE})")
     check_frame(message.header, base_frame)
@@ -159,22 +155,18 @@ def _cloud_points(message: PointCloud2) -> np.ndarray:
     for name in "xyz":
         datatype, offset = fields[name].datatype, fields[name].offset
         if datatype not in _FLOATS:
-            raise MessageRefused(
-                f"cloud: field {name} has datatype {datatype}, expected FLOAT32 (7) or FLOAT64 (8)"
-            )
+            raise MessageRefused(f"cloud: field {name} has datatype {datatype}, expected FLOAT32 (7) or FLOAT64 (8)")
         if offset + int(_FLOATS[datatype][1]) > message.point_step:
             raise MessageRefused(f"cloud: field {name} ends beyond point_step {message.point_step}")
         formats.append(order + _FLOATS[datatype])
         offsets.append(offset)
     if message.row_step < message.width * message.point_step:
         raise MessageRefused(
-            f"cloud: row_step {message.row_step} is less than "
-            f"width {message.width} x point_step {message.point_step}"
+            f"cloud: row_step {message.row_step} is less than width {message.width} x point_step {message.point_step}"
         )
     if len(message.data) != message.height * message.row_step:
         raise MessageRefused(
-            f"cloud: {len(message.data)} bytes, "
-            f"expected height {message.height} x row_step {message.row_step}"
+            f"cloud: {len(message.data)} bytes, expected height {message.height} x row_step {message.row_step}"
         )
     if not len(message.data):
         return np.zeros((0, 3))
@@ -267,9 +259,7 @@ def image_message(pixels: np.ndarray, stamp: Time) -> Image:
     )
 
 
-def joint_state_message(
-    names: Sequence[str], positions: np.ndarray, velocities: np.ndarray, stamp: Time
-) -> JointState:
+def joint_state_message(names: Sequence[str], positions: np.ndarray, velocities: np.ndarray, stamp: Time) -> JointState:
     """A JointState of positions (n,) [rad] and velocities (n,) [rad/s]."""
     return JointState(
         header=Header(stamp=stamp),
@@ -287,16 +277,12 @@ def sphere_marker(
 ) -> Marker:
     """A SPHERE of a radius [m]."""
     marker = _marker(namespace, number, Marker.SPHERE, colour, frame, stamp)
-    marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = (
-        float(value) for value in centre
-    )
+    marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = (float(value) for value in centre)
     marker.scale.x = marker.scale.y = marker.scale.z = 2.0 * float(radius)
     return marker
 
 
-def line_marker(
-    namespace: str, points: np.ndarray, width: float, colour: Colour, frame: str, stamp: Time
-) -> Marker:
+def line_marker(namespace: str, points: np.ndarray, width: float, colour: Colour, frame: str, stamp: Time) -> Marker:
     """A LINE_STRIP through points (n, 3) [m]."""
     marker = _marker(namespace, 0, Marker.LINE_STRIP, colour, frame, stamp)
     marker.scale.x = float(width)

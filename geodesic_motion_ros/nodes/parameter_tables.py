@@ -5,9 +5,7 @@ from __future__ import annotations
 from geodesic_motion_ros.nodes.parameters import Parameter
 from geodesic_motion_ros.robot.kinematics import PANDA_READY
 
-_BASE_FRAME = Parameter(
-    "base_frame", "panda_link0", "Frame of all poses; messages in other frames are refused"
-)
+_BASE_FRAME = Parameter("base_frame", "panda_link0", "Frame of all poses; messages in other frames are refused")
 
 PLANNER = (
     Parameter("skill", "panda_pouring", "Skill folder, or the name of a shipped skill"),
@@ -77,9 +75,7 @@ PLANNER = (
         1.0,
         read_only=False,
     ),
-    Parameter(
-        "tracking_tolerance_angle", 0.35, "The same for the orientation", "rad", 0.01, 3.2, read_only=False
-    ),
+    Parameter("tracking_tolerance_angle", 0.35, "The same for the orientation", "rad", 0.01, 3.2, read_only=False),
     Parameter(
         "obstacle_timeout",
         0.5,
@@ -140,9 +136,7 @@ PLANNER = (
 TWIN = (
     _BASE_FRAME,
     Parameter("physics_rate", 240.0, "Physics steps per second of real time", "Hz", 100.0, 1000.0),
-    Parameter(
-        "state_rate", 120.0, "How often `joint_states` and `ee_pose` are published", "Hz", 100.0, 1000.0
-    ),
+    Parameter("state_rate", 120.0, "How often `joint_states` and `ee_pose` are published", "Hz", 100.0, 1000.0),
     Parameter("obstacle_rate", 60.0, "How often obstacles and `~/clearance` are published", "Hz", 1.0, 240.0),
     Parameter(
         "image_rate",
@@ -171,9 +165,7 @@ TWIN = (
         10.0,
         read_only=False,
     ),
-    Parameter(
-        "scene", "", "Obstacles that `~/spawn_obstacles` puts into the world; empty for none", read_only=False
-    ),
+    Parameter("scene", "", "Obstacles that `~/spawn_obstacles` puts into the world; empty for none", read_only=False),
     Parameter("spawn_at_start", False, "Spawn the scene as soon as the twin starts"),
 )
 

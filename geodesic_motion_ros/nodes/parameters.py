@@ -106,17 +106,13 @@ class Parameter:
 
     def descriptor(self) -> ParameterDescriptor:
         """The ROS descriptor; a range is declared when both ends are known."""
-        descriptor = ParameterDescriptor(
-            description=f"{self.description}{self._unit_text}", read_only=self.read_only
-        )
+        descriptor = ParameterDescriptor(description=f"{self.description}{self._unit_text}", read_only=self.read_only)
         if self.choices:
             descriptor.additional_constraints = self.allowed
         if self.lowest is not None and self.highest is not None:
             low, high = self.lowest, self.highest
             if type(self.default) is float:
-                descriptor.floating_point_range = [
-                    FloatingPointRange(from_value=float(low), to_value=float(high))
-                ]
+                descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
             elif type(self.default) is int:
                 descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
         return descriptor

@@ -148,9 +148,7 @@ class PlannerInputs:
     def _apply(self, source: str, update: MarkerUpdate) -> None:
         now = time.monotonic()
         if update.action == "put":
-            self._tracker.put(
-                source, update.key, update.centre, update.radius, now, update.lifetime, update.stamp
-            )
+            self._tracker.put(source, update.key, update.centre, update.radius, now, update.lifetime, update.stamp)
         elif update.action == "delete":
             self._tracker.delete(source, update.key, now, update.stamp)
         else:

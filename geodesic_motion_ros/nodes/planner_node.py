@@ -62,12 +62,12 @@ class PlannerNode(Node):
 
     def _build(self) -> None:
         self.failure = threading.Event()
-        self._parameters = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
-        skill = Skill.load(self._parameters["skill"])
+        self._options = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
+        skill = Skill.load(self._options["skill"])
         self._robot = _robot_of(skill)
-        self._planner = ReactivePlanner(skill, _settings(self._parameters.values))
+        self._planner = ReactivePlanner(skill, _settings(self._options.values))
         self._warm_up()
-        values = self._parameters
+        values = self._options
         self._cycle = PlanningCycle(
             self._planner,
             values["state_timeout"],
@@ -106,9 +106,7 @@ class PlannerNode(Node):
         skill = self._planner.skill
         far = skill.goal_pose[:3] + 100.0
         self._planner.set_obstacles(far[None], np.array([0.01]))
-        self._planner.plan(
-            skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:]
-        )
+        self._planner.plan(skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:])
         self._planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
         self._robot.forward(self._robot.ready)
 
@@ -121,9 +119,7 @@ class PlannerNode(Node):
             output = self._cycle.run(inputs, self._period)
         except Exception as error:  # a fault in the planner must stop the arm, not the node
             self.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
-            output = self._cycle.stop(
-                Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}")
-            )
+            output = self._cycle.stop(Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}"))
         if output.commanded is not None:
             self._outputs.target(*output.commanded)
         self._outputs.status(output, self._inputs.refusals, self._loop.misses)
@@ -152,13 +148,11 @@ class PlannerNode(Node):
     # ---------------------------------------------------------------- pictures
 
     def _make_view(self, skill: Skill) -> ViewThread | None:
-        rate = self._parameters["latent_view_rate"]
+        rate = self._options["latent_view_rate"]
         if rate == 0.0 or skill.decoder.latent_dimension != 2:
             return None
-        points, radii = _tool(self._parameters.values)
-        self._view = LatentView(
-            skill, self._planner.graph, points, radii, self._parameters["latent_view_size"]
-        )
+        points, radii = _tool(self._options.values)
+        self._view = LatentView(skill, self._planner.graph, points, radii, self._options["latent_view_size"])
         return ViewThread(self._show_view, 1.0 / rate, self._view_died)
 
     def _show_view(self) -> None:
@@ -167,9 +161,7 @@ class PlannerNode(Node):
         inputs, output = self._newest
         path = None if output.reference is None else output.reference.latent
         obstacles = inputs.obstacles
-        self._outputs.view(
-            self._view.render(obstacles.centres, obstacles.radii, path, output.verdict.code.name)
-        )
+        self._outputs.view(self._view.render(obstacles.centres, obstacles.radii, path, output.verdict.code.name))
 
     def _view_died(self, error: BaseException) -> None:
         self.get_logger().error("no more latent views: " + "".join(traceback.format_exception(error)))
@@ -186,17 +178,15 @@ class PlannerNode(Node):
         """Tool spheres (K, 4) at the commanded pose: centre and radius."""
         if output.commanded is None:
             return np.zeros((0, 4))
-        points, radii = _tool(self._parameters.values)
+        points, radii = _tool(self._options.values)
         position, quaternion = output.commanded
-        return np.concatenate(
-            [tool_points(position[None], quaternion[None], points)[0], radii[:, None]], axis=1
-        )
+        return np.concatenate([tool_points(position[None], quaternion[None], points)[0], radii[:, None]], axis=1)
 
     def _show_health(self) -> None:
         refusals = self._inputs.refusals
         self._outputs.diagnostics(
             self._loop.statistics(),
-            self._parameters["rate"],
+            self._options["rate"],
             self._inputs.ages(),
             refusals.counts,
             refusals.newest(1.0),
@@ -205,11 +195,9 @@ class PlannerNode(Node):
     # ---------------------------------------------------------------- services
 
     def _on_plan(self, request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
-        frame = self._parameters["base_frame"]
+        frame = self._options["base_frame"]
         try:
-            plan = self._planner.plan(
-                *_request_pose(request, "start", frame), *_request_pose(request, "goal", frame)
-            )
+            plan = self._planner.plan(*_request_pose(request, "start", frame), *_request_pose(request, "goal", frame))
         except MessageRefused as error:
             self.get_logger().warning(f"plan refused: {error}")
             return response

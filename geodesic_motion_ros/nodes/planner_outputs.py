@@ -135,13 +135,9 @@ class PlannerOutputs:
             shown.append(line_marker("path", reference.positions, 0.006, _PATH_COLOUR, self._frame, stamp))
         spheres = zip(obstacles.centres, obstacles.radii, strict=True)
         for number, (centre, radius) in enumerate(spheres):
-            shown.append(
-                sphere_marker("obstacles", number, centre, radius, _OBSTACLE_COLOUR, self._frame, stamp)
-            )
+            shown.append(sphere_marker("obstacles", number, centre, radius, _OBSTACLE_COLOUR, self._frame, stamp))
         for number, sphere in enumerate(body):
-            shown.append(
-                sphere_marker("tool", number, sphere[:3], sphere[3], _TOOL_COLOUR, self._frame, stamp)
-            )
+            shown.append(sphere_marker("tool", number, sphere[:3], sphere[3], _TOOL_COLOUR, self._frame, stamp))
         self._markers.publish(self._scene.update(shown, stamp))
 
     def view(self, pixels: np.ndarray) -> None:

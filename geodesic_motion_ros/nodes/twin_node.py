@@ -77,8 +77,8 @@ class TwinNode(Node):
 
     def _build(self) -> None:
         self.failure = threading.Event()
-        self._parameters = NodeParameters(self, TWIN, _check)
-        values = self._parameters
+        self._options = NodeParameters(self, TWIN, _check)
+        values = self._options
         self._frame: str = values["base_frame"]
         self._world = PandaWorld(gui=values["gui"], rate_hz=values["physics_rate"])
         self._world.reset(np.array(values["initial_joint_positions"]))
@@ -107,7 +107,7 @@ class TwinNode(Node):
         self._contact_count = self.create_publisher(UInt32, "~/contacts", qos)
         self._image = self.create_publisher(Image, "~/image", qos)
         self._markers = MarkerScene(self._frame)
-        values = self._parameters
+        values = self._options
         every = {name: _steps_between(values["physics_rate"], values[name]) for name in _RATES}
         self._schedule = [
             (every["state_rate"], self._publish_state),
@@ -157,7 +157,7 @@ class TwinNode(Node):
                 self._world.set_target_pose(*command)
             except RobotError as error:
                 self._refusals.add("target_pose", str(error))
-        elif now - self._commanded_at > self._parameters["command_timeout"]:
+        elif now - self._commanded_at > self._options["command_timeout"]:
             self._world.hold()
 
     def _serve_mailbox(self) -> None:
@@ -231,14 +231,14 @@ class TwinNode(Node):
         return response
 
     def _reset(self) -> str:
-        self._world.reset(np.array(self._parameters["initial_joint_positions"]))
+        self._world.reset(np.array(self._options["initial_joint_positions"]))
         self._scene_start = self._world.time
         self._contacts, self._least_clearance = 0, np.inf
         self._commanded_at = -np.inf
         return "the arm is where it started, the scene begins again, contacts count from zero"
 
     def _spawn(self) -> str:
-        self._scene = _scene(self._parameters["scene"])
+        self._scene = _scene(self._options["scene"])
         self._scene_start = self._world.time
         self._contacts, self._least_clearance = 0, np.inf
         return f"{len(self._scene.items)} obstacles: {', '.join(self._scene.items) or 'none'}"

@@ -14,9 +14,7 @@ class ViewThread:
     `failed`, once.
     """
 
-    def __init__(
-        self, draw: Callable[[], None], period: float, failed: Callable[[BaseException], None]
-    ) -> None:
+    def __init__(self, draw: Callable[[], None], period: float, failed: Callable[[BaseException], None]) -> None:
         self._draw, self._period, self._failed = draw, period, failed
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="latent_view", daemon=True)

@@ -148,9 +148,7 @@ class TestMarker:
             m.read_marker(sphere(lifetime=Duration(sec=-1)), BASE)
 
 
-def cloud(
-    points: np.ndarray, kind=PointField.FLOAT32, big=False, padding=4, row_padding=0, height=1
-) -> PointCloud2:
+def cloud(points: np.ndarray, kind=PointField.FLOAT32, big=False, padding=4, row_padding=0, height=1) -> PointCloud2:
     """A cloud with the fields in an unusual order, padding after every point and every row."""
     code = {PointField.FLOAT32: "f", PointField.FLOAT64: "d"}[kind]
     size = struct.calcsize(code)
@@ -161,7 +159,7 @@ def cloud(
         packed = b"".join(pack.pack(z, x, y) + bytes(padding) for x, y, z in row)
         rows.append(packed + bytes(row_padding))
     fields = [
-        PointField(name=name, offset=offset * size, datatype=kind, count=1) for name, offset in zip("xyz", (1, 2, 0))
+        PointField(name=name, offset=offset * size, datatype=kind, count=1) for name, offset in zip("xyz", (1, 2, 0), strict=True)
     ]  # fmt: skip
     return PointCloud2(
         header=Header(frame_id=BASE), height=height, width=width, fields=fields, is_bigendian=big,
@@ -255,9 +253,7 @@ def test_fuzzed_messages_are_read_or_refused(numbers, kind, action, frame, point
 )
 def test_fuzzed_clouds_are_read_or_refused(height, width, step, row, size, data):
     fields = [
-        PointField(
-            name=name, offset=data.draw(st.integers(0, 50)), datatype=data.draw(st.integers(0, 9)), count=1
-        )
+        PointField(name=name, offset=data.draw(st.integers(0, 50)), datatype=data.draw(st.integers(0, 9)), count=1)
         for name in data.draw(st.lists(st.sampled_from("xyzi"), max_size=5))
     ]
     message = PointCloud2(
@@ -294,9 +290,7 @@ class TestWriters:
         message = m.pose_message(np.float32([0.5, 0.25, 2.0]), np.float32([1, 0, 0, 0]), BASE, STAMP)
         back = deserialize_message(serialize_message(message), PoseStamped)
         assert (back.pose.position.x, back.pose.position.y, back.pose.position.z) == (0.5, 0.25, 2.0)
-        marker = m.sphere_marker(
-            "n", np.int64(3), np.float32([0.5, 0, 0]), np.float32(0.25), (1, 0, 0, 1), BASE, STAMP
-        )
+        marker = m.sphere_marker("n", np.int64(3), np.float32([0.5, 0, 0]), np.float32(0.25), (1, 0, 0, 1), BASE, STAMP)
         back = deserialize_message(serialize_message(marker), Marker)
         assert (back.id, back.pose.position.x, back.scale.z, back.color.a) == (3, 0.5, 0.5, 1.0)
 

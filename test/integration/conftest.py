@@ -1,0 +1,272 @@
+"""Fixtures of the integration tests: a small skill, and a bench that spins the real nodes in its own ROS context."""
+
+from __future__ import annotations
+
+import os
+
+# Before rclpy and numpy are imported: fields are type-checked, nothing leaves this machine, and every run of the tests
+# has a domain of its own (1 to 101 keep clear of the operating system's ports).
+_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_DOMAIN_ID"] = str(1 + (os.getpid() + 17 * _WORKER) % 101)
+
+import subprocess  # noqa: E402
+import sys  # noqa: E402
+import threading  # noqa: E402
+from collections.abc import Callable, Iterator, Sequence  # noqa: E402
+from pathlib import Path  # noqa: E402
+from typing import Any  # noqa: E402
+
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
+import rclpy  # noqa: E402
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from geometry_msgs.msg import PoseStamped  # noqa: E402
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+from rclpy.qos import QoSProfile  # noqa: E402
+from sensor_msgs.msg import JointState  # noqa: E402
+from std_msgs.msg import Header  # noqa: E402
+from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
+
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations  # noqa: E402
+from geodesic_motion_ros.nodes import messages  # noqa: E402
+from geodesic_motion_ros.quaternions import rotate_by  # noqa: E402
+from geodesic_motion_ros.robot.inverse_kinematics import solve  # noqa: E402
+from geodesic_motion_ros.robot.kinematics import Robot  # noqa: E402
+from geodesic_motion_ros.skill import Skill  # noqa: E402
+
+#: How long a condition may take to come true [s]: far more than it needs, so that a busy machine fails no test.
+PATIENCE = 60.0
+BASE = "panda_link0"
+
+
+def fan_of_demonstrations() -> Demonstrations:
+    """Seven reaches of a Panda from right to left that bulge out differently far, turning the tool by 0.5 rad."""
+    share = np.linspace(0.0, 1.0, 120)
+    start, goal = np.array([0.45, -0.28, 0.32]), np.array([0.48, 0.26, 0.36])
+    down = np.array([0.0, 1.0, 0.0, 0.0])
+    items = []
+    for number, bulge in enumerate(np.linspace(-0.12, 0.12, 7)):
+        line = start + share[:, None] * (goal - start)
+        positions = line + np.sin(np.pi * share)[:, None] * bulge * np.array([0.8, 0.0, 0.6])
+        turns = share[:, None] * np.array([0.0, 0.0, 0.5]) + bulge * np.array([0.5, 0.0, 0.0])
+        quaternions = rotate_by(turns, np.broadcast_to(down, (len(share), 4)))
+        items.append(Demonstration(positions, quaternions, 4.0 * share, f"reach {number}"))
+    return Demonstrations(tuple(items))
+
+
+@pytest.fixture(scope="session")
+def skill_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A skill for a Panda, really trained, small enough to be trained anew for every run of the tests."""
+    from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+
+    settings = TrainingSettings(
+        steps=600, hidden=(100, 50), samples=100, kernels=100, precision_samples=2, precision_iterations=60
+    )
+    skill = train_task_space_skill(fan_of_demonstrations(), settings, name="fan")
+    return skill.save(tmp_path_factory.mktemp("skills") / "fan")
+
+
+@pytest.fixture(scope="session")
+def skill(skill_folder: Path) -> Skill:
+    return Skill.load(skill_folder)
+
+
+@pytest.fixture(scope="session")
+def start_joints(skill: Skill) -> np.ndarray:
+    """Joint positions (7,) [rad] at the skill's start."""
+    return solve(Robot.panda(), skill.start_pose[:3], skill.start_pose[3:])
+
+
+class Bench:
+    """A ROS context, an executor in a thread, a probe node that talks and listens, and the nodes under test.
+
+    Everything heard is kept in `heard[topic]`, newest last. `wait` waits for a condition, never for a time.
+    """
+
+    def __init__(self) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.probe = rclpy.create_node("probe", context=self.context)
+        self.executor.add_node(self.probe)
+        self.heard: dict[str, list[Any]] = {}
+        self._changed = threading.Condition()
+        self._error: Exception | None = None
+        self._nodes: list[Any] = []
+        self._processes: list[subprocess.Popen] = []
+        self._publishers: dict[str, Any] = {}
+        self._thread = threading.Thread(target=self._spin, name="bench")
+        self._thread.start()
+
+    def _spin(self) -> None:
+        try:
+            self.executor.spin()
+        except ExternalShutdownException:
+            return
+        except Exception as error:  # raised in a callback: whoever waits must not wait in vain
+            self._error = error
+            self._notify()
+
+    def add(self, kind: type, **parameters: Any) -> Any:
+        """Create a node of this package with parameters, start it and spin it."""
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        node = kind(context=self.context, parameter_overrides=overrides)
+        self._nodes.append(node)
+        self.executor.add_node(node)
+        node.start()
+        return node
+
+    def launch(self, module: str, *arguments: str, **parameters: Any) -> subprocess.Popen:
+        """Run a node of this package as a process."""
+        command = [sys.executable, "-m", f"geodesic_motion_ros.nodes.{module}", *arguments, "--ros-args"]
+        for name, value in parameters.items():
+            command += ["-p", f"{name}:={value}"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self._processes.append(process)
+        return process
+
+    def listen(self, kind: type, topic: str, qos: QoSProfile | int = 10) -> None:
+        self.heard[topic] = []
+        self.probe.create_subscription(kind, topic, lambda message: self._hear(topic, message), qos)
+
+    def _hear(self, topic: str, message: Any) -> None:
+        with self._changed:
+            self.heard[topic].append(message)
+            self._changed.notify_all()
+
+    def wait(self, condition: Callable[[], Any], what: str) -> Any:
+        """Wait until a condition on what was heard is true; returns its value."""
+        with self._changed:
+            value = self._changed.wait_for(lambda: self._error or condition(), PATIENCE)
+        if self._error is not None:
+            raise self._error
+        assert value, f"waited {PATIENCE:g} s in vain for: {what}; status: {self.status()}"
+        return value
+
+    def publisher(self, kind: type, topic: str) -> Any:
+        """A publisher that has found at least one subscriber."""
+        if topic not in self._publishers:
+            self._publishers[topic] = self.probe.create_publisher(kind, topic, 10)
+        publisher = self._publishers[topic]
+        self._poll(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
+        return publisher
+
+    def call(self, kind: type, name: str, request: Any) -> Any:
+        """Call a service and return the response."""
+        client = self.probe.create_client(kind, name)
+        assert client.wait_for_service(PATIENCE), f"no service {name}"
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: self._notify())
+        self.wait(future.done, f"an answer of {name}")
+        self.probe.destroy_client(client)
+        return future.result()
+
+    def repeat(self, every: float, work: Callable[[], None]) -> Any:
+        """Do something periodically in the executor; returns the timer."""
+        return self.probe.create_timer(every, work)
+
+    def _notify(self) -> None:
+        with self._changed:
+            self._changed.notify_all()
+
+    def _poll(self, condition: Callable[[], bool], what: str) -> None:
+        # the ROS graph tells nobody when it changes, so it is looked at again and again
+        timer = self.probe.create_timer(0.02, self._notify)
+        self.wait(condition, what)
+        self.probe.destroy_timer(timer)
+
+    # ------------------------------------------------------------------ the planner
+
+    def watch_planner(self) -> None:
+        self.listen(DiagnosticArray, "planner/status")
+        self.listen(PoseStamped, "target_pose", 100)
+
+    def status(self) -> dict[str, str]:
+        """The newest status of the planner, by key."""
+        heard = self.heard.get("planner/status")
+        return {pair.key: pair.value for pair in heard[-1].status[0].values} if heard else {}
+
+    def wait_for_code(self, code: str, reason: str = "") -> dict[str, str]:
+        """Wait until the planner's verdict is this one and its reason holds a text."""
+
+        def found() -> bool:
+            status = self.status()
+            return status.get("code") == code and reason in status["reason"]
+
+        self.wait(found, f"verdict {code} {reason}")
+        return self.status()
+
+    def send_goal(self, pose: np.ndarray, frame: str = BASE) -> None:
+        """Publish a goal (7,): position [m], quaternion (w, x, y, z)."""
+        self.publisher(PoseStamped, "goal_pose").publish(pose_of(pose, frame))
+
+    def send_joint_states(self, positions: np.ndarray, names: Sequence[str] | None = None) -> Any:
+        """Publish a resting arm fifty times a second; returns the timer that does it."""
+        publisher = self.publisher(JointState, "joint_states")
+        names = names or Robot.panda().joint_names
+
+        def send() -> None:
+            stamp = self.probe.get_clock().now().to_msg()
+            publisher.publish(messages.joint_state_message(names, positions, np.zeros(len(positions)), stamp))
+
+        return self.repeat(0.02, send)
+
+    def send_spheres(self, *spheres: tuple[Sequence[float], float], frame: str = BASE) -> None:
+        """Publish obstacles (centre [m], radius [m]) once, as one MarkerArray."""
+        stamp = self.probe.get_clock().now().to_msg()
+        markers = [
+            messages.sphere_marker("test", number, np.array(centre), radius, (1.0, 0.0, 0.0, 1.0), frame, stamp)
+            for number, (centre, radius) in enumerate(spheres)
+        ]
+        self.publisher(MarkerArray, "obstacles").publish(MarkerArray(markers=markers))
+
+    def delete_spheres(self) -> None:
+        marker = Marker(header=Header(frame_id=BASE), action=Marker.DELETEALL)
+        self.publisher(MarkerArray, "obstacles").publish(MarkerArray(markers=[marker]))
+
+    def close(self) -> None:
+        for process in self._processes:
+            if process.poll() is None:
+                process.kill()
+            process.communicate()
+        for node in self._nodes:
+            node.stop()
+        self.executor.shutdown()
+        self._thread.join()
+        for node in (*self._nodes, self.probe):
+            node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+
+
+def pose_of(pose: np.ndarray, frame: str = BASE) -> PoseStamped:
+    """A PoseStamped of (7,): position [m], quaternion (w, x, y, z)."""
+    message = messages.pose_message(pose[:3], pose[3:], frame, Header().stamp)
+    return message
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+@pytest.fixture
+def make_pose() -> Callable[..., PoseStamped]:
+    return pose_of
+
+
+@pytest.fixture
+def planner_options(skill_folder: Path) -> dict[str, Any]:
+    """Parameters for a planner whose arm does not move, on a machine that may be busy."""
+    return {
+        "skill": str(skill_folder),
+        "tracking_tolerance": 1.0,
+        "tracking_tolerance_angle": 3.2,
+        "state_timeout": 2.0,
+        "obstacle_timeout": 3600.0,
+        "latent_view_rate": 0.0,
+    }
