@@ -29,7 +29,8 @@ class Crossing:
     Attributes
     ----------
     within, across : energy [m^2] of the shortest path to the goal with q, and with -q, on a graph of the
-        whole latent box, nothing pruned or forbidden. At constant speed over unit time it is the length squared.
+        whole latent box, nothing pruned or forbidden. At constant speed over unit time it is the length
+        squared.
     flagged : the planner's own graph has no path across.
     """
 
@@ -45,6 +46,9 @@ class Crossing:
 
 def measure_crossings(skill: Skill, curves: Sequence[PoseCurve]) -> tuple[Crossing, ...]:
     """Measure for every motion, sign-continuous in its quaternions, in the skill's base frame.
+
+    Give motions the skill was trained on: the code of an unseen end may lie off the manifold, where the path
+    within its own cluster begins by climbing out of nowhere.
 
     Raises
     ------

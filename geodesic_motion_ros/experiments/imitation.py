@@ -214,7 +214,7 @@ def evaluate(
                 for index, item in zip(fold, held_out, strict=True):
                     measurements += judge.manifold(index, item, planner, seed)
                 if demonstrations.has_orientation and skill.orientation_model == "two_cluster":
-                    crossings += measure_crossings(skill, [item.curve for item in held_out])
+                    crossings += measure_crossings(skill, [item.curve for item in shown])
                 bar.update()
     return ImitationReport(task, folds, seeds, _people(demonstrations), tuple(measurements), tuple(crossings))
 
