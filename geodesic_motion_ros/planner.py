@@ -1,37 +1,34 @@
 """ReactivePlanner: goal, obstacles and the present pose -> reference and verdict, once per tick. Knows nothing of ROS.
 
-A *query* is a pair of start and goal poses with the latent graph transported to it: decoded nodes are carried by the
-offsets of both ends, so paths begin and end where they were asked to, and obstacles are met where the robot will
-really be. While the start moves along its own reference the query stays; only the search is repeated.
+While the start moves along its own reference its query (the graph transported to start and goal) stays; only the search
+is repeated.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from geodesic_motion_ros.certificate import curve_clearances, rotation_allowance
-from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.graph.ambient import ambient_factors, clearances
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.latent_graph import EdgeEnergies, LatentGraph, Offsets, tool_points
-from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path
-from geodesic_motion_ros.quaternions import (
-    angle_between,
-    continuous_signs,
-    normalise,
-    rotation_vector_between,
-)
+from geodesic_motion_ros.graph.latent_graph import LatentGraph, tool_points
+from geodesic_motion_ros.graph.shortest_path import shortest_path
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.quaternions import angle_between, continuous_signs
+from geodesic_motion_ros.query import Pose, Query, QueryBuilder, checked_pose
 from geodesic_motion_ros.reference import (
     TaskSpaceReference,
     correct_ends,
+    cut_curve,
+    nominal_durations,
     resample_latent,
     smooth_latent,
     timed_reference,
 )
-from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
+from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: The smoothed curve may leave the pruned nodes by this factor of sigma before it counts as unsupported.
@@ -51,71 +48,15 @@ _SAMPLES_PER_STEP = 1.5
 
 
 @dataclass(frozen=True)
-class PlannerSettings:
-    """What a user may choose. Lengths in metres, angles in radians.
-
-    Attributes
-    ----------
-    tool_points, tool_radii : spheres (K, 3), (K,) fixed in the tool frame that obstacles are kept away from.
-    obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
-    ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + tool radius), of the soft metric.
-    maximum_offset, maximum_offset_angle : largest distance of start and goal from the manifold.
-    reanchor_distance, reanchor_angle : a start further than this from the current reference begins a new query.
-    speed, angular_speed, acceleration : limits of the reference [m/s, rad/s, m/s^2].
-    avoidance : False ignores obstacles altogether; for control experiments only.
-    grid_shape, neighbours : of the latent graph.
-    """
-
-    tool_points: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),)
-    tool_radii: tuple[float, ...] = (0.04,)
-    obstacle_margin: float = 0.005
-    ambient_strength: float = 1000.0
-    ambient_width_ratio: float = 0.5
-    maximum_offset: float = 0.05
-    maximum_offset_angle: float = 0.5
-    reanchor_distance: float = 0.02
-    reanchor_angle: float = 0.1
-    speed: float = 0.2
-    angular_speed: float = 0.8
-    acceleration: float = 0.5
-    avoidance: bool = True
-    grid_shape: tuple[int, ...] = (100, 100)
-    neighbours: int = 16
-
-    def __post_init__(self) -> None:
-        if len(self.tool_points) != len(self.tool_radii) or not self.tool_points:
-            raise PlanningError(
-                f"{len(self.tool_points)} tool points and {len(self.tool_radii)} tool radii: "
-                "give one radius per point, and at least one"
-            )
-        if np.shape(self.tool_points)[1:] != (3,) or not np.all(np.isfinite(self.tool_points)):
-            raise PlanningError("tool_points must be finite (x, y, z) triples in the tool frame [m]")
-        if min(self.tool_radii) < 0.0:
-            raise PlanningError(f"tool radii {self.tool_radii} must not be negative [m]")
-        may_be_zero = ("obstacle_margin", "ambient_strength", "reanchor_distance", "reanchor_angle")
-        for setting in fields(self):
-            value = getattr(self, setting.name)
-            if not isinstance(value, float):
-                continue
-            allowed = value >= 0.0 if setting.name in may_be_zero else value > 0.0
-            if not (allowed and math.isfinite(value)):
-                raise PlanningError(f"setting {setting.name} is {value}, must be finite and positive")
-
-
-@dataclass(frozen=True)
 class Plan:
-    """Answer of one planning step: a reference only with an OK verdict."""
+    """Answer of one planning step.
+
+    With an OK verdict the reference leads to the goal. With any other it is a ramped, certified stop along the
+    reference followed so far, or None: then the commanded pose must stay where it is.
+    """
 
     reference: TaskSpaceReference | None
     verdict: Verdict
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Tool pose in the base frame: position (3,) [m], unit quaternion (4,)."""
-
-    position: np.ndarray
-    quaternion: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -128,21 +69,6 @@ class Obstacles:
     @classmethod
     def none(cls) -> Obstacles:
         return cls(np.empty((0, 3)), np.empty(0))
-
-
-@dataclass(frozen=True)
-class _Query:
-    """A start and goal with the graph transported to them."""
-
-    goal: Pose
-    offsets: Offsets
-    goal_node: int
-    component: int
-    energies: EdgeEnergies
-    to_goal: np.ndarray
-    misfits: dict[str, float]
-    start: Pose
-    start_latent: np.ndarray
 
 
 class ReactivePlanner:
@@ -158,9 +84,10 @@ class ReactivePlanner:
         self.graph: LatentGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         self._points = np.array(self.settings.tool_points, dtype=float)
         self._point_radii = np.array(self.settings.tool_radii, dtype=float)
+        self._queries = QueryBuilder(self.graph, skill.sigma_support, self.settings)
         self._obstacles = Obstacles.none()
         self._goal: Pose | None = None
-        self._query: _Query | None = None
+        self._query: Query | None = None
         self._previous: TaskSpaceReference | None = None
 
     # ---------------------------------------------------------------- inputs
@@ -170,10 +97,10 @@ class ReactivePlanner:
 
         The verdict is BAD_INPUT or GOAL_OUT_OF_SUPPORT where the goal is refused; then the old goal stays.
         """
-        pose, reason = _checked_pose("goal", position, quaternion)
+        pose, reason = checked_pose("goal", position, quaternion)
         if pose is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
-        verdict = self._goal_verdict(pose)
+        verdict = self._queries.goal_verdict(pose)
         if verdict.ok:
             self._goal, self._query, self._previous = pose, None, None
         return verdict
@@ -213,21 +140,23 @@ class ReactivePlanner:
         ----------
         position, quaternion : (3,) [m] and (4,) commanded tool pose now; speed : its speed now [m/s].
         """
-        start, reason = _checked_pose("state", position, quaternion)
+        start, reason = checked_pose("state", position, quaternion)
         if start is None:
             return _refusal(VerdictCode.BAD_INPUT, reason)
         if self._goal is None:
             return _refusal(VerdictCode.NO_GOAL, "no goal has been given")
         latent = self._locate(start)
         if latent is None:
-            query = self._anchor(start, self._goal)
+            query = self._queries.build(start, self._goal)
             if isinstance(query, Verdict):
                 return Plan(None, query)
             self._query, self._previous, latent = query, None, query.start_latent
         assert self._query is not None
-        plan = self._solve(self._query, start, latent, self._obstacles, speed)
-        if plan.reference is not None:
-            self._previous = plan.reference
+        obstacles = self._obstacles
+        plan = self._solve(self._query, start, latent, obstacles, speed)
+        if plan.reference is None:
+            return Plan(self._stop(start, obstacles, speed), plan.verdict)
+        self._previous = plan.reference
         return plan
 
     def plan(
@@ -238,114 +167,36 @@ class ReactivePlanner:
         goal_quaternion: np.ndarray,
     ) -> Plan:
         """A reference between two poses under the present obstacles; the stream of `tick` is not disturbed."""
-        start, start_reason = _checked_pose("start", start_position, start_quaternion)
-        goal, goal_reason = _checked_pose("goal", goal_position, goal_quaternion)
+        start, start_reason = checked_pose("start", start_position, start_quaternion)
+        goal, goal_reason = checked_pose("goal", goal_position, goal_quaternion)
         if start is None or goal is None:
             return _refusal(VerdictCode.BAD_INPUT, start_reason or goal_reason)
-        verdict = self._goal_verdict(goal)
+        verdict = self._queries.goal_verdict(goal)
         if not verdict.ok:
             return Plan(None, verdict)
-        query = self._anchor(start, goal)
+        query = self._queries.build(start, goal)
         if isinstance(query, Verdict):
             return Plan(None, query)
         return self._solve(query, start, query.start_latent, self._obstacles, 0.0)
 
     # --------------------------------------------------------------- query
 
-    def _goal_verdict(self, goal: Pose) -> Verdict:
-        """Whether some trusted part of the manifold lies within the allowed offset of a goal."""
-        ends = [self._nearest(goal, component) for component in self._components()]
-        distances = [self._misfit(goal, node) for node in ends if node is not None]
-        if not distances:
-            return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
-        return self._offset_verdict("goal", min(distances), VerdictCode.GOAL_OUT_OF_SUPPORT)
-
-    def _offset_verdict(self, end: str, misfit: tuple[float, float], code: VerdictCode) -> Verdict:
-        distance, angle = misfit
-        offsets = {f"{end}_offset": distance, f"{end}_offset_angle": angle}
-        limit, limit_angle = self.settings.maximum_offset, self.settings.maximum_offset_angle
-        if distance <= limit and angle <= limit_angle:
-            return Verdict(VerdictCode.OK, in_support=True, **offsets)
-        reason = (
-            f"the {end} is {1000 * distance:.0f} mm and {math.degrees(angle):.0f} deg from the nearest pose the "
-            f"skill can reach; allowed are {1000 * limit:.0f} mm and {math.degrees(limit_angle):.0f} deg "
-            "(settings maximum_offset, maximum_offset_angle)"
-        )
-        return Verdict(code, reason, **offsets)
-
-    def _components(self) -> np.ndarray:
-        """Connected pieces of the graph large enough to hold a path: those that hold demonstrations."""
-        counts = np.bincount(self.graph.component)
-        return np.flatnonzero(counts >= max(2, 0.05 * counts.max()))
-
-    def _nearest(self, pose: Pose, component: int) -> int | None:
-        limit = ENDPOINT_MULTIPLE * self.skill.sigma_support
-        found = self.graph.nearest_node(pose.position, pose.quaternion, component, limit)
-        return None if found is None else found[0]
-
-    def _misfit(self, pose: Pose, node: int) -> tuple[float, float]:
-        """Distance [m] and angle [rad] between a pose and a decoded node."""
-        decoded = self.graph.decoded
-        distance = float(np.linalg.norm(decoded.positions[node] - pose.position))
-        return distance, float(angle_between(decoded.quaternions[node], pose.quaternion))
-
-    def _anchor(self, start: Pose, goal: Pose) -> _Query | Verdict:
-        """Choose both ends on one connected piece of the manifold and transport the graph to the query."""
-        pairs = []
-        for component in self._components():
-            start_node, goal_node = self._nearest(start, component), self._nearest(goal, component)
-            if start_node is None or goal_node is None:
-                continue
-            misfits = self._misfit(start, start_node), self._misfit(goal, goal_node)
-            pairs.append((np.hypot(*misfits[0]) + np.hypot(*misfits[1]), component, start_node, goal_node, *misfits))
-        if not pairs:
-            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
-        _, component, start_node, goal_node, start_misfit, goal_misfit = min(pairs, key=lambda pair: pair[0])
-        for end, misfit, code in (
-            ("start", start_misfit, VerdictCode.START_OUT_OF_SUPPORT),
-            ("goal", goal_misfit, VerdictCode.GOAL_OUT_OF_SUPPORT),
-        ):
-            verdict = self._offset_verdict(end, misfit, code)
-            if not verdict.ok:
-                return verdict
-        offsets = self._offsets(start, start_node, goal, goal_node)
-        energies = self.graph.transported(offsets, self._points)
-        return _Query(
-            goal=goal,
-            offsets=offsets,
-            goal_node=goal_node,
-            component=int(component),
-            energies=energies,
-            to_goal=cost_field(self.graph.adjacency, energies.fixed, energies.shares, goal_node),
-            misfits={
-                "start_offset": start_misfit[0], "start_offset_angle": start_misfit[1],
-                "goal_offset": goal_misfit[0], "goal_offset_angle": goal_misfit[1],
-            },
-            start=start,
-            start_latent=self.graph.latent[start_node],
-        )  # fmt: skip
-
-    def _offsets(self, start: Pose, start_node: int, goal: Pose, goal_node: int) -> Offsets:
-        decoded, progress = self.graph.decoded, self.graph.progress
-        return Offsets(
-            start.position - decoded.positions[start_node],
-            goal.position - decoded.positions[goal_node],
-            rotation_vector_between(decoded.quaternions[start_node], start.quaternion),
-            rotation_vector_between(decoded.quaternions[goal_node], goal.quaternion),
-            float(progress[start_node]),
-            float(progress[goal_node]),
-        )
-
     def _locate(self, pose: Pose) -> np.ndarray | None:
         """Latent point of a pose on the reference being followed; None where a new query must begin."""
         if self._query is None:
             return None
-        reference = self._previous
-        if reference is None:
+        if self._previous is None:
             anchor = self._query.start
-            moved = np.linalg.norm(pose.position - anchor.position)
-            turned = angle_between(pose.quaternion, anchor.quaternion)
-            return self._query.start_latent if self._near(float(moved), float(turned)) else None
+            moved = float(np.linalg.norm(pose.position - anchor.position))
+            near = self._near(moved, float(angle_between(pose.quaternion, anchor.quaternion)))
+            return self._query.start_latent if near else None
+        i, share, distance, angle = self._foot(self._previous, pose)
+        latent = self._previous.latent
+        return latent[i] + share * (latent[i + 1] - latent[i]) if self._near(distance, angle) else None
+
+    @staticmethod
+    def _foot(reference: TaskSpaceReference, pose: Pose) -> tuple[int, float, float, float]:
+        """Where a pose is closest to the beginning of a reference: segment, share of it, distance [m], angle [rad]."""
         near = min(len(reference.times), int(np.searchsorted(reference.times, _LOCATE_WITHIN)) + 2)
         begin, step = reference.positions[: near - 1], np.diff(reference.positions[:near], axis=0)
         along = np.sum((pose.position - begin) * step, axis=1)
@@ -353,16 +204,14 @@ class ReactivePlanner:
         distance = np.linalg.norm(begin + share[:, None] * step - pose.position, axis=1)
         angle = angle_between(reference.quaternions[: near - 1], pose.quaternion)
         i = int(np.argmin(distance + _METRES_PER_RADIAN * angle))
-        if not self._near(float(distance[i]), float(angle[i])):
-            return None
-        return reference.latent[i] + share[i] * (reference.latent[i + 1] - reference.latent[i])
+        return i, float(share[i]), float(distance[i]), float(angle[i])
 
     def _near(self, distance: float, angle: float) -> bool:
         return distance <= self.settings.reanchor_distance and angle <= self.settings.reanchor_angle
 
     # --------------------------------------------------------------- solve
 
-    def _solve(self, query: _Query, start: Pose, start_latent: np.ndarray, obstacles: Obstacles, speed: float) -> Plan:
+    def _solve(self, query: Query, start: Pose, start_latent: np.ndarray, obstacles: Obstacles, speed: float) -> Plan:
         """Reweight once; then search, smooth, decode, certify and time until an attempt is certified."""
         settings, energies = self.settings, query.energies
         avoided = obstacles if settings.avoidance else Obstacles.none()
@@ -388,7 +237,7 @@ class ReactivePlanner:
                     return plan
         return plan
 
-    def _end_clearance(self, query: _Query, start: Pose, obstacles: Obstacles) -> float | Plan:
+    def _end_clearance(self, query: Query, start: Pose, obstacles: Obstacles) -> float | Plan:
         """Smaller clearance [m] of start and goal, or the refusal where one of them is covered."""
         positions = np.stack([start.position, query.goal.position])
         quaternions = np.stack([start.quaternion, query.goal.quaternion])
@@ -403,7 +252,7 @@ class ReactivePlanner:
         return float(min(here, there))
 
     def _search(
-        self, query: _Query, start_latent: np.ndarray, factors: np.ndarray, blocked: np.ndarray
+        self, query: Query, start_latent: np.ndarray, factors: np.ndarray, blocked: np.ndarray
     ) -> tuple[np.ndarray, float] | Plan:
         """Latent polyline (m, d) of the cheapest path and its largest energy per edge, or the refusal."""
         allowed = ~blocked & (self.graph.component == query.component)
@@ -428,9 +277,38 @@ class ReactivePlanner:
             points = points[1:]
         return np.concatenate([start[None], points])
 
+    def _stop(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
+        """Come to rest along the reference followed so far; None at rest, or where that would touch an obstacle."""
+        settings, previous = self.settings, self._previous
+        if previous is None or speed <= 0.0:
+            return None
+        ahead = slice(self._foot(previous, start)[0] + 1, None)
+        positions = np.concatenate([start.position[None], previous.positions[ahead]])
+        quaternions = continuous_signs(np.concatenate([start.quaternion[None], previous.quaternions[ahead]]))
+        # v^2 / (2 a), as a duration at full speed.
+        braking = speed**2 / (2.0 * settings.acceleration * settings.speed)
+        nominal = nominal_durations(positions, quaternions, settings.speed, settings.angular_speed)
+        positions, quaternions = cut_curve(positions, quaternions, nominal, braking)
+        latent = previous.latent[ahead][: len(positions) - 1]
+        clearance = self._clearance(positions, quaternions, obstacles)
+        if settings.avoidance and np.min(clearance) <= 0.0:
+            return None
+        return timed_reference(
+            positions, quaternions, np.concatenate([latent[:1], latent]), clearance,
+            settings.speed, settings.angular_speed, settings.acceleration, speed,
+        )  # fmt: skip
+
+    def _clearance(self, positions: np.ndarray, quaternions: np.ndarray, obstacles: Obstacles) -> np.ndarray:
+        """Certified clearance [m] of every stretch of a dense pose curve (n, 3), (n, 4): (n - 1,)."""
+        angles = angle_between(quaternions[1:], quaternions[:-1])
+        return curve_clearances(
+            tool_points(positions, quaternions, self._points), self._point_radii,
+            rotation_allowance(angles, self._points), obstacles.centres, obstacles.radii,
+        )  # fmt: skip
+
     def _certified(
         self,
-        query: _Query,
+        query: Query,
         start: Pose,
         polyline: np.ndarray,
         energy: float,
@@ -452,11 +330,7 @@ class ReactivePlanner:
         positions, quaternions = correct_ends(
             positions, quaternions, (start.position, start.quaternion), (query.goal.position, query.goal.quaternion)
         )
-        clearance = curve_clearances(
-            tool_points(positions, quaternions, self._points), self._point_radii,
-            rotation_allowance(angle_between(quaternions[1:], quaternions[:-1]), self._points),
-            obstacles.centres, obstacles.radii,
-        )  # fmt: skip
+        clearance = self._clearance(positions, quaternions, obstacles)
         verdict = self._path_verdict(query, float(np.max(rms_sigma(decoded.sigma))), energy, float(np.min(clearance)))
         if not verdict.ok:
             return Plan(None, verdict)
@@ -466,7 +340,7 @@ class ReactivePlanner:
         )  # fmt: skip
         return Plan(reference, verdict)
 
-    def _path_verdict(self, query: _Query, sigma: float, energy: float, clearance: float) -> Verdict:
+    def _path_verdict(self, query: Query, sigma: float, energy: float, clearance: float) -> Verdict:
         """Judge a path by its largest rms sigma [m], its largest energy of one edge and its clearance [m]."""
         in_support = sigma <= _CURVE_SIGMA_MULTIPLE * self.skill.sigma_limit
         found = dict(clearance=clearance, energy_per_edge=energy, in_support=in_support, **query.misfits)
@@ -484,21 +358,6 @@ class ReactivePlanner:
         return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **found)
 
 
-def _refusal(code: VerdictCode, reason: str, query: _Query | None = None, clearance: float = math.nan) -> Plan:
+def _refusal(code: VerdictCode, reason: str, query: Query | None = None, clearance: float = math.nan) -> Plan:
     """No reference, and why; what is known of the query's ends goes with it."""
     return Plan(None, Verdict(code, reason, clearance=clearance, **(query.misfits if query else {})))
-
-
-def _checked_pose(end: str, position: np.ndarray, quaternion: np.ndarray) -> tuple[Pose | None, str]:
-    """A pose with a unit quaternion, or None and what is wrong with it."""
-    position, quaternion = np.array(position, dtype=float), np.array(quaternion, dtype=float)
-    if position.shape != (3,) or quaternion.shape != (4,):
-        return None, (
-            f"{end} has position of shape {position.shape} and quaternion of shape {quaternion.shape}: "
-            "expected (3,) and (4,)"
-        )
-    if not (np.all(np.isfinite(position)) and np.all(np.isfinite(quaternion))):
-        return None, f"{end} position {position.tolist()}, quaternion {quaternion.tolist()}: must be finite"
-    if np.linalg.norm(quaternion) < 1e-6:
-        return None, f"{end} quaternion {quaternion.tolist()} is zero: expected a unit quaternion (w, x, y, z)"
-    return Pose(position, normalise(quaternion)), ""

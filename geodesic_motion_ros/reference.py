@@ -60,6 +60,27 @@ def arc_share(positions: np.ndarray) -> np.ndarray:
     return length / length[-1]
 
 
+def nominal_durations(positions: np.ndarray, quaternions: np.ndarray, speed: float, angular_speed: float) -> np.ndarray:
+    """Time [s] that each segment of a pose curve takes at full speed, (n - 1,): translation or rotation, the slower."""
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    turns = angle_between(quaternions[1:], quaternions[:-1])
+    return np.maximum(np.maximum(steps / speed, turns / angular_speed), 1e-9)
+
+
+def cut_curve(
+    positions: np.ndarray, quaternions: np.ndarray, nominal: np.ndarray, duration: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The beginning of a pose curve that takes `duration` [s] at full speed; the whole curve where that is shorter."""
+    passed = np.concatenate([[0.0], np.cumsum(nominal)])
+    if duration >= passed[-1]:
+        return positions, quaternions
+    i = int(np.searchsorted(passed, duration, side="right")) - 1
+    share = (duration - passed[i]) / nominal[i]
+    last = positions[i] + share * (positions[i + 1] - positions[i])
+    turned = slerp(quaternions[i], quaternions[i + 1], np.array([share]))
+    return np.concatenate([positions[: i + 1], last[None]]), np.concatenate([quaternions[: i + 1], turned])
+
+
 def time_law(nominal: np.ndarray, rate_acceleration: float, initial_rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Times (n,) [s] and rates (n,) along a curve whose segments take `nominal` (n - 1,) [s] at full speed.
 
@@ -138,9 +159,7 @@ def timed_reference(
     initial_speed: float,
 ) -> TaskSpaceReference:
     """Give a pose curve its time law: at most `speed` [m/s] and `angular_speed` [rad/s], `acceleration` [m/s^2]."""
-    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    turns = angle_between(quaternions[1:], quaternions[:-1])
-    nominal = np.maximum(np.maximum(steps / speed, turns / angular_speed), 1e-9)
+    nominal = nominal_durations(positions, quaternions, speed, angular_speed)
     times, rates = time_law(nominal, acceleration / speed, initial_speed / speed)
     return TaskSpaceReference(times, rates, positions, quaternions, latent, clearance)
 

@@ -69,7 +69,7 @@ class Skill:
     robot: str = "panda"
     base_frame: str = "panda_link0"
     tool_frame: str = "panda_grasptarget"
-    metric: MetricSettings = MetricSettings()
+    metric: MetricSettings = field(default_factory=MetricSettings)
     orientation_model: Literal["two_cluster", "sign_blind"] = "two_cluster"
     encoder_arrays: dict[str, np.ndarray] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)

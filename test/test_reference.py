@@ -7,6 +7,8 @@ from geodesic_motion_ros.quaternions import angle_between, normalise, slerp
 from geodesic_motion_ros.reference import (
     ReferenceFollower,
     correct_ends,
+    cut_curve,
+    nominal_durations,
     resample_latent,
     smooth_latent,
     time_law,
@@ -84,6 +86,17 @@ def test_the_time_law_keeps_rate_and_acceleration_and_ends_at_rest(initial):
     assert rates.max() <= 1.0
     assert np.all(np.diff(times) > 0.0)
     assert np.abs(np.diff(rates) / np.diff(times)).max() <= 2.0 * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("duration", [0.0, 0.013, 1.0, 2.0, 100.0])
+def test_a_cut_curve_lasts_as_long_as_asked_and_follows_the_whole(duration):
+    curve = reference()
+    nominal = nominal_durations(curve.positions, curve.quaternions, SPEED, ANGULAR_SPEED)
+    positions, quaternions = cut_curve(curve.positions, curve.quaternions, nominal, duration)
+    lasted = nominal_durations(positions, quaternions, SPEED, ANGULAR_SPEED).sum()
+    assert lasted == pytest.approx(min(duration, nominal.sum()), abs=1e-6)
+    np.testing.assert_array_equal(positions[:-1], curve.positions[: len(positions) - 1])
+    assert len(positions) >= 2
 
 
 def test_sampled_motion_keeps_speed_limits():

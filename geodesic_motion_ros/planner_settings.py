@@ -1,0 +1,62 @@
+"""PlannerSettings: what a user may choose about planning."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from geodesic_motion_ros.errors import PlanningError
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """What a user may choose. Lengths in metres, angles in radians.
+
+    Attributes
+    ----------
+    tool_points, tool_radii : spheres (K, 3), (K,) fixed in the tool frame that obstacles are kept away from.
+    obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
+    ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + tool radius), of the soft metric.
+    maximum_offset, maximum_offset_angle : largest distance of start and goal from the manifold.
+    reanchor_distance, reanchor_angle : a start further than this from the current reference begins a new query.
+    speed, angular_speed, acceleration : limits of the reference [m/s, rad/s, m/s^2].
+    avoidance : False ignores obstacles altogether; for control experiments only.
+    grid_shape, neighbours : of the latent graph.
+    """
+
+    tool_points: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),)
+    tool_radii: tuple[float, ...] = (0.04,)
+    obstacle_margin: float = 0.005
+    ambient_strength: float = 1000.0
+    ambient_width_ratio: float = 0.5
+    maximum_offset: float = 0.05
+    maximum_offset_angle: float = 0.5
+    reanchor_distance: float = 0.02
+    reanchor_angle: float = 0.1
+    speed: float = 0.2
+    angular_speed: float = 0.8
+    acceleration: float = 0.5
+    avoidance: bool = True
+    grid_shape: tuple[int, ...] = (100, 100)
+    neighbours: int = 16
+
+    def __post_init__(self) -> None:
+        if len(self.tool_points) != len(self.tool_radii) or not self.tool_points:
+            raise PlanningError(
+                f"{len(self.tool_points)} tool points and {len(self.tool_radii)} tool radii: "
+                "give one radius per point, and at least one"
+            )
+        if np.shape(self.tool_points)[1:] != (3,) or not np.all(np.isfinite(self.tool_points)):
+            raise PlanningError("tool_points must be finite (x, y, z) triples in the tool frame [m]")
+        if min(self.tool_radii) < 0.0:
+            raise PlanningError(f"tool radii {self.tool_radii} must not be negative [m]")
+        may_be_zero = ("obstacle_margin", "ambient_strength", "reanchor_distance", "reanchor_angle")
+        for setting in fields(self):
+            value = getattr(self, setting.name)
+            if not isinstance(value, float):
+                continue
+            allowed = value >= 0.0 if setting.name in may_be_zero else value > 0.0
+            if not (allowed and math.isfinite(value)):
+                raise PlanningError(f"setting {setting.name} is {value}, must be finite and positive")

@@ -1,0 +1,319 @@
+"""The planner's promises, on a small skill that fans out: scenes come with a control."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.planner import Plan, PlannerSettings, ReactivePlanner
+from geodesic_motion_ros.quaternions import angle_between, normalise
+from geodesic_motion_ros.reference import ReferenceFollower
+from geodesic_motion_ros.verdict import VerdictCode
+
+PERIOD = 0.01
+NOTHING = (np.empty((0, 3)), np.empty(0))
+
+
+@pytest.fixture(scope="module")
+def shared_planner(fan_skill) -> ReactivePlanner:
+    return ReactivePlanner(fan_skill)
+
+
+@pytest.fixture
+def planner(shared_planner) -> ReactivePlanner:
+    shared_planner.set_obstacles(*NOTHING)
+    shared_planner.clear_goal()
+    return shared_planner
+
+
+def nominal(planner: ReactivePlanner) -> Plan:
+    """The plan from the skill's mean start to its mean goal."""
+    start, goal = planner.skill.start_pose, planner.skill.goal_pose
+    return planner.plan(start[:3], start[3:], goal[:3], goal[3:])
+
+
+def stream(planner: ReactivePlanner, obstacles=lambda time: NOTHING, seconds: float = 8.0, offset: float = 0.0):
+    """Follow the planner from start to goal; yields time, follower and plan after every tick."""
+    start, goal = planner.skill.start_pose, planner.skill.goal_pose
+    follower = ReferenceFollower(planner.settings.speed)
+    follower.reset(start[:3] + offset, start[3:])
+    assert planner.set_goal(goal[:3], goal[3:]).ok
+    for step in range(int(seconds / PERIOD)):
+        planner.set_obstacles(*obstacles(step * PERIOD))
+        plan = planner.tick(follower.position, follower.quaternion, follower.speed)
+        if plan.reference is None:
+            follower.hold()
+        else:
+            follower.accept(plan.reference)
+        yield step * PERIOD, follower, plan
+        follower.advance(PERIOD)
+
+
+def test_a_plan_meets_both_ends_and_the_skill(planner):
+    plan = nominal(planner)
+    assert plan.verdict.ok
+    reference, start, goal = plan.reference, planner.skill.start_pose, planner.skill.goal_pose
+    np.testing.assert_allclose(reference.positions[[0, -1]], [start[:3], goal[:3]], atol=1e-9)
+    assert angle_between(reference.quaternions[[0, -1]], np.stack([start[3:], goal[3:]])).max() < 1e-6
+    # The middle of the fan is a straight line, its rims bulge out by 120 mm.
+    line = start[:3] + np.linspace(0, 1, 50)[:, None] * (goal[:3] - start[:3])
+    gaps = np.linalg.norm(reference.positions[:, None] - line, axis=-1).min(axis=1)
+    assert gaps.max() < 0.04
+
+
+def test_unseen_ends_are_met_exactly(planner):
+    start, goal = planner.skill.start_pose.copy(), planner.skill.goal_pose.copy()
+    start[:3] += [0.02, -0.01, 0.015]
+    goal[:3] += [-0.02, 0.02, 0.01]
+    plan = planner.plan(start[:3], start[3:], goal[:3], -goal[3:])
+    np.testing.assert_allclose(plan.reference.positions[[0, -1]], [start[:3], goal[:3]], atol=1e-9)
+    assert np.all(np.sum(plan.reference.quaternions[1:] * plan.reference.quaternions[:-1], axis=1) > 0.9)
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_a_sphere_on_the_path_is_hit_without_avoidance_and_not_with_it(fan_skill, planner, seed):
+    random = np.random.default_rng(seed)
+    direct = nominal(planner).reference.positions
+    centre = direct[random.integers(len(direct) // 4, 3 * len(direct) // 4)] + random.normal(scale=0.01, size=3)
+    radius = random.uniform(0.01, 0.03)
+    blind = ReactivePlanner(fan_skill, PlannerSettings(avoidance=False)) if seed == 0 else None
+    planner.set_obstacles([centre], [radius])
+    if blind is not None:
+        blind.set_obstacles([centre], [radius])
+        assert nominal(blind).verdict.clearance < 0.0
+    assert np.linalg.norm(direct - centre, axis=1).min() < radius + 0.04
+    plan = nominal(planner)
+    assert plan.verdict.ok
+    assert plan.verdict.clearance > 0.0
+    dense = np.array([plan.reference.sample(t)[0] for t in np.linspace(0, plan.reference.duration, 3000)])
+    assert np.linalg.norm(dense - centre, axis=1).min() - radius - 0.04 >= plan.verdict.clearance - 1e-9
+
+
+def test_the_plan_with_an_obstacle_is_never_cheaper_than_without(planner):
+    direct = nominal(planner).reference
+    planner.set_obstacles([direct.positions[len(direct.positions) // 2]], [0.03])
+    detour = nominal(planner).reference
+    assert detour.duration > direct.duration
+
+
+def test_a_far_obstacle_changes_nothing_and_one_that_left_leaves_no_trace(planner):
+    before = nominal(planner).reference
+    planner.set_obstacles([[0.5, 0.0, 2.0]], [0.1])
+    np.testing.assert_array_equal(nominal(planner).reference.positions, before.positions)
+    planner.set_obstacles([before.positions[60]], [0.03])
+    assert not np.array_equal(nominal(planner).reference.positions, before.positions)
+    planner.set_obstacles(*NOTHING)
+    after = nominal(planner).reference
+    np.testing.assert_array_equal(after.positions, before.positions)
+    np.testing.assert_array_equal(after.times, before.times)
+
+
+def test_a_wall_leaves_no_path_and_says_so(planner):
+    middle = nominal(planner).reference.positions[60]
+    planner.set_obstacles([middle], [0.17])
+    plan = nominal(planner)
+    assert plan.reference is None
+    assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+    assert "block" in plan.verdict.reason
+
+
+@pytest.mark.parametrize(
+    ("end", "code", "words"),
+    [("start_pose", VerdictCode.IN_COLLISION, "overlaps"), ("goal_pose", VerdictCode.NO_FEASIBLE_PATH, "goal")],
+)
+def test_an_obstacle_on_an_end_is_named(planner, end, code, words):
+    planner.set_obstacles([getattr(planner.skill, end)[:3]], [0.03])
+    plan = nominal(planner)
+    assert plan.reference is None
+    assert plan.verdict.code is code
+    assert words in plan.verdict.reason
+
+
+def test_the_stream_arrives_without_a_jump(planner):
+    limit = planner.settings.speed * PERIOD * 1.001
+    before = None
+    for _, follower, plan in stream(planner):
+        assert plan.verdict.ok, plan.verdict
+        if before is not None:
+            assert np.linalg.norm(follower.position - before[0]) <= limit
+            assert before[1] @ follower.quaternion > 0.9999
+        before = follower.position.copy(), follower.quaternion.copy()
+    np.testing.assert_allclose(follower.position, planner.skill.goal_pose[:3], atol=1e-6)
+    assert angle_between(follower.quaternion, planner.skill.goal_pose[3:]) < 1e-5
+
+
+def crossing_sphere(planner: ReactivePlanner):
+    """A sphere that comes slowly from the fan's outside onto the direct path and stays."""
+    middle = nominal(planner).reference.positions[60]
+    away = normalise(np.array([0.8, 0.0, 0.6]))
+
+    def obstacles(time: float):
+        return (middle + max(0.0, 0.15 - 0.06 * time) * away)[None], np.array([0.025])
+
+    return obstacles
+
+
+def test_a_sphere_that_moves_onto_the_path_is_avoided_by_the_stream_but_hit_by_the_control(fan_skill, planner):
+    obstacles = crossing_sphere(planner)
+
+    def smallest_gap(subject: ReactivePlanner) -> float:
+        gaps = []
+        for time, follower, _ in stream(subject, obstacles):
+            centre, radius = obstacles(time)
+            gaps.append(np.linalg.norm(follower.position - centre[0]) - radius[0] - 0.04)
+        np.testing.assert_allclose(follower.position, subject.skill.goal_pose[:3], atol=1e-6)
+        return min(gaps)
+
+    assert smallest_gap(ReactivePlanner(fan_skill, PlannerSettings(avoidance=False))) < 0.0
+    assert smallest_gap(planner) > 0.0
+
+
+def test_a_blocked_stream_holds_and_goes_on_when_the_way_is_free(planner):
+    middle = nominal(planner).reference.positions[60]
+    held, moved = [], []
+    for time, follower, plan in stream(  # noqa: B007
+        planner, lambda time: ([middle], [0.17]) if time < 2.0 else NOTHING, seconds=10.0
+    ):
+        (held if time < 2.0 else moved).append(plan.verdict.code)
+    assert set(held) == {VerdictCode.NO_FEASIBLE_PATH}
+    assert set(moved) == {VerdictCode.OK}
+    np.testing.assert_allclose(follower.position, planner.skill.goal_pose[:3], atol=1e-6)
+
+
+def test_a_stream_blocked_in_motion_comes_to_rest_along_its_path_without_overlap(planner):
+    direct = nominal(planner).reference
+    limit = planner.settings.acceleration * PERIOD * 1.01
+    wall = direct.positions[60] + normalise(direct.positions[60] - direct.positions[30]) * 0.16
+    speeds, offset = [], []
+    for time, follower, plan in stream(planner, lambda t: NOTHING if t < 1.0 else ([wall], [0.17]), seconds=2.5):
+        speeds.append(follower.speed)
+        if time > 1.0:
+            assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH, plan.verdict
+            offset.append(np.linalg.norm(direct.positions - follower.position, axis=1).min())
+    assert max(speeds) == pytest.approx(planner.settings.speed)
+    assert np.min(np.diff(speeds)) >= -limit
+    assert speeds[-1] == 0.0
+    assert max(offset) < 0.005
+
+
+def test_a_stop_that_would_touch_an_obstacle_is_not_taken(planner):
+    ticks = stream(planner)
+    for _ in range(100):
+        _, follower, _ = next(ticks)
+    assert follower.speed == pytest.approx(planner.settings.speed)
+    ahead = planner.tick(follower.position, follower.quaternion, follower.speed).reference.sample(0.1)[0]
+    radius = np.linalg.norm(ahead - follower.position) - 0.042 + 0.17
+    direction = normalise(ahead - follower.position)
+    planner.set_obstacles([follower.position + direction * (radius + 0.041)], [radius])
+    plan = planner.tick(follower.position, follower.quaternion, follower.speed)
+    assert plan.reference is None
+    assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+
+
+def test_a_plan_on_request_does_not_disturb_the_stream(fan_skill, planner):
+    other = ReactivePlanner(fan_skill)
+    disturbed = []
+    for (_, follower, _), (_, undisturbed, _) in zip(stream(planner), stream(other), strict=True):
+        planner.plan(*np.split(planner.skill.goal_pose, [3]), *np.split(planner.skill.start_pose, [3]))
+        disturbed.append(np.array_equal(follower.position, undisturbed.position))
+    assert all(disturbed)
+
+
+def test_the_same_input_gives_the_same_bytes(fan_skill, planner):
+    obstacles = crossing_sphere(planner)
+    runs = [
+        b"".join(follower.position.tobytes() for _, follower, _ in stream(subject, obstacles, seconds=3.0))
+        for subject in (planner, ReactivePlanner(fan_skill))
+    ]
+    assert runs[0] == runs[1]
+
+
+def test_a_stream_that_was_pushed_aside_begins_a_new_query(planner):
+    ticks = stream(planner)
+    for _ in range(100):
+        _, follower, _ = next(ticks)
+    follower.reset(follower.position + [0.0, 0.0, 0.03], follower.quaternion)
+    _, follower, plan = next(ticks)
+    assert plan.verdict.ok
+    assert np.linalg.norm(plan.reference.positions[0] - follower.position) < 0.005
+
+
+@pytest.mark.parametrize(
+    ("position", "quaternion", "words"),
+    [
+        ([np.nan, 0, 0], [1, 0, 0, 0], "finite"),
+        ([0.4, 0, np.inf], [1, 0, 0, 0], "finite"),
+        ([0.4, 0, 0.3], [0, 0, 0, 0], "zero"),
+        ([0.4, 0], [1, 0, 0, 0], "expected"),
+    ],
+)
+def test_bad_poses_are_refused_with_the_reason_and_change_nothing(planner, position, quaternion, words):
+    start, goal = planner.skill.start_pose, planner.skill.goal_pose
+    planner.set_goal(goal[:3], goal[3:])
+    for verdict in (
+        planner.set_goal(np.array(position), np.array(quaternion)),
+        planner.tick(np.array(position), np.array(quaternion)).verdict,
+        planner.plan(start[:3], start[3:], np.array(position), np.array(quaternion)).verdict,
+    ):
+        assert verdict.code is VerdictCode.BAD_INPUT
+        assert words in verdict.reason
+    assert planner.tick(start[:3], start[3:]).verdict.ok
+
+
+def test_a_goal_far_from_the_demonstrations_is_refused_with_its_distance(planner):
+    start, goal = planner.skill.start_pose, planner.skill.goal_pose
+    planner.set_goal(goal[:3], goal[3:])
+    verdict = planner.set_goal(goal[:3] + [0.0, 0.3, 0.0], goal[3:])
+    assert verdict.code is VerdictCode.GOAL_OUT_OF_SUPPORT
+    assert verdict.goal_offset > 0.2
+    assert "maximum_offset" in verdict.reason
+    np.testing.assert_allclose(planner.tick(start[:3], start[3:]).reference.positions[-1], goal[:3], atol=1e-9)
+
+
+def test_a_start_far_from_the_demonstrations_is_refused(planner):
+    goal = planner.skill.goal_pose
+    planner.set_goal(goal[:3], goal[3:])
+    plan = planner.tick(goal[:3] + [0.0, 0.0, 0.5], goal[3:])
+    assert plan.verdict.code is VerdictCode.START_OUT_OF_SUPPORT
+
+
+def test_without_a_goal_there_is_no_reference(planner):
+    start = planner.skill.start_pose
+    plan = planner.tick(start[:3], start[3:])
+    assert plan.reference is None
+    assert plan.verdict.code is VerdictCode.NO_GOAL
+
+
+@pytest.mark.parametrize(
+    ("centres", "radii", "words"),
+    [
+        ([[0, 0, 0], [np.nan, 0, 0]], [0.1, 0.1], "obstacle 1"),
+        ([[0, 0, 0]], [0.0], "positive"),
+        ([[0, 0, 0]], [-0.1], "positive"),
+        ([[0, 0, 0]], [np.inf], "obstacle 0"),
+        ([[0, 0, 0]], [0.1, 0.1], "one radius each"),
+    ],
+)
+def test_bad_obstacles_are_refused_as_a_whole_and_named(planner, centres, radii, words):
+    middle = nominal(planner).reference.positions[60]
+    planner.set_obstacles([middle], [0.17])
+    verdict = planner.set_obstacles(centres, radii)
+    assert verdict.code is VerdictCode.BAD_INPUT
+    assert words in verdict.reason
+    assert nominal(planner).reference is None
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"tool_radii": (0.1, 0.1)}, "one radius per point"),
+        ({"tool_radii": (-0.1,)}, "negative"),
+        ({"speed": 0.0}, "speed"),
+        ({"ambient_strength": np.nan}, "ambient_strength"),
+        ({"tool_points": ((0.0, 0.0),)}, "triples"),
+    ],
+)
+def test_impossible_settings_are_named(settings, words):
+    with pytest.raises(PlanningError, match=words):
+        PlannerSettings(**settings)
