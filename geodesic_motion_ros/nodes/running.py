@@ -16,7 +16,7 @@ import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 
 # A Python thread waits this long [s] for another one to let go of the interpreter. The default, 5 ms, is
 # half a control period.
@@ -61,8 +61,7 @@ def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | Non
     request = StopRequest()
     node = None
     try:
-        # rclpy's own handlers shut the context down under the running threads; ours end the threads first.
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        _initialise(args)
         node = create()
         request.starting = False
         if not request:
@@ -71,7 +70,7 @@ def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | Non
     except KeyboardInterrupt:
         return 0
     except GeodesicMotionError as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
     finally:
         request.starting = False
@@ -79,6 +78,14 @@ def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | Non
             node.stop()
             node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _initialise(args: list[str] | None) -> None:
+    try:
+        # rclpy's own handlers shut the context down under the running threads; ours end the threads first.
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # what rcl makes of an argument or a parameter file it cannot read
+        raise ParameterError(str(error)) from error
 
 
 def _spin(node: LoopingNode, request: StopRequest) -> None:

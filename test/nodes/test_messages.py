@@ -159,8 +159,9 @@ def cloud(points: np.ndarray, kind=PointField.FLOAT32, big=False, padding=4, row
         packed = b"".join(pack.pack(z, x, y) + bytes(padding) for x, y, z in row)
         rows.append(packed + bytes(row_padding))
     fields = [
-        PointField(name=name, offset=offset * size, datatype=kind, count=1) for name, offset in zip("xyz", (1, 2, 0), strict=True)
-    ]  # fmt: skip
+        PointField(name=name, offset=offset * size, datatype=kind, count=1)
+        for name, offset in zip("xyz", (1, 2, 0), strict=True)
+    ]
     return PointCloud2(
         header=Header(frame_id=BASE), height=height, width=width, fields=fields, is_bigendian=big,
         point_step=step, row_step=width * step + row_padding, data=array.array("B", b"".join(rows)),

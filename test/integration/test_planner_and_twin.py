@@ -1,0 +1,155 @@
+"""The chain: planner and twin over DDS, in one process and as two, with and without avoidance."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.srv import GetPlan
+from std_msgs.msg import Float64, UInt32
+
+from geodesic_motion_ros.nodes.planner_node import PlannerNode
+from geodesic_motion_ros.nodes.twin_node import TwinNode
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+# A ball in the middle of every demonstration, small enough to be passed on either side.
+BALL = "{ball: {kind: static, centre: [0.465, -0.01, 0.34], radius: 0.03}}"
+# Spheres (x, y, z, radius) that cover fingers and hand of the Panda, seen from between the finger tips.
+HAND = [0.0, 0.0, 0.0, 0.03, 0.0, 0.0, -0.08, 0.07, 0.0, 0.06, -0.08, 0.05, 0.0, -0.06, -0.08, 0.05]
+
+
+@pytest.fixture
+def options(skill_folder):
+    """A planner for a busy machine: it waits long before it calls the twin's messages stale."""
+    return {
+        "skill": str(skill_folder),
+        "state_timeout": 5.0,
+        "obstacle_timeout": 30.0,
+        "tracking_tolerance": 0.3,
+        "tracking_tolerance_angle": 1.0,
+        "tool_spheres": HAND,
+        "latent_view_rate": 0.0,
+    }
+
+
+def watch(bench) -> None:
+    bench.watch_planner()
+    bench.listen(PoseStamped, "ee_pose")
+    bench.listen(Float64, "twin/clearance")
+    bench.listen(UInt32, "twin/contacts")
+
+
+def arrive(bench, goal: np.ndarray) -> None:
+    """Wait until the arm, as the twin measures it, is at the goal."""
+
+    def there() -> bool:
+        if not bench.heard["ee_pose"]:
+            return False
+        point = bench.heard["ee_pose"][-1].pose.position
+        return float(np.linalg.norm(np.array([point.x, point.y, point.z]) - goal[:3])) < 0.003
+
+    bench.wait(there, "the arm at the goal")
+
+
+def test_the_arm_reaches_the_goal_in_one_process(bench, options, skill, start_joints):
+    watch(bench)
+    bench.add(TwinNode, initial_joint_positions=start_joints.tolist())
+    bench.add(PlannerNode, **options)
+    bench.wait_for_code("NO_GOAL")
+    bench.send_goal(skill.goal_pose)
+    arrive(bench, skill.goal_pose)
+
+
+@pytest.mark.parametrize("avoidance", [False, True], ids=["control: avoidance off", "avoidance on"])
+def test_a_ball_on_the_way_is_hit_without_avoidance_and_not_with_it(bench, options, skill, start_joints, avoidance):
+    watch(bench)
+    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), scene=BALL, spawn_at_start=True)
+    planner = bench.add(PlannerNode, **options, avoidance=avoidance)
+    bench.wait_for_code("NO_GOAL")
+    bench.wait(lambda: len(planner._inputs.snapshot().obstacles.radii), "the ball at the planner")
+    bench.send_goal(skill.goal_pose)
+    if avoidance:
+        arrive(bench, skill.goal_pose)
+        assert bench.heard["twin/contacts"][-1].data == 0
+        assert min(message.data for message in bench.heard["twin/clearance"]) > 0.0
+    else:
+        bench.wait(lambda: bench.heard["twin/contacts"][-1].data > 0, "contact with the ball")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_two_processes_reach_the_goal_answer_plan_and_exit_cleanly(
+    bench, options, skill, start_joints, make_pose, number
+):
+    watch(bench)
+    processes = [
+        bench.launch("twin_node", initial_joint_positions=start_joints.tolist()),
+        bench.launch("planner_node", **options),
+    ]
+    bench.wait_for_code("NO_GOAL")
+    bench.send_goal(skill.goal_pose)
+    request = GetPlan.Request(start=make_pose(skill.start_pose), goal=make_pose(skill.goal_pose))
+    plan = bench.call(GetPlan, "plan", request).plan
+    point = plan.poses[-1].pose.position
+    np.testing.assert_allclose([point.x, point.y, point.z], skill.goal_pose[:3], atol=1e-3)
+    arrive(bench, skill.goal_pose)
+    for process in processes:
+        process.send_signal(number)
+    for process in processes:
+        _, errors = process.communicate(timeout=30.0)
+        assert process.returncode == 0, errors
+        assert "Traceback" not in errors
+
+
+@pytest.mark.parametrize("node", ["planner", "twin"])
+def test_a_signal_while_starting_ends_cleanly(bench, options, node):
+    process = bench.launch(f"{node}_node", **(options if node == "planner" else {}))
+    # the node's name appears in the graph before it has loaded its skill or its world
+    bench._poll(lambda: node in bench.probe.get_node_names(), f"the node {node}")
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=30.0)
+    assert process.returncode == 0, errors
+
+
+@pytest.mark.parametrize("namespace", ["", "/left/arm"])
+def test_parameter_files_are_read_in_any_namespace(bench, tmp_path, namespace):
+    shipped = CONFIG / "planner.yaml"
+    changed = tmp_path / "planner.yaml"
+    changed.write_text(shipped.read_text().replace("\n    speed: 0.2\n", "\n    speed: 9.0\n"))
+    arguments = ["--ros-args", "-r", f"__ns:={namespace or '/'}", "--params-file"]
+    process = bench.launch("planner_node", *arguments, str(changed))
+    _, errors = process.communicate(timeout=60.0)
+    assert "planner: parameter speed = 9.0: expected a float" in errors
+    process = bench.launch("planner_node", *arguments, str(shipped), skill="/nowhere/at_all")
+    _, errors = process.communicate(timeout=60.0)
+    assert "planner: no skill folder '/nowhere/at_all'" in errors
+
+
+def test_an_unreadable_parameter_file_is_said_in_one_line(bench):
+    process = bench.launch("planner_node", "--ros-args", "--params-file", "/nowhere/planner.yaml")
+    _, errors = process.communicate(timeout=60.0)
+    assert process.returncode == 1
+    assert "/nowhere/planner.yaml" in errors
+    assert "Traceback" not in errors
+
+
+@pytest.mark.parametrize(
+    ("node", "parameters", "reason"),
+    [
+        ("planner", {"skill": "/nowhere/at_all"}, "no skill folder '/nowhere/at_all'"),
+        ("planner", {"rate": "5.0"}, "parameter rate = 5.0: expected a float (write 1.0, not 1) from 10 to 1000 [Hz]"),
+        ("planner", {"spede": "0.1"}, "parameter spede does not exist; did you mean speed?"),
+        ("twin", {"scene": "volcano"}, "there is no scene 'volcano'"),
+    ],
+    ids=["missing skill", "out of range", "unknown parameter", "unknown scene"],
+)
+def test_what_prevents_a_start_is_said_in_one_line(bench, node, parameters, reason):
+    process = bench.launch(f"{node}_node", **parameters)
+    _, errors = process.communicate(timeout=60.0)
+    assert process.returncode == 1
+    lines = [line for line in errors.splitlines() if line.startswith(f"{node}: ")]
+    assert len(lines) == 1
+    assert reason in lines[0]
+    assert "Traceback" not in errors

@@ -1,0 +1,166 @@
+"""The node `twin` by itself: a Panda behind topics, with obstacles and a judge."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PointStamped, PoseStamped
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import Float64, UInt32
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import Marker, MarkerArray
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.nodes.twin_node import TwinNode
+from geodesic_motion_ros.robot.kinematics import Robot
+
+ON_THE_HAND = "{ball: {kind: static, centre: [0.45, -0.28, 0.36], radius: 0.05}}"
+TWO = (
+    "{ball: {kind: circle, centre: [0.3, 0.5, 0.5], amplitude: 0.1, period: 2.0, radius: 0.05}, "
+    "post: {kind: static, centre: [0.0, 0.6, 0.3], radius: 0.04}}"
+)
+
+
+@pytest.fixture
+def twin(bench, start_joints):
+    """A bench with a twin at the skill's start."""
+    bench.twin = bench.add(TwinNode, initial_joint_positions=start_joints.tolist())
+    for kind, topic in (
+        (JointState, "joint_states"), (PoseStamped, "ee_pose"), (MarkerArray, "obstacles"),
+        (PointStamped, "obstacle_point"), (Float64, "twin/clearance"), (UInt32, "twin/contacts"),
+    ):  # fmt: skip
+        bench.listen(kind, topic)
+    bench.wait(lambda: bench.heard["ee_pose"] and bench.heard["joint_states"], "the state of the arm")
+    return bench
+
+
+def position(message: PoseStamped) -> np.ndarray:
+    point = message.pose.position
+    return np.array([point.x, point.y, point.z])
+
+
+def spawn(bench, scene: str) -> Trigger.Response:
+    bench.twin.set_parameters([Parameter("scene", value=scene)])
+    return bench.call(Trigger, "twin/spawn_obstacles", Trigger.Request())
+
+
+def test_state_is_that_of_the_arm(twin, start_joints):
+    state, pose = twin.heard["joint_states"][-1], twin.heard["ee_pose"][-1]
+    assert tuple(state.name) == tuple(Robot.panda().joint_names)
+    np.testing.assert_allclose(state.position, start_joints, atol=0.01)
+    assert len(state.velocity) == 7
+    assert pose.header.frame_id == "panda_link0"
+    np.testing.assert_allclose(position(pose), Robot.panda().forward(np.array(state.position))[0], atol=2e-3)
+    assert state.header.stamp.sec > 0
+
+
+def test_follows_target_poses_and_holds_when_they_stop(twin, skill, make_pose):
+    target = skill.start_pose + np.array([0.0, 0.05, 0.03, 0, 0, 0, 0])
+    publisher = twin.publisher(PoseStamped, "target_pose")
+    timer = twin.repeat(0.02, lambda: publisher.publish(make_pose(target)))
+    arrived = lambda: np.linalg.norm(position(twin.heard["ee_pose"][-1]) - target[:3]) < 2e-3  # noqa: E731
+    twin.wait(arrived, "the arm at its target")
+    twin.probe.destroy_timer(timer)
+    twin.wait(lambda: twin.twin._world._target is None, "the hold after the last target")
+    heard = len(twin.heard["ee_pose"])
+    twin.wait(lambda: len(twin.heard["ee_pose"]) > heard + 20, "further states")
+    assert arrived()
+
+
+@pytest.mark.parametrize(
+    ("change", "frame", "reason"),
+    [
+        ([math.nan, 0, 0, 0, 0, 0, 0], "panda_link0", "position holds nan"),
+        ([5.0, 0, 0, 0, 0, 0, 0], "panda_link0", "the arm reaches"),
+        ([0, 0, 0, 0, -1.0, 0, 0], "panda_link0", "zero quaternion"),
+        ([0.1, 0, 0, 0, 0, 0, 0], "camera", "frame 'camera'"),
+    ],
+    ids=["NaN", "out of reach", "zero quaternion", "unknown frame"],
+)
+def test_bad_targets_are_refused_and_do_not_move_the_arm(twin, skill, make_pose, change, frame, reason):
+    before = position(twin.heard["ee_pose"][-1])
+    target = skill.start_pose + np.array(change)
+    target[3:] = np.round(target[3:], 12)
+    twin.publisher(PoseStamped, "target_pose").publish(make_pose(target, frame))
+    twin.wait(lambda: reason in twin.twin._refusals.newest(within=60.0), f"a refusal: {reason}")
+    heard = len(twin.heard["ee_pose"])
+    twin.wait(lambda: len(twin.heard["ee_pose"]) > heard + 20, "further states")
+    np.testing.assert_allclose(position(twin.heard["ee_pose"][-1]), before, atol=1e-3)
+
+
+def test_obstacles_move_and_are_published_both_ways(twin):
+    assert spawn(twin, TWO).message.startswith("2 obstacles: ball, post")
+    twin.wait(lambda: len(twin.heard["obstacle_point"]) > 30, "the moving obstacle as a point")
+    markers = twin.heard["obstacles"][-1].markers
+    assert [(marker.ns, marker.id, marker.action, marker.scale.x) for marker in markers] == [
+        ("twin", 0, Marker.ADD, 0.1), ("twin", 1, Marker.ADD, 0.08),
+    ]  # fmt: skip
+    points = np.array([[p.point.x, p.point.y, p.point.z] for p in twin.heard["obstacle_point"]])
+    assert np.linalg.norm(points[-1] - points[0]) > 0.01
+    np.testing.assert_allclose(np.linalg.norm(points - [0.3, 0.5, 0.5], axis=1), 0.1, atol=1e-9)
+    clearance = twin.wait(lambda: [c.data for c in twin.heard["twin/clearance"] if c.data < 10.0], "a clearance")
+    assert 0.1 < clearance[-1] < 1.0
+    assert twin.heard["twin/contacts"][-1].data == 0
+
+
+def test_contacts_and_penetration_are_noticed_until_reset(twin):
+    assert spawn(twin, ON_THE_HAND).success
+    twin.wait(lambda: twin.heard["twin/contacts"] and twin.heard["twin/contacts"][-1].data > 0, "contacts")
+    assert min(c.data for c in twin.heard["twin/clearance"]) < 0.0
+    assert spawn(twin, "").message == "0 obstacles: none"
+    assert twin.call(Trigger, "twin/reset", Trigger.Request()).success
+    heard = len(twin.heard["twin/contacts"])
+    twin.wait(lambda: len(twin.heard["twin/contacts"]) > heard + 2, "further counts")
+    assert twin.heard["twin/contacts"][-1].data == 0
+    assert twin.heard["twin/clearance"][-1].data == math.inf
+
+
+def test_an_emptied_scene_deletes_its_markers_and_falls_silent(twin):
+    spawn(twin, TWO)
+    twin.wait(lambda: twin.heard["obstacles"], "obstacles")
+    spawn(twin, "empty")
+    twin.wait(lambda: twin.heard["obstacles"][-1].markers[0].action == Marker.DELETE, "deletions")
+    deleted = {(marker.ns, marker.id) for marker in twin.heard["obstacles"][-1].markers}
+    assert deleted == {("twin", 0), ("twin", 1)}
+
+
+def test_reset_puts_the_arm_back(twin, skill, start_joints, make_pose):
+    target = skill.start_pose + np.array([0.0, 0.05, 0.0, 0, 0, 0, 0])
+    publisher = twin.publisher(PoseStamped, "target_pose")
+    timer = twin.repeat(0.02, lambda: publisher.publish(make_pose(target)))
+    twin.wait(lambda: position(twin.heard["ee_pose"][-1])[1] > target[1] - 0.01, "the arm away from its start")
+    twin.probe.destroy_timer(timer)
+    assert twin.call(Trigger, "twin/reset", Trigger.Request()).success
+    back = lambda: np.abs(np.array(twin.heard["joint_states"][-1].position) - start_joints).max() < 1e-3  # noqa: E731
+    twin.wait(back, "the arm back at its start")
+
+
+def test_unknown_scenes_are_refused_by_name(twin):
+    result = twin.twin.set_parameters([Parameter("scene", value="volcano")])[0]
+    assert not result.successful
+    assert "volcano" in result.reason
+    result = twin.twin.set_parameters([Parameter("scene", value="{ball: {kind: static, radius: 0.1}}")])[0]
+    assert not result.successful
+    assert "no 'centre'" in result.reason
+
+
+def test_start_outside_the_joint_limits_is_refused(bench):
+    with pytest.raises(ParameterError, match="initial_joint_positions: joint 'panda_joint4'"):
+        bench.add(TwinNode, initial_joint_positions=[0.0] * 7)
+
+
+def test_rates_above_physics_are_refused(bench):
+    with pytest.raises(ParameterError, match="state_rate"):
+        bench.add(TwinNode, physics_rate=200.0, state_rate=300.0)
+
+
+def test_image_on_request(bench):
+    bench.add(TwinNode, image_rate=2.0)
+    bench.listen(Image, "twin/image")
+    image = bench.wait(lambda: bench.heard["twin/image"], "an image")[-1]
+    assert (image.height, image.width, image.encoding) == (240, 320, "rgb8")
+    pixels = np.frombuffer(image.data, np.uint8).reshape(240, 320, 3)
+    assert pixels.std() > 5.0

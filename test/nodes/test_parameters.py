@@ -1,0 +1,94 @@
+"""The parameter table: what it accepts, and that the YAML files say the same."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+import yaml
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.nodes.parameter_tables import TABLES
+from geodesic_motion_ros.nodes.parameters import Parameter, yaml_document
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+ALL = [(node, parameter) for node, table in TABLES.items() for parameter in table]
+
+
+@pytest.mark.parametrize("node", TABLES)
+def test_the_shipped_file_is_the_table(node):
+    assert (CONFIG / f"{node}.yaml").read_text() == yaml_document(node, TABLES[node])
+
+
+@pytest.mark.parametrize("node", TABLES)
+def test_the_shipped_file_holds_every_default(node):
+    content = yaml.safe_load((CONFIG / f"{node}.yaml").read_text())
+    values = content[f"/**/{node}"]["ros__parameters"]
+    assert values == {parameter.name: parameter.default for parameter in TABLES[node]}
+    for parameter in TABLES[node]:
+        parameter.check(values[parameter.name])
+
+
+@pytest.mark.parametrize(("node", "parameter"), ALL, ids=lambda value: getattr(value, "name", value))
+def test_every_parameter_is_described_and_bounded(node, parameter):
+    assert parameter.description
+    numbers = parameter.default if isinstance(parameter.default, list) else [parameter.default]
+    if type(numbers[0]) in (int, float):
+        assert parameter.lowest is not None
+        assert parameter.highest is not None
+
+
+def test_names_are_unique():
+    for table in TABLES.values():
+        assert len({parameter.name for parameter in table}) == len(table)
+
+
+REACH = Parameter("reach", 1.0, "how far", "m", 0.5, 2.0)
+COUNT = Parameter("count", 3, "how many", "", 1, 5)
+MODE = Parameter("mode", "a", "which", choices=("a", "b"))
+FLAG = Parameter("flag", True, "whether")
+PAIR = Parameter("pair", [0.0, 0.0], "both", "m", -1.0, 1.0)
+ROWS = Parameter("rows", [0.0, 0.0], "pairs", "m", -1.0, 1.0, row=2)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [
+        (REACH, 0.5), (REACH, 2.0), (COUNT, 5), (MODE, "b"), (FLAG, False), (PAIR, [1.0, -1.0]), (ROWS, [0.0] * 6),
+    ],
+)  # fmt: skip
+def test_accepts(parameter, value):
+    parameter.check(value)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [
+        (REACH, 0.49), (REACH, 2.01), (REACH, math.nan), (REACH, math.inf), (REACH, 1), (REACH, "1.0"), (REACH, True),
+        (COUNT, 0), (COUNT, 2.0), (COUNT, True), (MODE, "c"), (MODE, 1), (FLAG, 1), (FLAG, "true"),
+        (PAIR, [0.0]), (PAIR, [0.0, 1.5]), (PAIR, [0.0, math.nan]), (PAIR, [0, 0]), (PAIR, "00"), (PAIR, None),
+        (ROWS, [0.0] * 3), (ROWS, []),
+    ],
+)  # fmt: skip
+def test_refuses_and_says_what_is_allowed(parameter, value):
+    with pytest.raises(ParameterError) as caught:
+        parameter.check(value)
+    message = str(caught.value)
+    assert message == f"parameter {parameter.name} = {value!r}: expected {parameter.allowed}"
+
+
+def test_words_for_what_is_allowed():
+    assert REACH.allowed == "a float (write 1.0, not 1) from 0.5 to 2 [m]"
+    assert COUNT.allowed == "an integer from 1 to 5"
+    assert MODE.allowed == "one of a, b"
+    assert ROWS.allowed == "rows of 2 floats from -1 to 1 [m]"
+
+
+def test_descriptors_carry_range_and_meaning():
+    descriptor = REACH.descriptor()
+    assert descriptor.description == "how far [m]"
+    assert (descriptor.floating_point_range[0].from_value, descriptor.floating_point_range[0].to_value) == (0.5, 2.0)
+    assert descriptor.read_only
+    assert COUNT.descriptor().integer_range[0].to_value == 5
+    assert MODE.descriptor().additional_constraints == "one of a, b"

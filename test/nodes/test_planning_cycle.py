@@ -1,0 +1,159 @@
+"""One cycle: which input is judged first, what is commanded meanwhile, and that nothing ever jumps."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
+from geodesic_motion_ros.nodes.planning_cycle import CycleInputs, PlanningCycle
+from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+PERIOD = 0.01
+NOTHING = ObstacleSet(np.zeros((0, 3)), np.zeros(0), (), 0)
+
+
+def spheres(*items: tuple[np.ndarray, float], version: int = 1) -> ObstacleSet:
+    centres, radii = zip(*items, strict=True)
+    return ObstacleSet(np.array(centres), np.array(radii), tuple("" for _ in items), version)
+
+
+@pytest.fixture(scope="module")
+def planner(flat_skill) -> ReactivePlanner:
+    return ReactivePlanner(flat_skill, PlannerSettings(grid_shape=(40, 40)))
+
+
+@pytest.fixture
+def cycle(planner) -> PlanningCycle:
+    planner.clear_goal()
+    planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
+    return PlanningCycle(planner, state_timeout=0.1, tracking_tolerance=0.05, tracking_tolerance_angle=0.3)
+
+
+@pytest.fixture
+def start(flat_skill) -> tuple[np.ndarray, np.ndarray]:
+    return flat_skill.start_pose[:3], flat_skill.start_pose[3:]
+
+
+@pytest.fixture
+def goal(flat_skill) -> tuple[np.ndarray, np.ndarray]:
+    return flat_skill.goal_pose[:3], flat_skill.goal_pose[3:]
+
+
+@pytest.fixture
+def inputs(start, goal) -> CycleInputs:
+    return CycleInputs(measured=start, state_age=0.005, goal=goal, goal_number=1, obstacles=NOTHING)
+
+
+def follow(cycle: PlanningCycle, inputs: CycleInputs, count: int) -> list[np.ndarray]:
+    """Run cycles with an arm that is where it was sent; the commanded positions."""
+    positions = []
+    for _ in range(count):
+        output = cycle.run(inputs, PERIOD)
+        positions.append(output.commanded[0].copy())
+        inputs = dataclasses.replace(inputs, measured=output.commanded)
+    return positions
+
+
+def test_nothing_is_commanded_before_the_arm_is_known(cycle, inputs):
+    output = cycle.run(dataclasses.replace(inputs, measured=None), PERIOD)
+    assert output.verdict.code is VerdictCode.STALE_STATE
+    assert output.commanded is None
+
+
+def test_goes_to_the_goal_in_steps_no_longer_than_speed_allows(cycle, inputs, start, goal):
+    positions = np.array([start[0], *follow(cycle, inputs, 500)])
+    np.testing.assert_allclose(positions[-1], goal[0], atol=1e-3)
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    assert steps.max() <= 1.001 * cycle.planner.settings.speed * PERIOD
+    assert np.count_nonzero(steps) > 100
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "reason"),
+    [
+        ({"state_age": 0.11}, VerdictCode.STALE_STATE, "joint_states"),
+        ({"hold": True}, VerdictCode.HOLD_REQUESTED, "hold"),
+        ({"silent_sources": {"obstacle_point": 0.7}}, VerdictCode.STALE_OBSTACLES, "obstacle_point for 0.70 s"),
+    ],
+    ids=["old state", "hold", "silent obstacles"],
+)
+def test_a_reason_to_hold_stops_and_its_end_resumes(cycle, inputs, change, code, reason):
+    held_at = follow(cycle, inputs, 60)[-1]
+    arm = (held_at, cycle.follower.quaternion)
+    bad = dataclasses.replace(inputs, measured=arm, **change)
+    for _ in range(5):
+        output = cycle.run(bad, PERIOD)
+        assert output.verdict.code is code
+        assert reason in output.verdict.reason
+        assert output.reference is None
+        np.testing.assert_array_equal(output.commanded[0], held_at)
+    resumed = cycle.run(dataclasses.replace(inputs, measured=arm), PERIOD)
+    assert resumed.verdict.ok
+    assert np.linalg.norm(resumed.commanded[0] - held_at) <= cycle.planner.settings.speed * PERIOD
+
+
+def test_an_old_state_outweighs_everything_else(cycle, inputs):
+    all_wrong = dataclasses.replace(inputs, state_age=1.0, hold=True, silent_sources={"obstacles": 1.0}, goal=None)
+    assert cycle.run(all_wrong, PERIOD).verdict.code is VerdictCode.STALE_STATE
+
+
+def test_no_goal_and_a_refused_first_goal(cycle, inputs):
+    none = dataclasses.replace(inputs, goal=None, goal_number=0)
+    assert cycle.run(none, PERIOD).verdict.code is VerdictCode.NO_GOAL
+    refused = dataclasses.replace(inputs, goal=Verdict(VerdictCode.BAD_INPUT, "frame 'map'"))
+    output = cycle.run(refused, PERIOD)
+    assert output.verdict.code is VerdictCode.BAD_INPUT
+    assert output.verdict.reason == "frame 'map'"
+
+
+def test_a_refused_later_goal_keeps_the_old_one(cycle, inputs, goal):
+    follow(cycle, inputs, 10)
+    far = (goal[0] + np.array([0.0, 0.0, 0.6]), goal[1])
+    arm = (cycle.follower.position, cycle.follower.quaternion)
+    output = cycle.run(dataclasses.replace(inputs, measured=arm, goal=far, goal_number=2), PERIOD)
+    assert output.verdict.ok
+    assert output.goal_verdict.code is VerdictCode.GOAL_OUT_OF_SUPPORT
+    np.testing.assert_allclose(output.reference.positions[-1], goal[0], atol=1e-6)
+
+
+def test_the_same_goal_is_not_set_twice(cycle, inputs):
+    cycle.run(inputs, PERIOD)
+    cycle.planner.clear_goal()
+    assert cycle.run(inputs, PERIOD).verdict.code is VerdictCode.NO_GOAL
+    assert cycle.run(dataclasses.replace(inputs, goal_number=2), PERIOD).verdict.ok
+
+
+def test_begins_again_at_the_measured_pose_beyond_the_tolerance(cycle, inputs, start):
+    follow(cycle, inputs, 20)
+    pushed = (start[0] + np.array([0.0, 0.0, 0.06]), start[1])
+    output = cycle.run(dataclasses.replace(inputs, measured=pushed), PERIOD)
+    assert output.verdict.code is VerdictCode.BAD_INPUT
+    assert "the arm is" in output.verdict.reason
+    np.testing.assert_array_equal(output.commanded[0], pushed[0])
+    assert output.speed == 0.0
+
+
+def test_small_tracking_errors_do_not_disturb_the_stream(cycle, inputs):
+    for _ in range(30):
+        output = cycle.run(inputs, PERIOD)
+        assert output.verdict.ok
+        near = output.commanded[0] + np.array([0.0, 0.0, 0.01])
+        inputs = dataclasses.replace(inputs, measured=(near, output.commanded[1]))
+
+
+def test_obstacles_are_known_to_the_planner_even_while_it_holds(cycle, inputs, planner, flat_skill):
+    wall = spheres((0.5 * (flat_skill.start_pose[:3] + flat_skill.goal_pose[:3]), 0.15))
+    cycle.run(dataclasses.replace(inputs, hold=True, obstacles=wall), PERIOD)
+    poses = flat_skill.start_pose[:3], flat_skill.start_pose[3:], flat_skill.goal_pose[:3], flat_skill.goal_pose[3:]
+    assert planner.plan(*poses).verdict.clearance != np.inf
+
+
+def test_a_fault_in_the_tick_holds_where_the_arm_is(cycle, inputs):
+    here = follow(cycle, inputs, 20)[-1]
+    output = cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"))
+    np.testing.assert_array_equal(output.commanded[0], here)
+    assert output.speed == 0.0

@@ -1,0 +1,38 @@
+"""Refusals are swallowed, counted by topic and told once in a while; other errors are not touched."""
+
+from __future__ import annotations
+
+import pytest
+
+from geodesic_motion_ros.nodes.messages import MessageRefused
+from geodesic_motion_ros.nodes.refusals import Refusals
+
+
+def test_counts_all_and_warns_of_the_first_of_each_topic():
+    warnings: list[str] = []
+    refusals = Refusals(warnings.append, quiet=3600.0)
+    for topic in ("goal_pose", "obstacles", "goal_pose", "goal_pose"):
+        with refusals.guard(topic):
+            raise MessageRefused(f"bad {topic}")
+    assert refusals.counts == {"goal_pose": 3, "obstacles": 1}
+    assert warnings == [
+        "refused a message on goal_pose: bad goal_pose",
+        "refused a message on obstacles: bad obstacles",
+    ]
+    assert refusals.newest(within=60.0) == "goal_pose: bad goal_pose"
+    assert refusals.newest(within=0.0) == ""
+
+
+def test_warns_again_when_the_quiet_time_is_over():
+    warnings: list[str] = []
+    refusals = Refusals(warnings.append, quiet=0.0)
+    refusals.add("goal_pose", "first")
+    refusals.add("goal_pose", "second")
+    assert len(warnings) == 2
+
+
+def test_other_errors_pass():
+    refusals = Refusals(lambda text: None)
+    with pytest.raises(ZeroDivisionError), refusals.guard("goal_pose"):
+        raise ZeroDivisionError
+    assert refusals.counts == {}
