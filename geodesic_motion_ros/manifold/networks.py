@@ -13,6 +13,8 @@ from torch import Tensor, nn
 from geodesic_motion_ros.errors import ParameterError
 
 _LLOYD_ITERATIONS = 20
+#: A kernel falls to exp(-2) = 14 % at two bandwidths: weights can still make up for that, hardly for more.
+COVERAGE = 0.5
 
 
 class MultilayerPerceptron(nn.Module):
@@ -103,15 +105,18 @@ def place_centres(codes: np.ndarray, count: int, seed: int) -> np.ndarray:
     return centres
 
 
-def kernel_rate(centres: np.ndarray, bandwidth_factor: float) -> float:
-    """1 / (2 h^2) for h = bandwidth_factor times the median distance of a centre (K, d) to its nearest
-    neighbour.
+def kernel_rate(centres: np.ndarray, codes: np.ndarray, bandwidth_factor: float) -> float:
+    """1 / (2 h^2) for the common bandwidth h of kernels at centres (K, d) placed on codes (n, d).
 
-    At three times that distance the walls between tubes blur and geodesics cut corners; at half of it the
-    support has holes.
+    h = bandwidth_factor times the median distance of a centre to its nearest neighbour. At three times that distance
+    the walls between tubes blur and geodesics cut corners; at half of it the support has holes. Codes that crowd in
+    places make the median too small to reach the sparse ones, so h is at least COVERAGE times the 99th percentile of
+    the distance from a code to its centre.
     """
-    distances, _ = cKDTree(centres).query(centres, k=2)
-    bandwidth = bandwidth_factor * float(np.median(distances[:, 1]))
+    tree = cKDTree(centres)
+    between, _ = tree.query(centres, k=2)
+    within, _ = tree.query(codes)
+    bandwidth = max(bandwidth_factor * float(np.median(between[:, 1])), COVERAGE * float(np.percentile(within, 99.0)))
     return 0.5 / bandwidth**2
 
 

@@ -50,7 +50,7 @@ class TrainingSettings:
         "sign_blind" (the paper's antipodal mixture).
     schedule : "two_stage" or "joint" (the paper's: means, sigma and kappa together, after a first half of the
         steps in which the codes settle so that kernels can be placed on them).
-    latent_dimension : d.
+    latent_dimension : d, 2 or 3.
     hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
     samples : poses per demonstration that are trained on, equally spaced along its arc.
     rotation_length : length that a turn of one radian counts in that arc [m]: a tool that turns on the spot
@@ -106,6 +106,8 @@ class TrainingSettings:
         for name, allowed in choices.items():
             if getattr(self, name) not in allowed:
                 raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
+        if self.latent_dimension not in (2, 3):
+            raise ParameterError(f"latent_dimension is {self.latent_dimension}; poses are learned in 2 or 3")
         if len(self.hidden) != 2:
             raise ParameterError(f"hidden has {len(self.hidden)} layers; the decoder format has exactly 2")
         not_positive = [
@@ -117,6 +119,12 @@ class TrainingSettings:
 
 
 _MAY_BE_ZERO = {"seed", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "margin"}
+
+
+#: The starting map: deviations of the principal components, distance of the clusters from the middle, Adam steps.
+_LAYOUT_DEVIATIONS = (1.0, 0.4, 0.4)
+_LAYOUT_SIDE = 1.2
+_LAYOUT_STEPS = 300
 
 
 class Poses(NamedTuple):
@@ -202,6 +210,7 @@ def train_model(
         offset, scale = _position_scaling(positions)
         vae = TaskSpaceVAE(settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model)
         poses = Poses(torch.tensor(positions).float(), torch.tensor(quaternions).float())
+        _lay_out(vae, poses, settings)
         if settings.schedule == "joint":
             _fit_jointly(vae, poses, settings, progress)
         else:
@@ -231,6 +240,42 @@ def _position_scaling(positions: np.ndarray) -> tuple[Tensor, Tensor]:
     """Mean (3,) and root mean square distance from it over sqrt 3 (): one scalar keeps proportions."""
     offset = positions.mean(axis=0)
     return torch.tensor(offset).float(), torch.tensor(np.sqrt(np.mean((positions - offset) ** 2))).float()
+
+
+def _lay_out(vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings) -> None:
+    """Give training a start without knots: the encoder is taught a rough map of the poses first.
+
+    The map: the two principal components of the positions; with two clusters also the side of the orientations'
+    principal axis, along the second latent axis. From random weights the tubes of q and -q cross in some seeds, and at
+    a crossing the decoder can be right about neither. Under the mixture q and -q share a place on the map, and the
+    decoder starts on one side: it is pulled to the nearer of q and -q, and from a random start parts of one motion end
+    up on opposite sheets with a seam between them.
+    """
+    axis = torch.linalg.eigh(poses.quaternions.T @ poses.quaternions).eigenvectors[:, -1]
+    components = _standardised_components(poses.positions) * torch.tensor(_LAYOUT_DEVIATIONS)
+    targets = components[:, : settings.latent_dimension]
+    if settings.orientation_model == "two_cluster":
+        side = torch.sign(poses.quaternions @ axis)
+        targets[:, 1] += _LAYOUT_SIDE * (side - side.mean())
+    else:
+        with torch.no_grad():
+            vae.decoder.perceptron.layers[-1].bias[3:] = axis
+    optimiser = torch.optim.Adam(vae.encoder.parameters(), lr=settings.learning_rate)
+    for _ in range(_LAYOUT_STEPS):
+        index = torch.randint(len(targets), (settings.batch,))
+        mean, _ = vae.encoder(*poses.take(index))
+        loss = ((mean - targets[index]) ** 2).sum(-1).mean()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+
+
+def _standardised_components(positions: Tensor) -> Tensor:
+    """The three principal components (n, 3) of positions (n, 3), largest first, each with unit variance."""
+    centred = positions - positions.mean(0)
+    left, singular, _ = torch.linalg.svd(centred, full_matrices=False)
+    flat = singular > 1e-6 * singular[0]
+    return left * flat * len(positions) ** 0.5
 
 
 def _ascend(
@@ -294,7 +339,7 @@ def _basis_networks(
     like = {"dtype": poses.positions.dtype}
     centre, rate = (
         torch.tensor(centres, **like),
-        torch.tensor(kernel_rate(centres, settings.bandwidth_factor), **like),
+        torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor), **like),
     )
     sigma_floor = torch.full((3,), 1.0 / settings.far_sigma, **like)
     sigma_scale = torch.full((3,), 1.0 / settings.fixed_sigma, **like)

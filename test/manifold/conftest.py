@@ -14,7 +14,7 @@ from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_s
 from geodesic_motion_ros.quaternions import rotate_by
 
 #: Small enough to train in seconds, large enough to learn the task below.
-QUICK = TrainingSettings(steps=800, samples=60, batch=128, hidden=(60, 40), kernels=120, precision_iterations=60)
+QUICK = TrainingSettings(steps=1600, samples=60, batch=128, hidden=(60, 40), kernels=120, precision_iterations=60)
 
 
 def bend(name: str, offset: np.ndarray, samples: int = 150) -> Demonstration:

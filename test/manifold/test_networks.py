@@ -75,7 +75,18 @@ def test_impossible_centres_are_refused(codes, count):
         place_centres(codes, count, 0)
 
 
+def square_lattice():
+    return np.stack(np.meshgrid(np.arange(5.0), np.arange(5.0)), axis=-1).reshape(-1, 2) * 0.2
+
+
 def test_kernel_rate_of_a_square_lattice():
-    lattice = np.stack(np.meshgrid(np.arange(5.0), np.arange(5.0)), axis=-1).reshape(-1, 2) * 0.2
-    assert kernel_rate(lattice, 1.0) == pytest.approx(0.5 / 0.2**2)
-    assert kernel_rate(lattice, 3.0) == pytest.approx(0.5 / 0.6**2)
+    lattice = square_lattice()
+    assert kernel_rate(lattice, lattice, 1.0) == pytest.approx(0.5 / 0.2**2)
+    assert kernel_rate(lattice, lattice, 3.0) == pytest.approx(0.5 / 0.6**2)
+
+
+def test_kernels_reach_codes_far_from_every_centre():
+    """Where one code in ten is a metre from its centre, the bandwidth is no longer the centres' distance."""
+    lattice = square_lattice()
+    codes = np.concatenate([lattice.repeat(9, axis=0), lattice[-5:].repeat(5, axis=0) + [0.0, 1.0]])
+    assert kernel_rate(lattice, codes, 1.0) == pytest.approx(0.5 / 0.5**2)
