@@ -1,0 +1,131 @@
+"""A skill comes back from disk as it was, and a damaged folder is refused with the reason."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from geodesic_motion_ros.errors import SkillError
+from geodesic_motion_ros.skill import Skill
+
+
+@pytest.fixture
+def folder(fan_skill, tmp_path) -> Path:
+    return fan_skill.save(tmp_path / "fan")
+
+
+def edit(folder: Path, **changes) -> None:
+    described = yaml.safe_load((folder / "skill.yaml").read_text())
+    for name, value in changes.items():
+        if value is None:
+            del described[name]
+        else:
+            described[name] = value
+    (folder / "skill.yaml").write_text(yaml.safe_dump(described))
+
+
+def test_round_trip_is_exact(fan_skill, folder):
+    loaded = Skill.load(folder)
+    for name, array in fan_skill.decoder.arrays().items():
+        np.testing.assert_array_equal(loaded.decoder.arrays()[name], array)
+    for name in ("codes", "latent_lower", "latent_upper", "start_pose", "goal_pose"):
+        np.testing.assert_array_equal(getattr(loaded, name), getattr(fan_skill, name))
+    for name in ("name", "robot", "metric", "sigma_support", "energy_per_edge", "orientation_model", "quality"):
+        assert getattr(loaded, name) == getattr(fan_skill, name)
+
+
+def test_what_is_on_disk_is_small_and_holds_no_pickle(folder):
+    assert {file.name for file in folder.iterdir()} == {"skill.yaml", "weights.safetensors", "latent.npz"}
+    assert sum(file.stat().st_size for file in folder.iterdir()) < 20e6
+    with np.load(folder / "latent.npz", allow_pickle=False) as archive:
+        assert all(archive[name].dtype == float for name in archive.files)
+
+
+def test_saving_again_replaces_the_old_skill_and_leaves_nothing_else(fan_skill, folder):
+    replace(fan_skill, name="second").save(folder)
+    assert Skill.load(folder).name == "second"
+    assert [entry.name for entry in folder.parent.iterdir()] == ["fan"]
+
+
+def test_a_save_that_fails_leaves_the_old_skill(fan_skill, folder):
+    with pytest.raises(yaml.YAMLError):
+        replace(fan_skill, provenance={"unwritable": object()}).save(folder)
+    assert Skill.load(folder).name == "fan"
+    assert [entry.name for entry in folder.parent.iterdir()] == ["fan"]
+
+
+def test_a_folder_of_something_else_is_not_overwritten(fan_skill, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(SkillError, match="not a skill folder"):
+        fan_skill.save(tmp_path)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def flip_a_byte(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    file.write_bytes(bytes(content))
+
+
+def truncate(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-100])
+
+
+@pytest.mark.parametrize("damage", [flip_a_byte, truncate])
+@pytest.mark.parametrize("name", ["weights.safetensors", "latent.npz"])
+def test_altered_and_truncated_files_are_named(folder, damage, name):
+    damage(folder / name)
+    with pytest.raises(SkillError, match=rf"{name} differs from its checksum"):
+        Skill.load(folder)
+
+
+@pytest.mark.parametrize("name", ["skill.yaml", "weights.safetensors", "latent.npz"])
+def test_missing_files_are_named(folder, name):
+    (folder / name).unlink()
+    with pytest.raises(SkillError, match=f"{name} is missing"):
+        Skill.load(folder)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"format_version": 99}, "format version 99, this release reads 1"),
+        ({"format_version": None}, "no format_version"),
+        ({"robot": None}, "lacks robot"),
+        ({"sha256": {}}, "sha256 must list exactly"),
+        ({"sigma_support": -1.0}, "sigma_support is -1.0"),
+        ({"energy_per_edge": "much"}, "energy_per_edge is 'much'"),
+        ({"space": "dream"}, "space 'dream'"),
+        ({"metric": {"colour": 3}}, "colour"),
+    ],
+)
+def test_wrong_descriptions_say_what_is_wrong(folder, changes, words):
+    edit(folder, **changes)
+    with pytest.raises(SkillError, match=words):
+        Skill.load(folder)
+
+
+@pytest.mark.parametrize("content", ["", "just text", "{", "- a\n- list"])
+def test_a_foreign_yaml_is_refused(folder, content):
+    (folder / "skill.yaml").write_text(content)
+    with pytest.raises(SkillError, match=r"skill\.yaml"):
+        Skill.load(folder)
+
+
+@pytest.mark.parametrize("name", ["no_such_skill", "no/such/folder"])
+def test_a_skill_that_does_not_exist_is_named(name):
+    with pytest.raises(SkillError, match=name):
+        Skill.load(name)
+
+
+def test_a_loaded_skill_decodes_to_the_same_graph(fan_skill, folder):
+    moved = shutil.copytree(folder, folder.parent / "copy")
+    first, second = fan_skill.graph((40, 40)), Skill.load(moved).graph((40, 40))
+    np.testing.assert_array_equal(first.latent, second.latent)
+    np.testing.assert_array_equal(first.edges, second.edges)
+    np.testing.assert_array_equal(first.decoded.positions, second.decoded.positions)
