@@ -21,6 +21,8 @@ _COLOUR_STOPS = np.array(
     [[13, 17, 40], [29, 53, 92], [32, 101, 122], [66, 149, 127], [149, 190, 120], [241, 230, 158]],
     dtype=float,
 )
+_COARSE = 110
+_BLOCK = 2048
 _FOOTPRINT = np.array([224.0, 72.0, 62.0])
 _DEMONSTRATION, _PATH, _GOAL = (235, 235, 245), (255, 255, 255), (255, 196, 0)
 
@@ -78,7 +80,9 @@ class LatentView:
         return np.clip(np.rint(share * (self._size - 1)), -self._size, 2 * self._size).astype(int)
 
     def _draw_background(self, skill: Skill) -> np.ndarray:
-        image = Image.fromarray(_colours(magnification_factor(skill, self._size)))
+        # log det M is smooth on the scale of the kernels: a coarse picture, enlarged, shows the same
+        coarse = Image.fromarray(_colours(magnification_factor(skill, _COARSE)))
+        image = coarse.resize((self._size, self._size), Image.Resampling.BICUBIC)
         draw = ImageDraw.Draw(image)
         for code in skill.codes:
             draw.line([tuple(point) for point in self._pixels(code).tolist()], fill=_DEMONSTRATION, width=1)
@@ -104,7 +108,9 @@ def magnification_factor(skill: Skill, size: int) -> np.ndarray:
     """
     axes = [np.linspace(low, high, size) for low, high in zip(skill.latent_lower, skill.latent_upper, strict=True)]
     first, second = np.meshgrid(axes[0], axes[1][::-1])
-    features = _features(skill, skill.decoder.decode(np.stack([first.ravel(), second.ravel()], axis=1)))
+    latent = np.stack([first.ravel(), second.ravel()], axis=1)
+    blocks = [latent[begin : begin + _BLOCK] for begin in range(0, len(latent), _BLOCK)]
+    features = np.concatenate([_features(skill, skill.decoder.decode(block)) for block in blocks])
     picture = features.reshape(size, size, -1)
     along_second, along_first = np.gradient(picture, axes[1][::-1], axes[0], axis=(0, 1))
     a = np.sum(along_first**2, axis=-1)

@@ -1,8 +1,7 @@
 """Node `planner`: hears goal, obstacles and joint states, and streams `target_pose` a hundred times a second.
 
 The control loop has a thread of its own on the steady clock. Callbacks only check and store
-(`planner_inputs`), the loop plans and commands (`planning_cycle`), pictures are drawn by a third thread
-that gives way to both.
+(`planner_inputs`), the loop plans and commands (`planning_cycle`), pictures are drawn by a third thread.
 """
 
 from __future__ import annotations
@@ -122,7 +121,7 @@ class PlannerNode(Node):
             output = self._cycle.stop(Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}"))
         if output.commanded is not None:
             self._outputs.target(*output.commanded)
-        self._outputs.status(output, self._inputs.refusals, self._loop.misses)
+        self._outputs.status(output, self._inputs.refusals, self._loop)
         previous, self._newest = self._newest, (inputs, output)
         if previous is None or previous[1].verdict.code is not output.verdict.code:
             self._say(output.verdict)

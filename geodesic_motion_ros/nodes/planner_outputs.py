@@ -31,7 +31,7 @@ from geodesic_motion_ros.nodes.messages import (
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.planning_cycle import CycleOutput
 from geodesic_motion_ros.nodes.refusals import Refusals
-from geodesic_motion_ros.nodes.steady_loop import LoopStatistics
+from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
 from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.verdict import VerdictCode
 
@@ -71,8 +71,8 @@ class PlannerOutputs:
         fill_pose(self._target_message.pose, position, quaternion)
         self._target.publish(self._target_message)
 
-    def status(self, output: CycleOutput, refusals: Refusals, misses: int) -> None:
-        """The verdict of a cycle."""
+    def status(self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop) -> None:
+        """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it."""
         verdict, newest = output.verdict, refusals.newest(within=1.0)
         level = _LEVELS.get(verdict.code, DiagnosticStatus.ERROR)
         if newest or not (output.goal_verdict.ok or output.goal_verdict.code is VerdictCode.NO_GOAL):
@@ -90,7 +90,9 @@ class PlannerOutputs:
             "refused_input": newest,
             "speed": output.speed,
             "time_to_goal": np.nan if output.reference is None else output.reference.duration,
-            "deadline_misses": misses,
+            "tick": loop.ticks,
+            "last_tick_ms": 1e3 * loop.last_duration,
+            "deadline_misses": loop.misses,
         }
         self._publish_status(self._status, level, "verdict", _sentence(verdict.code, verdict.reason), values)
 

@@ -50,11 +50,15 @@ class CycleInputs:
 
 @dataclass(frozen=True)
 class CycleOutput:
-    """What to say after a cycle: pose to command (None before anything is known), verdict, and reference
-    if it is OK.
+    """What to say after a cycle.
 
-    `goal_verdict` is of the newest goal asked for; when it is a refusal, the motion still serves the goal
-    before.
+    Attributes
+    ----------
+    commanded : pose to be at now; None before anything is known.
+    verdict : of this cycle; goal_verdict : of the newest goal asked for. When that is a refusal, the motion still
+        serves the goal before.
+    reference : the way to the goal, with an OK verdict only.
+    speed : of the commanded pose [m/s].
     """
 
     commanded: Pose | None
@@ -114,7 +118,8 @@ class PlanningCycle:
         else:
             self.follower.accept(reference)
         commanded = self.follower.advance(period) if self.follower.ready else None
-        return CycleOutput(commanded, verdict, self._goal_verdict, reference, self.follower.speed)
+        to_goal = reference if verdict.ok else None
+        return CycleOutput(commanded, verdict, self._goal_verdict, to_goal, self.follower.speed)
 
     def _take_goal(self, inputs: CycleInputs) -> None:
         if inputs.goal is None or inputs.goal_number == self._goal_number:

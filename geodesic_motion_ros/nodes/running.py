@@ -5,10 +5,12 @@ and SIGTERM.
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType
 from typing import Protocol
 
@@ -21,6 +23,7 @@ from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 # A Python thread waits this long [s] for another one to let go of the interpreter. The default, 5 ms, is
 # half a control period.
 _SWITCH_INTERVAL = 0.0005
+_NICENESS = -10
 
 
 class LoopingNode(Protocol):
@@ -88,7 +91,18 @@ def _initialise(args: list[str] | None) -> None:
         raise ParameterError(str(error)) from error
 
 
+def _go_first() -> None:
+    """Run before whatever else keeps the cores busy, where that is allowed.
+
+    All Python threads of the process need the same priority: a low one that is preempted while it holds the
+    interpreter lock would stop the control loop as well. Threads inherit it from the one that starts them.
+    """
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
+
+
 def _spin(node: LoopingNode, request: StopRequest) -> None:
+    _go_first()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     # What was built so far lives as long as the process: the collector need not walk through it at every
     # pass.

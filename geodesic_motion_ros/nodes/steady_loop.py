@@ -57,6 +57,10 @@ class _Recorder:
         self._starts[slot], self._durations[slot] = start, duration
         self.ticks += 1
 
+    @property
+    def last_duration(self) -> float:
+        return float(self._durations[(self.ticks - 1) % len(self._durations)]) if self.ticks else float("nan")
+
     def statistics(self, misses: int) -> LoopStatistics:
         count = min(self.ticks, len(self._starts))
         if count < 2:
@@ -107,9 +111,19 @@ class SteadyLoop:
         return not self._thread.is_alive()
 
     @property
+    def ticks(self) -> int:
+        """Ticks finished since the start."""
+        return self._recorder.ticks
+
+    @property
     def misses(self) -> int:
         """Deadlines missed since the start."""
         return self._misses
+
+    @property
+    def last_duration(self) -> float:
+        """How long the last finished tick took [s]; nan before the first."""
+        return self._recorder.last_duration
 
     def statistics(self) -> LoopStatistics:
         return self._recorder.statistics(self._misses)

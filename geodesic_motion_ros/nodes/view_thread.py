@@ -1,16 +1,16 @@
-"""A thread that draws now and then and always gives way to the control loop."""
+"""A thread that draws now and then, beside the control loop.
+
+It must not have a lower priority than the loop: preempted while it holds the interpreter lock, it would stop the loop.
+"""
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable
 
-_NICENESS = 15
-
 
 class ViewThread:
-    """Calls `draw` every `period` seconds, at a low priority, until stopped; an exception goes to
+    """Calls `draw` every `period` seconds until stopped; an exception goes to
     `failed`, once.
     """
 
@@ -28,8 +28,6 @@ class ViewThread:
             self._thread.join(timeout)
 
     def _run(self) -> None:
-        # On Linux niceness belongs to the thread, whatever POSIX says.
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
         try:
             while not self._stopping.wait(self._period):
                 self._draw()

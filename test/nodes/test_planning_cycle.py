@@ -157,3 +157,21 @@ def test_a_fault_in_the_tick_holds_where_the_arm_is(cycle, inputs):
     output = cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"))
     np.testing.assert_array_equal(output.commanded[0], here)
     assert output.speed == 0.0
+
+
+def test_brakes_along_the_last_reference_when_the_way_is_blocked(cycle, inputs, flat_skill):
+    here = follow(cycle, inputs, 60)[-1]
+    speed = cycle.follower.speed
+    assert speed > 0.1
+    wall = spheres((flat_skill.goal_pose[:3], 0.1))
+    blocked = dataclasses.replace(inputs, obstacles=wall)
+    speeds = []
+    for _ in range(60):
+        blocked = dataclasses.replace(blocked, measured=(cycle.follower.position, cycle.follower.quaternion))
+        output = cycle.run(blocked, PERIOD)
+        assert output.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+        assert output.reference is None
+        speeds.append(output.speed)
+    assert speeds[0] > 0.5 * speed
+    assert speeds[-1] == 0.0
+    assert np.linalg.norm(cycle.follower.position - here) > 0.01

@@ -1,0 +1,233 @@
+"""One run of the demo: planner and twin as processes of their own, a probe that starts the motion and records it."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped, PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, UInt32
+from std_srvs.srv import Trigger
+
+from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.nodes.messages import pose_message, read_point, read_pose, seconds
+from geodesic_motion_ros.quaternions import angle_between
+
+# The arm has arrived when it has been this close to the goal for this long.
+ARRIVAL_DISTANCE, ARRIVAL_ANGLE, ARRIVAL_TIME = 0.003, math.radians(0.5), 0.5
+# Longest time [s] to wait for processes that start, and for a motion that takes five seconds undisturbed.
+START_PATIENCE, MOTION_PATIENCE = 60.0, 25.0
+
+
+class DemoError(GeodesicMotionError):
+    """A process of the demo has ended or does not answer; says which one and where its log is."""
+
+
+@dataclass
+class Recording:
+    """What one run has shown. Times are seconds since the goal was sent; poses are the twin's measured tool poses.
+
+    Attributes
+    ----------
+    pose_times (n,), positions (n, 3) [m], quaternions (n, 4) ; joint_times (m,), joints (m, 7) [rad].
+    obstacle_times (k,), obstacles (k, 3) [m] : centres of the moving sphere.
+    ticks : one (stamp, tick, duration of the tick before [ms], misses, code) per status of the planner.
+    min_clearance : smallest distance [m] from the arm's real geometry to the obstacle, inf without one.
+    contacts : physics steps in which arm and obstacle touched.
+    arrived : seconds from goal to arrival, nan if it never did.
+    """
+
+    pose_times: list[float] = field(default_factory=list)
+    positions: list[np.ndarray] = field(default_factory=list)
+    quaternions: list[np.ndarray] = field(default_factory=list)
+    joint_times: list[float] = field(default_factory=list)
+    joints: list[np.ndarray] = field(default_factory=list)
+    obstacle_times: list[float] = field(default_factory=list)
+    obstacles: list[np.ndarray] = field(default_factory=list)
+    ticks: list[tuple[float, int, float, int, str]] = field(default_factory=list)
+    min_clearance: float = math.inf
+    contacts: int = 0
+    arrived: float = math.nan
+
+
+class Processes:
+    """The nodes of one run, each in a process of its own with a parameter file and a log; ended on leaving."""
+
+    def __init__(self, folder: Path, environment: Mapping[str, str]) -> None:
+        self._folder, self._environment = folder, dict(environment)
+        self._running: dict[str, tuple[subprocess.Popen[bytes], Path]] = {}
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process, _ in self._running.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process, _ in self._running.values():
+            try:
+                process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def start(self, name: str, parameters: Mapping[str, Any]) -> None:
+        """Start node `name` of this package as `python -m`, with its parameters in a file that can be used again."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        file, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
+        file.write_text(yaml.safe_dump({f"/**/{name}": {"ros__parameters": dict(parameters)}}, sort_keys=False))
+        module = f"geodesic_motion_ros.nodes.{name}_node"
+        command = [sys.executable, "-m", module, "--ros-args", "--params-file", str(file)]
+        with log.open("wb") as output:
+            # In a session of its own: Ctrl-C reaches the demo alone, which then ends its nodes in order.
+            process = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=self._environment,
+                start_new_session=True,
+            )  # fmt: skip
+        self._running[name] = (process, log)
+
+    def check(self) -> None:
+        """Raise DemoError, with the end of its log, when a process has ended."""
+        for name, (process, log) in self._running.items():
+            if process.poll() is not None:
+                tail = "\n".join(log.read_text(errors="replace").splitlines()[-15:])
+                raise DemoError(f"the {name} has ended with exit code {process.returncode}; {log} ends with:\n{tail}")
+
+
+class Probe:
+    """Talks to planner and twin over ROS and records what they say. All of it happens in the caller's thread."""
+
+    def __init__(self, processes: Processes, domain: int, frame: str, goal: np.ndarray) -> None:
+        self._processes, self._frame, self._goal = processes, frame, goal
+        self.recording = Recording()
+        self._began = math.inf
+        self._near_since = math.nan
+        self._code = ""
+        self._context = rclpy.Context()
+        # Python's own handlers stay in place: Ctrl-C raises KeyboardInterrupt here, and the demo cleans up.
+        rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node("demo", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._goals = self._node.create_publisher(PoseStamped, "goal_pose", QoSProfile(depth=1))
+        self._spawn = self._node.create_client(Trigger, "twin/spawn_obstacles")
+        for kind, topic, take in (
+            (PoseStamped, "ee_pose", self._on_pose),
+            (JointState, "joint_states", self._on_joints),
+            (PointStamped, "obstacle_point", self._on_obstacle),
+            (DiagnosticArray, "planner/status", self._on_status),
+            (Float64, "twin/clearance", self._on_clearance),
+            (UInt32, "twin/contacts", self._on_contacts),
+        ):
+            self._node.create_subscription(kind, topic, take, QoSProfile(depth=50))
+
+    def __enter__(self) -> Probe:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+    def run(self) -> Recording:
+        """Wait for both nodes, let the obstacle loose, send the goal, record until the arm has arrived."""
+        # NO_GOAL: the planner runs, and hears the arm
+        self._wait(
+            lambda: self._code == "NO_GOAL" and self._spawn.service_is_ready() and self._goals.get_subscription_count(),
+            START_PATIENCE, "planner and twin to start",
+        )  # fmt: skip
+        spawned = self._spawn.call_async(Trigger.Request())
+        self._wait(spawned.done, START_PATIENCE, "the twin to spawn the obstacle")
+        if not spawned.result().success:
+            raise DemoError(f"the twin refused the scene: {spawned.result().message}")
+        self._began = self._now()
+        stamp = self._node.get_clock().now().to_msg()
+        self._goals.publish(pose_message(self._goal[:3], self._goal[3:], self._frame, stamp))
+        deadline = time.monotonic() + MOTION_PATIENCE
+        self._spin(lambda: not math.isnan(self.recording.arrived) or time.monotonic() > deadline)
+        return self.recording
+
+    def _wait(self, condition: Callable[[], Any], patience: float, what: str) -> None:
+        deadline = time.monotonic() + patience
+        self._spin(lambda: condition() or time.monotonic() > deadline)
+        if not condition():
+            raise DemoError(f"waited {patience:g} s in vain for {what}; the planner says: {self._code or 'nothing'}")
+
+    def _spin(self, until: Callable[[], Any]) -> None:
+        while not until():
+            self._executor.spin_once(timeout_sec=0.05)
+            self._processes.check()
+
+    def _now(self) -> float:
+        return 1e-9 * self._node.get_clock().now().nanoseconds
+
+    def _since(self, stamp: Any) -> float:
+        """Seconds from the goal to a stamp; negative before the goal."""
+        return seconds(stamp) - self._began
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        at = self._since(message.header.stamp)
+        if at < 0.0:
+            return
+        position, quaternion = read_pose(message, self._frame)
+        record = self.recording
+        record.pose_times.append(at)
+        record.positions.append(position)
+        record.quaternions.append(quaternion)
+        distance = np.linalg.norm(position - self._goal[:3])
+        if distance > ARRIVAL_DISTANCE or angle_between(quaternion, self._goal[3:]) > ARRIVAL_ANGLE:
+            self._near_since = math.nan
+        elif math.isnan(self._near_since):
+            self._near_since = at
+        elif at - self._near_since >= ARRIVAL_TIME and math.isnan(record.arrived):
+            record.arrived = self._near_since
+
+    def _on_joints(self, message: JointState) -> None:
+        at = self._since(message.header.stamp)
+        if at >= 0.0:
+            self.recording.joint_times.append(at)
+            self.recording.joints.append(np.array(message.position))
+
+    def _on_obstacle(self, message: PointStamped) -> None:
+        at = self._since(message.header.stamp)
+        if at >= 0.0:
+            self.recording.obstacle_times.append(at)
+            self.recording.obstacles.append(read_point(message, self._frame))
+
+    def _on_status(self, message: DiagnosticArray) -> None:
+        values = {pair.key: pair.value for pair in message.status[0].values}
+        self._code = values["code"]
+        at = self._since(message.header.stamp)
+        # The motion begins with the first plan: before, a tick has nothing to do, and would flatter the figures.
+        if at >= 0.0 and (self.recording.ticks or self._code != "NO_GOAL"):
+            figures = (int(values["tick"]), float(values["last_tick_ms"]), int(values["deadline_misses"]))
+            self.recording.ticks.append((at, *figures, self._code))
+
+    def _on_clearance(self, message: Float64) -> None:
+        if self._began < math.inf:
+            self.recording.min_clearance = min(self.recording.min_clearance, message.data)
+
+    def _on_contacts(self, message: UInt32) -> None:
+        if self._began < math.inf:
+            self.recording.contacts = message.data
+
+
+def isolated_environment(domain: int) -> dict[str, str]:
+    """Environment in which nodes of one ROS domain hear each other on this machine and nobody else."""
+    return os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
