@@ -155,9 +155,17 @@ class ReactivePlanner:
         obstacles = self._obstacles
         plan = self._solve(self._query, start, latent, obstacles, speed)
         if plan.reference is None:
-            return Plan(self._stop(start, obstacles, speed), plan.verdict)
+            return Plan(self._braking(start, obstacles, speed), plan.verdict)
         self._previous = plan.reference
         return plan
+
+    def stop(self, position: np.ndarray, quaternion: np.ndarray, speed: float) -> TaskSpaceReference | None:
+        """Ramped stop of the stream from the present commanded pose and speed [m/s], certified like any reference.
+
+        None at rest, before the first reference, and where the way of the stop is not free: stay where you are.
+        """
+        start, _ = checked_pose("state", position, quaternion)
+        return None if start is None else self._braking(start, self._obstacles, speed)
 
     def plan(
         self,
@@ -277,7 +285,7 @@ class ReactivePlanner:
             points = points[1:]
         return np.concatenate([start[None], points])
 
-    def _stop(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
+    def _braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
         """Come to rest along the reference followed so far; None at rest, or where that would touch an obstacle."""
         settings, previous = self.settings, self._previous
         if previous is None or speed <= 0.0:

@@ -197,6 +197,18 @@ def test_a_stream_blocked_in_motion_comes_to_rest_along_its_path_without_overlap
     assert max(offset) < 0.005
 
 
+def test_a_stop_on_request_brakes_as_hard_as_allowed_and_rests(planner):
+    ticks = stream(planner)
+    for _ in range(100):
+        _, follower, _ = next(ticks)
+    assert planner.stop(np.full(3, np.nan), follower.quaternion, follower.speed) is None
+    halt = planner.stop(follower.position, follower.quaternion, follower.speed)
+    np.testing.assert_allclose(halt.positions[0], follower.position, atol=1e-12)
+    assert halt.duration == pytest.approx(planner.settings.speed / planner.settings.acceleration, rel=1e-3)
+    assert halt.rate(halt.duration) == 0.0
+    assert planner.stop(follower.position, follower.quaternion, 0.0) is None
+
+
 def test_a_stop_that_would_touch_an_obstacle_is_not_taken(planner):
     ticks = stream(planner)
     for _ in range(100):
