@@ -7,6 +7,13 @@ from geodesic_motion_ros.robot.kinematics import PANDA_READY
 
 _BASE_FRAME = Parameter("base_frame", "panda_link0", "Frame of all poses; messages in other frames are refused")
 
+# The hand of the Panda, fingers 4 cm apart, in the frame panda_grasptarget: z points out of the hand, the fingers open
+# along y. Two rows of spheres cover the palm, two a finger.
+_PANDA_HAND = (
+    *((0.0, y, z, 0.0393) for z in (-0.099, -0.0625) for y in (-0.069, -0.023, 0.023, 0.069)),
+    *((0.0, y, z, 0.022) for z in (-0.033, -0.006) for y in (-0.033, 0.033)),
+)
+
 PLANNER = (
     Parameter("skill", "panda_pouring", "Skill folder, or the name of a shipped skill"),
     _BASE_FRAME,
@@ -14,7 +21,7 @@ PLANNER = (
     Parameter("avoidance", True, "false ignores all obstacles: for control experiments only"),
     Parameter(
         "tool_spheres",
-        [0.0, 0.0, 0.0, 0.04],
+        [number for sphere in _PANDA_HAND for number in sphere],
         "Spheres fixed in the tool frame that obstacles are kept away from, each as x, y, z, radius",
         "m",
         -2.0,

@@ -1,0 +1,319 @@
+"""The demo: a Panda does the shipped skill three times, planner and twin as two processes over real ROS 2.
+
+Once without an obstacle, once with a sphere that crosses its way and avoidance off (the control: it must hit), once
+with the same sphere and avoidance on. What is printed was measured by the twin on the arm's real geometry.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from rclpy.utilities import remove_ros_args
+
+from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.nodes.demo_run import DemoError, Probe, Processes, Recording, isolated_environment
+from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.quaternions import angle_between, to_rotation
+from geodesic_motion_ros.reference import TaskSpaceReference
+from geodesic_motion_ros.robot.inverse_kinematics import solve
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
+from geodesic_motion_ros.skill import Skill
+
+SKILL = "panda_pouring"
+#: The sphere: radius [m], speed [m/s], when it meets the undisturbed motion (share of its duration), how far from the
+#: tool's way it passes along the tool's x axis [m], and how much too early it is there [s]: it is in the way when the
+#: hand comes, and the hand must pass on its other side.
+RADIUS, SPEED, MEETING_SHARE, BESIDE, EARLY = 0.04, 0.10, 0.43, 0.035, 0.3
+
+#: What the demo promises.
+LEAST_RATE, LARGEST_ERROR_MM, LARGEST_ERROR_DEG = 99.0, 10.0, 3.0
+
+_DESCRIPTION = """\
+A simulated Panda pours, as people have shown it: three times over real ROS 2, planner and twin in two processes.
+
+  no_obstacle    the learned motion, undisturbed
+  avoidance_off  a sphere crosses the way of the hand, and the planner is told to ignore it: the arm hits it
+  avoidance_on   the same sphere; the planner looks for another way a hundred times a second
+
+It takes about a minute and ends by itself; Ctrl-C ends it and its processes earlier."""
+
+_EPILOG = """\
+what it writes to the folder OUT:
+  summary.json   the figures of the table, one object a run, and whether the demo has passed
+  latent.png     the skill's latent space with the way of the hand, without and with the obstacle
+  paths.png      the same ways in space, among the demonstrations
+  strip.png, arm.gif    the arm, avoidance off above (left) and on below (right)
+  RUN/*.yaml, RUN/*.log    the parameter files and logs of the two nodes of each run
+
+exit code: 0 when the demo does what it promises, 1 when it does not (it says what), 130 after Ctrl-C
+
+To look at it in RViz, join its ROS domain: demo --domain 7, and in another terminal
+  ROS_DOMAIN_ID=7 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST rviz2 -d config/geodesic_motion.rviz"""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One of the three runs: its key in summary.json, what it is called, what is in it."""
+
+    key: str
+    title: str
+    obstacle: bool
+    avoidance: bool
+
+
+RUNS = (
+    Run("no_obstacle", "no obstacle", False, True),
+    Run("avoidance_off", "moving obstacle, avoidance off", True, False),
+    Run("avoidance_on", "moving obstacle, avoidance on", True, True),
+)
+
+
+class Demo:
+    """Prepares the scene from the skill, makes the runs, judges them."""
+
+    def __init__(self, out: Path, gui: bool, domain: int) -> None:
+        self._out, self._gui, self._domain = out, gui, domain
+        self.skill = Skill.load(SKILL)
+        self.planner = ReactivePlanner(self.skill, _planner_settings())
+        self.goal = self.skill.goal_pose
+        start = self.skill.start_pose
+        plan = self.planner.plan(start[:3], start[3:], self.goal[:3], self.goal[3:])
+        if plan.reference is None:
+            raise DemoError(f"skill {self.skill.name} has no way from its own start to its goal: {plan.verdict.reason}")
+        self.nominal = plan.reference
+        self.obstacle = crossing_obstacle(plan.reference)
+        self._start_joints = solve(Robot.panda(), start[:3], start[3:])
+
+    def run(self, run: Run) -> Recording:
+        """Start both nodes, let the arm move, end the nodes."""
+        environment = isolated_environment(self._domain)
+        with Processes(self._out / run.key, environment) as processes:
+            processes.start("twin", self._twin_parameters(run))
+            processes.start("planner", self._planner_parameters(run))
+            with Probe(processes, self._domain, self.skill.base_frame, self.goal) as probe:
+                return probe.run()
+
+    def _twin_parameters(self, run: Run) -> dict[str, Any]:
+        scene = {"ball": describe(self.obstacle)} if run.obstacle else {}
+        return {
+            "initial_joint_positions": [float(angle) for angle in self._start_joints],
+            "scene": yaml.safe_dump(scene) if scene else "",
+            "gui": self._gui,
+        }
+
+    def _planner_parameters(self, run: Run) -> dict[str, Any]:
+        # The pictures are drawn afterwards, from what was recorded.
+        return {
+            "skill": SKILL,
+            "avoidance": run.avoidance,
+            "obstacle_point_radius": self.obstacle.radius,
+            "latent_view_rate": 0.0,
+        }
+
+
+def crossing_obstacle(nominal: TaskSpaceReference) -> LineObstacle:
+    """The sphere that crosses the undisturbed motion, across the hand and a little beside the tool's way."""
+    meeting = MEETING_SHARE * nominal.duration
+    position, quaternion = nominal.sample(meeting)
+    x_axis, y_axis, _ = to_rotation(quaternion).as_matrix().T
+    return crossing(position + BESIDE * x_axis, y_axis, meeting - EARLY, SPEED, RADIUS)
+
+
+def describe(obstacle: LineObstacle) -> dict[str, Any]:
+    """The obstacle as the twin's parameter `scene` wants it."""
+    return {
+        "kind": obstacle.kind,
+        "start": [float(x) for x in obstacle.start],
+        "end": [float(x) for x in obstacle.end],
+        "speed": obstacle.speed,
+        "radius": obstacle.radius,
+        "start_time": float(obstacle.start_time),
+    }
+
+
+def figures(recording: Recording, goal: np.ndarray, obstacle: bool) -> dict[str, Any]:
+    """The figures of one run, as summary.json has them.
+
+    Rate, tick durations and misses are the planner's own, from the first plan to the arrival; errors and clearance
+    are the twin's. The goal error is that of the last pose measured.
+    """
+    ticks = recording.ticks
+    if len(ticks) < 2 or not recording.positions:
+        raise DemoError("the planner has never planned: see its log")
+    stamps, numbers, durations, misses, codes = zip(*ticks, strict=True)
+    # A status is sent from within its tick, with the duration of the one before.
+    p50, p99 = np.percentile(durations[1:], [50.0, 99.0])
+    distance = np.linalg.norm(recording.positions[-1] - goal[:3])
+    angle = angle_between(recording.quaternions[-1], goal[3:])
+    return {
+        "rate_hz": (numbers[-1] - numbers[0]) / (stamps[-1] - stamps[0]),
+        "tick_ms_p50": float(p50),
+        "tick_ms_p99": float(p99),
+        "deadline_misses": misses[-1] - misses[0],
+        "goal_error_mm": 1000.0 * float(distance),
+        "goal_error_deg": math.degrees(float(angle)),
+        "min_clearance_mm": 1000.0 * recording.min_clearance if obstacle else None,
+        "contacts": recording.contacts,
+        "seconds_to_goal": None if math.isnan(recording.arrived) else recording.arrived,
+        "verdicts": dict(Counter(codes)),
+    }
+
+
+def missed_bars(summary: Mapping[str, Any]) -> list[str]:
+    """What the demo promises and did not do, as sentences; empty when it has passed."""
+    missed = [
+        f"{run.key}: the planner ran at {summary[run.key]['rate_hz']:.1f} Hz, at least {LEAST_RATE:g} are promised"
+        for run in RUNS
+        if summary[run.key]["rate_hz"] < LEAST_RATE
+    ]
+    off, on = summary["avoidance_off"], summary["avoidance_on"]
+    if off["contacts"] == 0 and off["min_clearance_mm"] >= 0.0:
+        missed.append("avoidance_off: the arm did not touch the obstacle, so this scene proves nothing")
+    if on["contacts"] > 0 or on["min_clearance_mm"] <= 0.0:
+        missed.append(f"avoidance_on: contact in {on['contacts']} steps, clearance {on['min_clearance_mm']:.1f} mm")
+    for run in RUNS:
+        millimetres, degrees = summary[run.key]["goal_error_mm"], summary[run.key]["goal_error_deg"]
+        if run.avoidance and (millimetres > LARGEST_ERROR_MM or degrees > LARGEST_ERROR_DEG):
+            missed.append(
+                f"{run.key}: the goal was missed by {millimetres:.1f} mm and {degrees:.1f} deg, allowed are "
+                f"{LARGEST_ERROR_MM:g} mm and {LARGEST_ERROR_DEG:g} deg"
+            )
+    return missed
+
+
+def table(summary: Mapping[str, Any]) -> str:
+    """The figures as a table, one row a run."""
+    head = ("", "rate", "tick p50", "tick p99", "deadline", "goal error", "smallest", "steps with")
+    units = ("", "Hz", "ms", "ms", "misses", "mm / deg", "clearance mm", "contact")
+    rows = [head, units]
+    for run in RUNS:
+        row = summary[run.key]
+        clearance = "-" if row["min_clearance_mm"] is None else f"{row['min_clearance_mm']:.1f}"
+        rows.append(
+            (
+                run.title, f"{row['rate_hz']:.1f}", f"{row['tick_ms_p50']:.1f}", f"{row['tick_ms_p99']:.1f}",
+                str(row["deadline_misses"]), f"{row['goal_error_mm']:.2f} / {row['goal_error_deg']:.2f}", clearance,
+                str(row["contacts"]),
+            )
+        )  # fmt: skip
+    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    lines = ["  ".join(f"{cell:>{width}}" if i else f"{cell:<{width}}" for i, (cell, width) in
+             enumerate(zip(row, widths, strict=True))) for row in rows]  # fmt: skip
+    rule = "-" * len(lines[0])
+    return "\n".join([*lines[:2], rule, *lines[2:]])
+
+
+def perform(out: Path, gui: bool, domain: int, pictures: bool) -> int:
+    """Run the demo; returns the exit code."""
+    began = time.monotonic()
+
+    def say(text: str) -> None:
+        print(f"[{time.monotonic() - began:5.1f} s] {text}", flush=True)
+
+    out.mkdir(parents=True, exist_ok=True)
+    say(f"loading the skill {SKILL}")
+    demo = Demo(out, gui, domain)
+    recordings: dict[str, Recording] = {}
+    summary: dict[str, Any] = {"skill": demo.skill.name}
+    for number, run in enumerate(RUNS, 1):
+        say(f"run {number} of {len(RUNS)}: {run.title}")
+        recordings[run.key] = demo.run(run)
+        summary[run.key] = figures(recordings[run.key], demo.goal, run.obstacle)
+        say(f"  {_outcome(summary[run.key])}")
+    missed = missed_bars(summary)
+    summary["passed"] = not missed
+    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    if pictures:
+        say("drawing the pictures")
+        from geodesic_motion_ros.nodes.demo_pictures import draw
+
+        draw(demo.planner, demo.nominal, demo.obstacle.radius, recordings, out)
+    say(f"done; figures{' and pictures' if pictures else ''} in {out}")
+    print(f"\n{table(summary)}\n")
+    for sentence in missed:
+        print(f"NOT as promised: {sentence}", file=sys.stderr)
+    return 1 if missed else 0
+
+
+def _outcome(row: Mapping[str, Any]) -> str:
+    arrived = row["seconds_to_goal"]
+    text = "the goal was not reached" if arrived is None else f"at the goal after {arrived:.1f} s"
+    if row["min_clearance_mm"] is None:
+        return text
+    if row["contacts"]:
+        return f"{text}, after hitting the obstacle"
+    return f"{text}, past the obstacle with {row['min_clearance_mm']:.0f} mm to spare"
+
+
+def _planner_settings() -> PlannerSettings:
+    """Settings as the planner node has them by default."""
+    values = {parameter.name: parameter.default for parameter in PLANNER}
+    spheres = np.array(values["tool_spheres"]).reshape(-1, 4)
+    return PlannerSettings(
+        tool_points=tuple(map(tuple, spheres[:, :3].tolist())), tool_radii=tuple(spheres[:, 3].tolist())
+    )
+
+
+@contextmanager
+def _termination_as_interrupt() -> Any:
+    """SIGTERM and SIGHUP end the demo as Ctrl-C does, with its processes."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    numbers = (signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, interrupt) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="demo", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for all that is written (%(default)s)")
+    parser.add_argument("--gui", action="store_true", help="open PyBullet's window; needs a display")
+    parser.add_argument(
+        "--domain", type=int, choices=range(1, 102), metavar="1..101", default=1 + os.getpid() % 101,
+        help="ROS domain of the demo's nodes; by default one of its own, so that nothing disturbs it",
+    )  # fmt: skip
+    parser.add_argument("--no-pictures", action="store_true", help="figures only")
+    return parser
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the demo with command line arguments; returns the exit code."""
+    options = _parser().parse_args(remove_ros_args(args=list(sys.argv if args is None else ["demo", *args]))[1:])
+    try:
+        with _termination_as_interrupt():
+            return perform(options.out, options.gui, options.domain, not options.no_pictures)
+    except KeyboardInterrupt:
+        print("interrupted; planner and twin are stopped", file=sys.stderr)
+        return 130
+    except GeodesicMotionError as error:
+        print(f"demo: {error}", file=sys.stderr)
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
