@@ -88,7 +88,8 @@ class ReactivePlanner:
         self._obstacles = Obstacles.none()
         self._goal: Pose | None = None
         self._query: Query | None = None
-        self._previous: TaskSpaceReference | None = None
+        # The reference being followed and the query it belongs to: an older one than _query right after a new goal.
+        self._followed: tuple[Query, TaskSpaceReference] | None = None
 
     # ---------------------------------------------------------------- inputs
 
@@ -102,12 +103,12 @@ class ReactivePlanner:
             return Verdict(VerdictCode.BAD_INPUT, reason)
         verdict = self._queries.goal_verdict(pose)
         if verdict.ok:
-            self._goal, self._query, self._previous = pose, None, None
+            self._goal, self._query = pose, None
         return verdict
 
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
-        self._goal = self._query = self._previous = None
+        self._goal = self._query = None
 
     def set_obstacles(self, centres: np.ndarray, radii: np.ndarray) -> Verdict:
         """Replace all obstacles by spheres, centres (o, 3) and radii (o,) [m] in the skill's base frame.
@@ -145,18 +146,18 @@ class ReactivePlanner:
             return _refusal(VerdictCode.BAD_INPUT, reason)
         if self._goal is None:
             return _refusal(VerdictCode.NO_GOAL, "no goal has been given")
+        obstacles = self._obstacles
         latent = self._locate(start)
         if latent is None:
             query = self._queries.build(start, self._goal)
             if isinstance(query, Verdict):
-                return Plan(None, query)
-            self._query, self._previous, latent = query, None, query.start_latent
+                return Plan(self._braking(start, obstacles, speed), query)
+            self._query, latent = query, query.start_latent
         assert self._query is not None
-        obstacles = self._obstacles
         plan = self._solve(self._query, start, latent, obstacles, speed)
         if plan.reference is None:
             return Plan(self._braking(start, obstacles, speed), plan.verdict)
-        self._previous = plan.reference
+        self._followed = self._query, plan.reference
         return plan
 
     def stop(self, position: np.ndarray, quaternion: np.ndarray, speed: float) -> TaskSpaceReference | None:
@@ -193,13 +194,14 @@ class ReactivePlanner:
         """Latent point of a pose on the reference being followed; None where a new query must begin."""
         if self._query is None:
             return None
-        if self._previous is None:
+        if self._followed is None or self._followed[0] is not self._query:
             anchor = self._query.start
             moved = float(np.linalg.norm(pose.position - anchor.position))
             near = self._near(moved, float(angle_between(pose.quaternion, anchor.quaternion)))
             return self._query.start_latent if near else None
-        i, share, distance, angle = self._foot(self._previous, pose)
-        latent = self._previous.latent
+        reference = self._followed[1]
+        i, share, distance, angle = self._foot(reference, pose)
+        latent = reference.latent
         return latent[i] + share * (latent[i + 1] - latent[i]) if self._near(distance, angle) else None
 
     @staticmethod
@@ -287,10 +289,14 @@ class ReactivePlanner:
 
     def _braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
         """Come to rest along the reference followed so far; None at rest, or where that would touch an obstacle."""
-        settings, previous = self.settings, self._previous
-        if previous is None or speed <= 0.0:
+        settings = self.settings
+        if self._followed is None or speed <= 0.0:
             return None
-        ahead = slice(self._foot(previous, start)[0] + 1, None)
+        previous = self._followed[1]
+        foot, _, distance, angle = self._foot(previous, start)
+        if not self._near(distance, angle):
+            return None
+        ahead = slice(foot + 1, None)
         positions = np.concatenate([start.position[None], previous.positions[ahead]])
         quaternions = continuous_signs(np.concatenate([start.quaternion[None], previous.quaternions[ahead]]))
         # v^2 / (2 a), as a duration at full speed.

@@ -81,7 +81,7 @@ class Skill:
         return SUPPORT_MULTIPLE * self.sigma_support
 
     def graph(self, shape: tuple[int, ...] = (100, 100), neighbours: int = 16) -> LatentGraph:
-        """Decode the latent box into its graph; under a second for a task-space skill."""
+        """Decode the latent box into its graph: a second or two for a task-space skill."""
         return build_latent_graph(
             self.decoder, self.codes, self.latent_lower, self.latent_upper,
             self.metric, self.sigma_limit, shape, neighbours,

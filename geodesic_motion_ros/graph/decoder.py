@@ -13,6 +13,9 @@ import numpy as np
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.quaternions import normalise
 
+#: Points decoded at once.
+_BLOCK = 1024
+
 
 @dataclass(frozen=True)
 class Decoded:
@@ -71,7 +74,10 @@ class TaskSpaceDecoder:
         return self.W1.shape[1]
 
     def decode(self, latent: np.ndarray) -> Decoded:
-        """Decode latent points (n, d)."""
+        """Decode latent points (n, d); a whole graph in blocks, which stay in the processor's cache."""
+        if len(latent) > _BLOCK:
+            blocks = [self.decode(latent[begin : begin + _BLOCK]) for begin in range(0, len(latent), _BLOCK)]
+            return Decoded(*(np.concatenate([getattr(block, f.name) for block in blocks]) for f in fields(Decoded)))
         hidden = np.tanh(latent @ self.W1.T + self.b1)
         hidden = np.tanh(hidden @ self.W2.T + self.b2)
         out = hidden @ self.W3.T + self.b3
@@ -80,6 +86,9 @@ class TaskSpaceDecoder:
 
     def uncertainty(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """sigma (n, 3) [m] and kappa (n,) alone: cheaper than decoding, enough to prune a grid."""
+        if len(latent) > _BLOCK:
+            blocks = [self.uncertainty(latent[begin : begin + _BLOCK]) for begin in range(0, len(latent), _BLOCK)]
+            return np.concatenate([sigma for sigma, _ in blocks]), np.concatenate([kappa for _, kappa in blocks])
         squared = (
             np.sum(latent**2, axis=1)[:, None] - 2.0 * latent @ self.rbf_centres.T + np.sum(self.rbf_centres**2, axis=1)
         )

@@ -202,11 +202,11 @@ class ProgressMap:
         rate = 0.5 / _tube_width(codes) ** 2
         nodes = grid.nodes()
         table = np.empty(len(nodes))
-        for begin in range(0, len(nodes), 4096):
-            block = nodes[begin : begin + 4096]
+        for begin in range(0, len(nodes), 512):
+            block = nodes[begin : begin + 512]
             squared = np.sum((block[:, None, :] - flat[None]) ** 2, axis=-1)
             weight = np.exp(-rate * (squared - squared.min(axis=1, keepdims=True)))
-            table[begin : begin + 4096] = weight @ share / weight.sum(axis=1)
+            table[begin : begin + 512] = weight @ share / weight.sum(axis=1)
         self._table = table.reshape(grid.shape)
 
     def __call__(self, latent: np.ndarray) -> np.ndarray:

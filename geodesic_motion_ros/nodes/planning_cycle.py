@@ -102,14 +102,16 @@ class PlanningCycle:
         verdict = self._ready(inputs)
         if verdict.ok:
             verdict = obstacles_taken
-        reference = None
+        now = self.follower.position, self.follower.quaternion, self.follower.speed
         if verdict.ok:
-            plan = self.planner.tick(self.follower.position, self.follower.quaternion, self.follower.speed)
+            plan = self.planner.tick(*now)
             verdict, reference = plan.verdict, plan.reference
+        else:
+            reference = self.planner.stop(*now)
         return self._move(verdict, reference, period)
 
     def stop(self, verdict: Verdict) -> CycleOutput:
-        """A cycle in which nothing may be trusted: hold, and say why."""
+        """A cycle in which nothing may be trusted: stay at the commanded pose, and say why."""
         return self._move(verdict, None, 0.0)
 
     def _move(self, verdict: Verdict, reference: TaskSpaceReference | None, period: float) -> CycleOutput:

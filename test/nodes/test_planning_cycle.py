@@ -81,19 +81,24 @@ def test_goes_to_the_goal_in_steps_no_longer_than_speed_allows(cycle, inputs, st
     ],
     ids=["old state", "hold", "silent obstacles"],
 )
-def test_a_reason_to_hold_stops_and_its_end_resumes(cycle, inputs, change, code, reason):
-    held_at = follow(cycle, inputs, 60)[-1]
-    arm = (held_at, cycle.follower.quaternion)
-    bad = dataclasses.replace(inputs, measured=arm, **change)
-    for _ in range(5):
-        output = cycle.run(bad, PERIOD)
+def test_a_reason_to_hold_brakes_and_its_end_resumes(cycle, inputs, change, code, reason):
+    settings = cycle.planner.settings
+    here = follow(cycle, inputs, 60)[-1]
+    speeds = [cycle.follower.speed]
+    for _ in range(60):
+        measured = (cycle.follower.position, cycle.follower.quaternion)
+        output = cycle.run(dataclasses.replace(inputs, measured=measured, **change), PERIOD)
         assert output.verdict.code is code
         assert reason in output.verdict.reason
         assert output.reference is None
-        np.testing.assert_array_equal(output.commanded[0], held_at)
-    resumed = cycle.run(dataclasses.replace(inputs, measured=arm), PERIOD)
+        speeds.append(output.speed)
+    assert np.min(np.diff(speeds)) >= -1.01 * settings.acceleration * PERIOD
+    assert speeds[-1] == 0.0
+    held_at = cycle.follower.position.copy()
+    assert np.linalg.norm(held_at - here) <= 1.01 * settings.speed**2 / (2.0 * settings.acceleration)
+    resumed = cycle.run(dataclasses.replace(inputs, measured=(held_at, cycle.follower.quaternion)), PERIOD)
     assert resumed.verdict.ok
-    assert np.linalg.norm(resumed.commanded[0] - held_at) <= cycle.planner.settings.speed * PERIOD
+    assert np.linalg.norm(resumed.commanded[0] - held_at) <= settings.speed * PERIOD
 
 
 def test_an_old_state_outweighs_everything_else(cycle, inputs):
