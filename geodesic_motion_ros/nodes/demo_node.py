@@ -1,6 +1,6 @@
 """The demo: a Panda does the shipped skill three times, planner and twin as two processes over real ROS 2.
 
-Once without an obstacle, once with a sphere that crosses its way and avoidance off (the control: it must hit), once
+Once without an obstacle, once with a sphere that moves into its way and avoidance off (the control: it must hit), once
 with the same sphere and avoidance on. What is printed was measured by the twin on the arm's real geometry.
 """
 
@@ -25,6 +25,7 @@ import yaml
 from rclpy.utilities import remove_ros_args
 
 from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.nodes.demo_pictures import draw
 from geodesic_motion_ros.nodes.demo_run import DemoError, Probe, Processes, Recording, isolated_environment
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.planner import ReactivePlanner
@@ -37,10 +38,12 @@ from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
 from geodesic_motion_ros.skill import Skill
 
 SKILL = "panda_pouring"
-#: The sphere: radius [m], speed [m/s], when it meets the undisturbed motion (share of its duration), how far from the
-#: tool's way it passes along the tool's x axis [m], and how much too early it is there [s]: it is in the way when the
-#: hand comes, and the hand must pass on its other side.
-RADIUS, SPEED, MEETING_SHARE, BESIDE, EARLY = 0.04, 0.10, 0.43, 0.035, 0.3
+#: The sphere: radius [m] and speed [m/s]; when the undisturbed motion would meet it (share of its duration); how far
+#: beside the tool's way it crosses, along the tool's x axis [m], so that there is room on its other side.
+RADIUS, SPEED, MEETING_SHARE, BESIDE = 0.04, 0.10, 0.43, 0.035
+#: It sets out this far from the way [m], is there a little before the hand [s], and comes to rest this far behind it
+#: [m], which is still under the palm: where a busy machine slows the arm down, the sphere is in its way all the same.
+BEFORE, EARLY, AFTER = 0.30, 0.3, 0.06
 
 #: What the demo promises.
 LEAST_RATE, LARGEST_ERROR_MM, LARGEST_ERROR_DEG = 99.0, 10.0, 3.0
@@ -49,7 +52,7 @@ _DESCRIPTION = """\
 A simulated Panda pours, as people have shown it: three times over real ROS 2, planner and twin in two processes.
 
   no_obstacle    the learned motion, undisturbed
-  avoidance_off  a sphere crosses the way of the hand, and the planner is told to ignore it: the arm hits it
+  avoidance_off  a sphere moves into the way of the hand, and the planner is told to ignore it: the arm hits it
   avoidance_on   the same sphere; the planner looks for another way a hundred times a second
 
 It takes about a minute and ends by itself; Ctrl-C ends it and its processes earlier."""
@@ -129,11 +132,11 @@ class Demo:
 
 
 def crossing_obstacle(nominal: TaskSpaceReference) -> LineObstacle:
-    """The sphere that crosses the undisturbed motion, across the hand and a little beside the tool's way."""
+    """The sphere that moves into the undisturbed motion, across the hand and a little beside the tool's way."""
     meeting = MEETING_SHARE * nominal.duration
     position, quaternion = nominal.sample(meeting)
     x_axis, y_axis, _ = to_rotation(quaternion).as_matrix().T
-    return crossing(position + BESIDE * x_axis, y_axis, meeting - EARLY, SPEED, RADIUS)
+    return crossing(position + BESIDE * x_axis, y_axis, meeting - EARLY, SPEED, RADIUS, BEFORE, AFTER)
 
 
 def describe(obstacle: LineObstacle) -> dict[str, Any]:
@@ -242,9 +245,7 @@ def perform(out: Path, gui: bool, domain: int, pictures: bool) -> int:
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     if pictures:
         say("drawing the pictures")
-        from geodesic_motion_ros.nodes.demo_pictures import draw
-
-        draw(demo.planner, demo.nominal, demo.obstacle.radius, recordings, out)
+        draw(demo.planner, demo.obstacle.radius, recordings, out)
     say(f"done; figures{' and pictures' if pictures else ''} in {out}")
     print(f"\n{table(summary)}\n")
     for sentence in missed:
@@ -291,7 +292,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="demo", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for all that is written (%(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results (%(default)s)")
     parser.add_argument("--gui", action="store_true", help="open PyBullet's window; needs a display")
     parser.add_argument(
         "--domain", type=int, choices=range(1, 102), metavar="1..101", default=1 + os.getpid() % 101,

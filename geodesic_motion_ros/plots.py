@@ -1,0 +1,277 @@
+"""Pictures of skills and motions, by matplotlib. Nothing of this is for a control loop.
+
+Colours are those of Okabe and Ito, which colour-blind people can tell apart; what belongs together has one colour in
+every picture: demonstrations grey, the way without obstacle blue, the way around it vermilion, obstacles orange.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+from matplotlib.ticker import MultipleLocator
+
+from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.graph.ambient import clearances
+from geodesic_motion_ros.graph.latent_graph import tool_points
+from geodesic_motion_ros.latent_view import magnification_factor
+from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.skill import Skill
+
+BLUE, VERMILION, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#E69F00", "#009E73", "#6b7280"
+_DPI = 150
+_RESOLUTION = 400
+
+
+@dataclass(frozen=True)
+class Way:
+    """A motion to be drawn: latent (n, d), positions (m, 3) [m], name and colour."""
+
+    latent: np.ndarray
+    positions: np.ndarray
+    name: str
+    colour: str
+    style: str = "-"
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """An obstacle to be drawn: where it was when it mattered (3,) [m], its radius [m], and its way (n, 3) [m]."""
+
+    centre: np.ndarray
+    radius: float
+    track: np.ndarray
+
+
+def demonstrations_of(skill: Skill) -> np.ndarray:
+    """Codes (N, T, d) of the demonstrations as recorded, without their antipodal copies."""
+    names = skill.provenance.get("demonstrations")
+    count = len(names) if names else len(skill.codes)
+    return skill.codes[:count]
+
+
+def _codes_around(skill: Skill, ways: Sequence[Way]) -> np.ndarray:
+    """Codes of the demonstrations on the sheet of the ways: those of q or those of -q, (N, T, d)."""
+    count = len(demonstrations_of(skill))
+    sheets = [skill.codes[i : i + count] for i in range(0, len(skill.codes), count)]
+    starts = np.array([way.latent[0] for way in ways])
+    return min(sheets, key=lambda sheet: np.linalg.norm(sheet[:, 0].mean(axis=0) - starts.mean(axis=0)))
+
+
+def draw_latent(
+    path: str | os.PathLike[str],
+    planner: ReactivePlanner,
+    ways: Sequence[Way],
+    obstacle: Sphere | None = None,
+    title: str = "",
+) -> None:
+    """The latent space: magnification factor, demonstrations, footprint of an obstacle, ways.
+
+    Parameters
+    ----------
+    path : picture to write.
+    planner : its skill, its graph and its tool spheres; `ways` and `obstacle` belong to it.
+
+    Raises
+    ------
+    PlanningError : the skill's latent space has not two dimensions.
+    """
+    figure = Figure(figsize=(7.4, 5.6), layout="constrained")
+    axes = figure.add_subplot()
+    codes = np.concatenate([*_codes_around(planner.skill, ways), *(way.latent for way in ways)])
+    handles = _latent_background(figure, axes, planner.skill)
+    if obstacle is not None:
+        handles.append(_footprint(axes, planner, obstacle))
+    handles += _ways(axes, ways)
+    _frame_codes(axes, planner.skill, codes)
+    axes.set_title(title, loc="left", fontsize=11)
+    _legend(figure, handles)
+    _write(figure, path)
+
+
+def draw_paths(
+    path: str | os.PathLike[str],
+    skill: Skill,
+    ways: Sequence[Way],
+    obstacle: Sphere | None = None,
+    title: str = "",
+) -> None:
+    """Ways of the tool among the decoded demonstrations: in space, and their heights seen along the x axis."""
+    figure = Figure(figsize=(10.0, 3.9), layout="constrained")
+    columns = figure.add_gridspec(1, 2, width_ratios=(1.25, 1.0))
+    decoded = [skill.decoder.decode(code).positions for code in demonstrations_of(skill)]
+    space = figure.add_subplot(columns[0], projection="3d", computed_zorder=False)
+    handles = _spatial(space, decoded, ways, obstacle)
+    _side_view(figure.add_subplot(columns[1]), decoded, ways, obstacle)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    _legend(figure, handles)
+    _write(figure, path)
+
+
+def _side_view(axes: Axes, demonstrations: Sequence[np.ndarray], ways: Sequence[Way], obstacle: Sphere | None) -> None:
+    for positions in demonstrations:
+        axes.plot(*(100.0 * positions[:, 1:].T), color=GREY, linewidth=0.8, alpha=0.7)
+    if obstacle is not None:
+        axes.add_patch(Circle(100.0 * obstacle.centre[1:], 100.0 * obstacle.radius, facecolor=ORANGE, alpha=0.85))
+    for way in ways:
+        axes.plot(*(100.0 * way.positions[:, 1:].T), color="white", linewidth=3.4)
+        axes.plot(*(100.0 * way.positions[:, 1:].T), way.style, color=way.colour, linewidth=2.0)
+    axes.set_aspect("equal")
+    axes.set_xlabel("y [cm]")
+    axes.set_ylabel("z [cm]")
+    axes.grid(alpha=0.3)
+
+
+def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
+    """What a training has led to: the latent space with geodesics and, beside them, the Euclidean line.
+
+    Left the latent space, right the same curves decoded. Geodesics run from the first code of every demonstration to
+    the last; one of them has the straight latent line beside it.
+
+    Raises
+    ------
+    PlanningError : the skill's latent space has not two dimensions.
+    """
+    planner = ReactivePlanner(skill)
+    codes = demonstrations_of(skill)
+    geodesics = [latent for latent in (_geodesic(planner, code) for code in codes) if latent is not None]
+    share = np.linspace(0.0, 1.0, 100)[:, None]
+    # the one whose geodesic bends most shows best what the metric does
+    bend = [_bend(latent) for latent in geodesics]
+    chosen = geodesics[int(np.argmax(bend))] if geodesics else codes[0]
+    line = chosen[0] + share * (chosen[-1] - chosen[0])
+    figure = Figure(figsize=(11.5, 5.2), layout="constrained")
+    axes = figure.add_subplot(1, 2, 1)
+    handles = _latent_background(figure, axes, skill)
+    ways = [Way(latent, skill.decoder.decode(latent).positions, "geodesics", BLUE) for latent in geodesics]
+    ways.append(Way(line, skill.decoder.decode(line).positions, "straight latent line", VERMILION, "--"))
+    handles += _ways(axes, ways)
+    _frame_codes(axes, skill, np.concatenate([*codes, line, *geodesics]))
+    axes.set_title(f"Latent space of {skill.name}", loc="left", fontsize=11)
+    space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
+    _spatial(space, [skill.decoder.decode(code).positions for code in codes], ways, None)
+    space.set_title("The same curves, decoded", loc="left", fontsize=11)
+    _legend(figure, handles)
+    _write(figure, path)
+
+
+def _geodesic(planner: ReactivePlanner, code: np.ndarray) -> np.ndarray | None:
+    ends = planner.skill.decoder.decode(code[[0, -1]])
+    plan = planner.plan(ends.positions[0], ends.quaternions[0], ends.positions[1], ends.quaternions[1])
+    return None if plan.reference is None else plan.reference.latent
+
+
+def _bend(latent: np.ndarray) -> float:
+    length = np.linalg.norm(np.diff(latent, axis=0), axis=1).sum()
+    return float(length / max(np.linalg.norm(latent[-1] - latent[0]), 1e-9))
+
+
+def _latent_background(figure: Figure, axes: Axes, skill: Skill) -> list[Line2D | Patch]:
+    if len(skill.latent_lower) != 2:
+        raise PlanningError(f"a latent picture shows two dimensions, {skill.name} has {len(skill.latent_lower)}")
+    values = magnification_factor(skill, _RESOLUTION)
+    low, high = np.percentile(values, [2.0, 99.0])
+    extent = (skill.latent_lower[0], skill.latent_upper[0], skill.latent_lower[1], skill.latent_upper[1])
+    image = axes.imshow(values, extent=extent, cmap="Greys", vmin=low, vmax=high + 0.35 * (high - low), aspect="auto")
+    figure.colorbar(image, ax=axes, label=r"magnification factor  $\log\sqrt{\det M(z)}$", shrink=0.9, pad=0.02)
+    for code in skill.codes:
+        axes.plot(*code.T, color=GREY, linewidth=0.9)
+    axes.set_xlabel("$z_1$")
+    axes.set_ylabel("$z_2$")
+    return [Line2D([], [], color=GREY, linewidth=0.9, label="demonstrations")]
+
+
+def _footprint(axes: Axes, planner: ReactivePlanner, obstacle: Sphere) -> Patch:
+    """Shade the latent points whose decoded tool would touch the obstacle."""
+    skill, settings = planner.skill, planner.settings
+    shape = (160, 160)
+    first, second = (np.linspace(skill.latent_lower[i], skill.latent_upper[i], shape[i]) for i in range(2))
+    grid = np.stack(np.meshgrid(first, second), axis=-1).reshape(-1, 2)
+    decoded = skill.decoder.decode(grid)
+    body = tool_points(decoded.positions, decoded.quaternions, np.array(settings.tool_points))
+    free = clearances(body, np.array(settings.tool_radii), obstacle.centre[None], np.array([obstacle.radius]))
+    free = free.reshape(shape[1], shape[0])
+    axes.contourf(first, second, free, levels=[-np.inf, 0.0], colors=[ORANGE], alpha=0.45)
+    axes.contour(first, second, free, levels=[0.0], colors=[ORANGE], linewidths=1.2)
+    return Patch(facecolor=ORANGE, alpha=0.55, edgecolor=ORANGE, label="the hand would touch the obstacle")
+
+
+def _ways(axes: Axes, ways: Sequence[Way]) -> list[Line2D | Patch]:
+    handles: dict[str, Line2D | Patch] = {}
+    for way in ways:
+        axes.plot(*way.latent.T, color="white", linewidth=3.8, alpha=0.9, zorder=4)
+        (line,) = axes.plot(*way.latent.T, way.style, color=way.colour, linewidth=2.2, label=way.name, zorder=5)
+        handles[way.name] = line
+    for way in ways:
+        axes.plot(*way.latent[0], "o", color=way.colour, markersize=6, markeredgecolor="white", zorder=6)
+        axes.plot(*way.latent[-1], "s", color=way.colour, markersize=7, markeredgecolor="white", zorder=6)
+    return list(handles.values())
+
+
+def _frame_codes(axes: Axes, skill: Skill, codes: np.ndarray) -> None:
+    """Show the part of the box that holds the codes, with a margin."""
+    lower, upper = codes.min(axis=0), codes.max(axis=0)
+    margin = 0.14 * (upper - lower)
+    lower, upper = np.maximum(lower - margin, skill.latent_lower), np.minimum(upper + margin, skill.latent_upper)
+    axes.set_xlim(lower[0], upper[0])
+    axes.set_ylim(lower[1], upper[1])
+
+
+def _spatial(
+    axes: Axes, demonstrations: Sequence[np.ndarray], ways: Sequence[Way], obstacle: Sphere | None
+) -> list[Line2D | Patch]:
+    """Curves in space with equal scales; in centimetres."""
+    axes.view_init(18.0, -28.0)
+    axes.set_proj_type("ortho")
+    for positions in demonstrations:
+        axes.plot(*(100.0 * positions.T), color=GREY, linewidth=0.8, alpha=0.7, zorder=1)
+    handles: dict[str, Line2D | Patch] = {
+        "demonstrations": Line2D([], [], color=GREY, linewidth=0.9, label="demonstrations")
+    }
+    everything = [*demonstrations, *(way.positions for way in ways)]
+    if obstacle is not None:
+        everything += [obstacle.centre + obstacle.radius, obstacle.centre - obstacle.radius]
+        _ball(axes, obstacle)
+        handles["obstacle"] = Patch(facecolor=ORANGE, label="obstacle when the hand passes (dotted: its way)")
+    for way in ways:
+        line = 100.0 * way.positions.T
+        axes.plot(*line, color="white", linewidth=3.4, zorder=3)
+        (handles[way.name],) = axes.plot(*line, way.style, color=way.colour, linewidth=2.0, label=way.name, zorder=4)
+    points = 100.0 * np.concatenate([np.atleast_2d(part) for part in everything])
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    margin = 0.05 * np.max(upper - lower)
+    for name, low, high in zip("xyz", lower - margin, upper + margin, strict=True):
+        getattr(axes, f"set_{name}lim")(low, high)
+        getattr(axes, f"set_{name}label")(f"{name} [cm]", labelpad=10.0 if name == "y" else 2.0)
+    axes.set_box_aspect(upper - lower + 2.0 * margin, zoom=0.98)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_pane_color((1.0, 1.0, 1.0, 1.0))
+        axis.set_major_locator(MultipleLocator(10.0))
+    return list(handles.values())
+
+
+def _ball(axes: Axes, obstacle: Sphere) -> None:
+    polar, around = np.meshgrid(np.linspace(0.0, np.pi, 25), np.linspace(0.0, 2.0 * np.pi, 49))
+    unit = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)])
+    ball = 100.0 * (obstacle.centre[:, None, None] + obstacle.radius * unit)
+    axes.plot_surface(*ball, color=ORANGE, alpha=0.75, linewidth=0, shade=True, zorder=2)
+    axes.plot(*(100.0 * obstacle.track.T), ":", color=ORANGE, linewidth=1.6, zorder=2)
+
+
+def _legend(figure: Figure, handles: Sequence[Line2D | Patch]) -> None:
+    figure.legend(
+        handles=list(handles), loc="outside lower center", ncols=2 if len(handles) > 3 else 3, frameon=False, fontsize=9
+    )
+
+
+def _write(figure: Figure, path: str | os.PathLike[str]) -> None:
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    FigureCanvasAgg(figure).print_figure(os.fspath(path), dpi=_DPI)

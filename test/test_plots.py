@@ -1,0 +1,79 @@
+"""Pictures: what they are asked to show is to be seen on them."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from geodesic_motion_ros import plots
+from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.skill import Skill
+
+
+@pytest.fixture(scope="module")
+def planner(fan_skill: Skill) -> ReactivePlanner:
+    return ReactivePlanner(fan_skill)
+
+
+@pytest.fixture(scope="module")
+def way(planner: ReactivePlanner) -> plots.Way:
+    start, goal = planner.skill.start_pose, planner.skill.goal_pose
+    reference = planner.plan(start[:3], start[3:], goal[:3], goal[3:]).reference
+    assert reference is not None
+    return plots.Way(reference.latent, reference.positions, "way", plots.VERMILION)
+
+
+@pytest.fixture
+def obstacle(way: plots.Way) -> plots.Sphere:
+    middle = way.positions[len(way.positions) // 2]
+    return plots.Sphere(middle, 0.03, np.array([middle - [0.1, 0.0, 0.0], middle]))
+
+
+def pixels_of(path: Path, colour: str, tolerance: int = 45) -> int:
+    """Number of pixels that have about a colour."""
+    picture = np.asarray(Image.open(path).convert("RGB")).astype(int)
+    wanted = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)])
+    return int(np.sum(np.max(np.abs(picture - wanted), axis=2) < tolerance))
+
+
+def test_latent_picture_shows_the_way_and_the_footprint(
+    tmp_path: Path, planner: ReactivePlanner, way: plots.Way, obstacle: plots.Sphere
+) -> None:
+    plots.draw_latent(tmp_path / "without.png", planner, [way])
+    plots.draw_latent(tmp_path / "with.png", planner, [way], obstacle)
+    assert pixels_of(tmp_path / "without.png", plots.VERMILION) > 500
+    # the rim of the footprint is drawn in full colour; smoothed edges of the way come close to it in places
+    assert pixels_of(tmp_path / "with.png", plots.ORANGE) > 500 + pixels_of(tmp_path / "without.png", plots.ORANGE)
+
+
+def test_paths_picture_shows_the_way_and_the_obstacle(
+    tmp_path: Path, fan_skill: Skill, way: plots.Way, obstacle: plots.Sphere
+) -> None:
+    plots.draw_paths(tmp_path / "new" / "without.png", fan_skill, [way])
+    plots.draw_paths(tmp_path / "with.png", fan_skill, [way], obstacle)
+    assert pixels_of(tmp_path / "new" / "without.png", plots.VERMILION) > 500
+    assert pixels_of(tmp_path / "with.png", plots.ORANGE) > pixels_of(tmp_path / "new" / "without.png", plots.ORANGE)
+
+
+def test_training_report_shows_geodesics_and_the_straight_line(tmp_path: Path, fan_skill: Skill) -> None:
+    plots.training_report(fan_skill, tmp_path / "report.png")
+    assert pixels_of(tmp_path / "report.png", plots.BLUE) > 500
+    assert pixels_of(tmp_path / "report.png", plots.VERMILION) > 200
+
+
+def test_a_deeper_latent_space_is_refused(tmp_path: Path, planner: ReactivePlanner, way: plots.Way) -> None:
+    deep = copy.copy(planner)
+    deep.skill = replace(planner.skill, latent_lower=np.zeros(3), latent_upper=np.ones(3))
+    with pytest.raises(PlanningError, match="two dimensions, fan has 3"):
+        plots.draw_latent(tmp_path / "no.png", deep, [way])
+
+
+def test_codes_of_the_demonstrations_leave_out_antipodal_copies(fan_skill: Skill) -> None:
+    assert len(fan_skill.codes) == 14
+    assert np.array_equal(plots.demonstrations_of(fan_skill), fan_skill.codes[:7])
