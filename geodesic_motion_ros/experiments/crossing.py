@@ -8,17 +8,21 @@ planner's graph has to offer no such path at all.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.tables import text_table
+from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.graph.latent_graph import LatentGraph, Offsets, build_latent_graph
-from geodesic_motion_ros.graph.shortest_path import cost_field
+from geodesic_motion_ros.graph.shortest_path import shortest_path
 from geodesic_motion_ros.skill import Skill
 
 
@@ -31,17 +35,28 @@ class Crossing:
     within, across : energy [m^2] of the shortest path to the goal with q, and with -q, on a graph of the
         whole latent box, nothing pruned or forbidden. At constant speed over unit time it is the length
         squared.
+    edge_within, edge_across : largest squared length of one edge of those paths, what the planner's verdict
+        compares with the skill's threshold.
+    sign_flip : the decoded quaternion of the path across ends in the other hemisphere than the motion's.
     flagged : the planner's own graph has no path across.
     """
 
     within: float
     across: float
+    edge_within: float
+    edge_across: float
+    sign_flip: bool
     flagged: bool
 
     @property
     def ratio(self) -> float:
         """Energy across over energy within."""
         return self.across / self.within
+
+    @property
+    def edge_ratio(self) -> float:
+        """Dearest edge across over dearest edge within."""
+        return self.edge_across / self.edge_within
 
 
 def measure_crossings(skill: Skill, curves: Sequence[PoseCurve]) -> tuple[Crossing, ...]:
@@ -58,24 +73,110 @@ def measure_crossings(skill: Skill, curves: Sequence[PoseCurve]) -> tuple[Crossi
         raise ParameterError(f"a {skill.orientation_model} skill has no two clusters to cross between")
     whole_box = build_latent_graph(
         skill.decoder, skill.codes, skill.latent_lower, skill.latent_upper, skill.metric,
-        sigma_limit=math.inf, shape=(50,) * skill.decoder.latent_dimension, neighbours=8, one_sheet=False,
+        sigma_limit=math.inf, shape=(100, 100), neighbours=16, one_sheet=False,
     )  # fmt: skip
     supported = skill.graph()
     encoder = TaskSpaceEncoder.from_arrays(skill.encoder_arrays)
+    forced, permitted = _Paths(whole_box), _Paths(supported)
     measured = []
     for curve in curves:
         positions, quaternions = curve.positions[[0, -1, -1]], curve.quaternions[[0, -1, -1]].copy()
         quaternions[2] *= -1.0
-        codes = encoder.encode(positions, quaternions)
-        within, across = _lengths(whole_box, codes)
-        _, permitted = _lengths(supported, codes)
-        measured.append(Crossing(within**2, across**2, not math.isfinite(permitted)))
+        start, goal, opposite = encoder.encode(positions, quaternions)
+        within, across = forced.shortest(start, goal), forced.shortest(start, opposite)
+        measured.append(
+            Crossing(
+                within.length**2, across.length**2, within.dearest, across.dearest,
+                sign_flip=bool(across.last_quaternion @ curve.quaternions[-1] < 0.0),
+                flagged=not math.isfinite(permitted.shortest(start, opposite).length),
+            )
+        )  # fmt: skip
     return tuple(measured)
 
 
-def _lengths(graph: LatentGraph, codes: np.ndarray) -> tuple[float, float]:
-    """Riemannian lengths from the node at the first latent point to those at the other two."""
-    _, nodes = cKDTree(graph.latent).query(codes)
-    energies = graph.transported(Offsets.none(), np.zeros((1, 3)))
-    costs = cost_field(graph.adjacency, energies.fixed, energies.shares, int(nodes[0]))
-    return float(costs[nodes[1]]), float(costs[nodes[2]])
+@dataclass(frozen=True)
+class _Path:
+    """Riemannian length, largest squared length of an edge, and the decoded quaternion (4,) at the end."""
+
+    length: float
+    dearest: float
+    last_quaternion: np.ndarray
+
+
+class _Paths:
+    """Shortest paths on a graph as it was learned, between the nodes nearest to latent points."""
+
+    def __init__(self, graph: LatentGraph) -> None:
+        self._graph, self._tree = graph, cKDTree(graph.latent)
+        self._energies = graph.transported(Offsets.none(), np.zeros((1, 3)))
+
+    def shortest(self, start: np.ndarray, goal: np.ndarray) -> _Path:
+        """From a latent point (d,) to another; of infinite length where there is no way."""
+        graph, energies = self._graph, self._energies
+        _, (source, target) = self._tree.query(np.stack([start, goal]))
+        nothing = np.zeros(len(graph.latent))
+        _, edges, length = shortest_path(
+            graph.adjacency, energies.fixed, energies.shares, np.ones((len(graph.latent), 1)),
+            nothing.astype(bool), nothing, int(source), int(target),
+        )  # fmt: skip
+        dearest = float(np.max(energies.without_obstacles[edges], initial=0.0))
+        return _Path(length, dearest, graph.decoded.quaternions[target])
+
+
+@dataclass(frozen=True)
+class CrossingReport:
+    """Crossings of every motion that the skills were trained on, by task."""
+
+    crossings: dict[str, tuple[Crossing, ...]]
+
+    def summary(self) -> dict[str, dict[str, float | int]]:
+        """Per task, and for all: paths, median ratios, smallest ratio, fractions flagged and flipped."""
+        everything = tuple(item for items in self.crossings.values() for item in items)
+        return {task: _summary(items) for task, items in [*self.crossings.items(), ("all", everything)]}
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` writes."""
+        paths = {task: [asdict(item) for item in items] for task, items in self.crossings.items()}
+        return {"summary": self.summary(), "paths": paths}
+
+    def table(self) -> str:
+        """The table as plain text."""
+        head = ["task", "paths", "energy ratio", "smallest", "edge ratio", "sign flips", "flagged"]
+        return text_table(head, [[task, *figures.values()] for task, figures in self.summary().items()])
+
+
+def crossing_report(skills: Iterable[Trained]) -> CrossingReport:
+    """Measure the motions that each skill was trained on; ParameterError where a skill has no two clusters."""
+    crossings: dict[str, tuple[Crossing, ...]] = {}
+    for trained in skills:
+        found = measure_crossings(trained.skill, [item.curve for item in trained.shown])
+        crossings[trained.task] = (*crossings.get(trained.task, ()), *found)
+    return CrossingReport(crossings)
+
+
+def _summary(items: Sequence[Crossing]) -> dict[str, float | int]:
+    ratios = [item.ratio for item in items]
+    return {
+        "paths": len(items),
+        "median_energy_ratio": float(np.median(ratios)),
+        "smallest_energy_ratio": float(np.min(ratios)),
+        "median_edge_ratio": float(np.median([item.edge_ratio for item in items])),
+        "sign_flips": sum(item.sign_flip for item in items),
+        "flagged": sum(item.flagged for item in items),
+    }
+
+
+def draw_crossings(report: CrossingReport, path: Path) -> None:
+    """Energies across the clusters beside those within, one point for each motion."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6, 5), layout="constrained")
+    axes = figure.subplots()
+    for task, items in report.crossings.items():
+        axes.plot([item.within for item in items], [item.across for item in items], "o", alpha=0.6, label=task)
+    within = [item.within for items in report.crossings.values() for item in items]
+    line = np.array([min(within), max(within)])
+    axes.plot(line, 100.0 * line, "k--", label="100 times")
+    axes.set(xscale="log", yscale="log", xlabel="energy within a cluster", ylabel="energy across the clusters")
+    axes.legend()
+    figure.savefig(path, dpi=110)

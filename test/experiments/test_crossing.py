@@ -1,3 +1,4 @@
+import json
 import math
 from dataclasses import replace
 
@@ -5,7 +6,9 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.crossing import measure_crossings
+from geodesic_motion_ros.experiments.crossing import crossing_report, draw_crossings, measure_crossings
+from geodesic_motion_ros.experiments.tables import write_json
+from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
 
@@ -20,7 +23,19 @@ def test_changing_clusters_is_dear_and_the_graph_of_the_planner_forbids_it(skill
     assert len(crossings) == len(curves)
     assert all(math.isfinite(item.across) and item.within > 0.0 for item in crossings)
     assert np.median([item.ratio for item in crossings]) > 10.0
-    assert all(item.flagged for item in crossings)
+    assert np.median([item.edge_ratio for item in crossings]) > 10.0
+    assert all(item.flagged and item.sign_flip for item in crossings)
+
+
+def test_what_is_handed_over_is_complete(skill, demonstrations, tmp_path):
+    report = crossing_report([Trained("cup", (0,), 0, skill, *demonstrations.split((0,)))])
+    content = json.loads(write_json(tmp_path / "crossing.json", report.as_dict()).read_text())
+    assert len(content["paths"]["cup"]) == 5
+    assert content["summary"]["all"] == content["summary"]["cup"]
+    assert content["summary"]["all"]["flagged"] == 5
+    assert "cup" in report.table()
+    draw_crossings(report, tmp_path / "crossing.png")
+    assert (tmp_path / "crossing.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_sign_blind_skill_has_nothing_to_cross(skill, demonstrations):

@@ -1,0 +1,57 @@
+"""The command line: `python -m geodesic_motion_ros` or `geodesic-motion`.
+
+One file per command. A command's libraries (torch, matplotlib, rclpy) are imported when it runs, not before, so that
+`--help` answers at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from geodesic_motion_ros.cli import demo, evaluate, experiment, inspect, train
+from geodesic_motion_ros.cli.arguments import HelpFormatter
+from geodesic_motion_ros.errors import GeodesicMotionError
+
+_DESCRIPTION = """\
+Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.
+
+The way through: record a few demonstrations, `train` a skill on them, look at it with `inspect`, measure with
+`evaluate` how well it predicts demonstrations it has not seen, and run `demo` to see an arm do it around an obstacle.
+"""
+_EPILOG = """\
+examples:
+  geodesic-motion train --demos pouring.npy --units cm --out skills/pouring
+  geodesic-motion inspect skills/pouring
+  geodesic-motion evaluate --demos pouring.npy --units cm --folds 0,3,6/1,4,7/2,5,8 --json out/pouring.json
+  geodesic-motion experiment geodesics --skill skills/pouring
+  geodesic-motion demo
+
+`geodesic-motion COMMAND --help` explains a command. Exit status: 0 done, 2 something asked for is not possible (one
+line on standard error says what, and what would be), 130 interrupted.
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser with all commands; each sets `run`, a function of the parsed arguments."""
+    parser = argparse.ArgumentParser(
+        prog="geodesic-motion", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter
+    )
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for command in (train, evaluate, inspect, demo, experiment):
+        command.add_command(commands)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; returns the exit status. argparse leaves by SystemExit on a wrong command line and on --help."""
+    arguments = build_parser().parse_args(argv)
+    try:
+        return arguments.run(arguments) or 0
+    except GeodesicMotionError as error:
+        print(f"geodesic-motion: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("geodesic-motion: interrupted", file=sys.stderr)
+        return 130

@@ -1,0 +1,89 @@
+"""Arguments that several commands share, and how their values are read."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.demonstrations.readers import DEFAULT_COLUMNS, METRES_PER_UNIT, read_demonstrations
+from geodesic_motion_ros.errors import ParameterError
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.skill import Skill
+
+
+class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):
+    """Descriptions keep their lines, and options show their defaults where there are any."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        unsaid = action.default in (None, False, argparse.SUPPRESS)
+        return action.help if unsaid else super()._get_help_string(action)
+
+
+def add_recording(parser: argparse.ArgumentParser, required: bool = True, several: bool = False) -> None:
+    """--demos, --units, --columns and --rate."""
+    group = parser.add_argument_group("recording")
+    group.add_argument(
+        "--demos", type=Path, required=required, metavar="FILE", nargs="+" if several else None,
+        help="recorded demonstrations: .npy (N, T, columns), .npz, or .csv with a column `demonstration`",
+    )  # fmt: skip
+    group.add_argument(
+        "--units", choices=tuple(METRES_PER_UNIT), required=required,
+        help="of the positions; always to be said, a wrong guess would be off by a hundred",
+    )  # fmt: skip
+    group.add_argument(
+        "--columns", default=DEFAULT_COLUMNS, metavar="NAMES",
+        help="columns of the file in their order; `t` [s] where it has times, `px,py,pz` without orientation, "
+        "`px,py` for a plane",
+    )  # fmt: skip
+    group.add_argument(
+        "--rate", type=float, default=100.0, metavar="HZ", help="samples a second of files without times"
+    )
+
+
+def read_recording(arguments: argparse.Namespace, path: Path) -> Demonstrations:
+    """The demonstrations of one file; DemonstrationError says what is wrong with it."""
+    return read_demonstrations(path, arguments.units, arguments.columns, arguments.rate)
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """--json."""
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file as well")
+
+
+def indices(text: str) -> tuple[int, ...]:
+    """Whole numbers out of "0,3,6"."""
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a list of whole numbers like 0,3,6") from None
+
+
+def metres(text: str) -> tuple[float, ...]:
+    """Numbers out of "0.02,0.04"."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a list of numbers like 0.02,0.04") from None
+
+
+def writable(path: Path | None) -> None:
+    """Refuse a file that cannot be written, before anything long is begun: ParameterError."""
+    if path is None:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a"):
+            pass
+    except OSError as error:
+        raise ParameterError(f"{path} cannot be written ({error.strerror}): give another file") from error
+
+
+def pictured(skill: Skill, path: Path) -> None:
+    """Draw a skill's latent space into a file, and say where it is."""
+    from geodesic_motion_ros.plots import training_report
+
+    training_report(skill, path)
+    print(f"wrote its picture to {path}")

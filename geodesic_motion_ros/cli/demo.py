@@ -1,0 +1,37 @@
+"""`demo`: planner and twin as two processes, with and without avoidance."""
+
+from __future__ import annotations
+
+import argparse
+
+from geodesic_motion_ros.cli.arguments import HelpFormatter
+from geodesic_motion_ros.errors import GeodesicMotionError
+
+_DESCRIPTION = """\
+A simulated Panda does the shipped skill three times over real ROS 2: without an obstacle, with a moving one and
+avoidance off, and with the same one and avoidance on. Prints a table; pictures and summary.json go to out/demo.
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command; all its options are the demo's own."""
+    parser = commands.add_parser(
+        "demo", help="an arm does a skill around a moving obstacle (ROS 2, two processes)", add_help=False,
+        description=_DESCRIPTION, formatter_class=HelpFormatter, prefix_chars="\0",
+    )  # fmt: skip
+    parser.add_argument("options", nargs=argparse.REMAINDER)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Hand over to the demo; it parses its own options."""
+    try:
+        from geodesic_motion_ros.nodes.demo_node import main
+    except ModuleNotFoundError as error:
+        if error.name and error.name.startswith("geodesic_motion_ros"):
+            raise
+        raise GeodesicMotionError(
+            f"the demo needs {error.name}, which is not installed: run `make demo`, or source your ROS 2 and install "
+            "the extras simulation and learn"
+        ) from error
+    return main(arguments.options) or 0

@@ -1,0 +1,53 @@
+"""`evaluate`: how well held-out demonstrations are predicted, beside simpler predictors."""
+
+from __future__ import annotations
+
+import argparse
+
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, add_recording, indices, read_recording, writable
+
+_DESCRIPTION = """\
+Trains on every fold with every seed and predicts the demonstrations that were held out from their start and goal
+alone. Prints one row for the geodesic of the learned manifold and one for each simpler predictor.
+"""
+_EPILOG = """\
+rows:     geodesic, latent_line (straight in the latent space), task_line (straight in space), nearest_demonstration,
+          mean_demonstration, dmp_nearest, promp, reconstruction (through the network), people (how far apart they are)
+columns:  dtw_mm, frechet_mm, orientation_deg, to_closest_mm, endpoint_before_mm, endpoint_after_mm, off_manifold
+
+examples:
+  geodesic-motion evaluate --demos pouring.npy --units cm --folds 0,3,6/1,4,7/2,5,8 --seeds 0,1,2 --json out/p.json
+  geodesic-motion evaluate --demos letters.npy --units cm --columns px,py
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser of the command line."""
+    parser = commands.add_parser(
+        "evaluate", help="measure held-out demonstrations: the manifold beside simpler predictors",
+        description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
+    )  # fmt: skip
+    add_recording(parser)
+    parser.add_argument(
+        "--folds", metavar="FOLDS",
+        help="demonstrations to hold out, by number from 0, folds apart by slashes: 0,3,6/1,4,7/2,5,8; without it "
+        "three folds that hold out each demonstration once",
+    )  # fmt: skip
+    parser.add_argument("--seeds", type=indices, default="0", metavar="SEEDS", help="one training each: 0,1,2")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Measure, print the table, write the file."""
+    from geodesic_motion_ros.experiments.imitation import default_folds, evaluate, parse_folds
+
+    demonstrations = read_recording(arguments, arguments.demos)
+    count = len(demonstrations)
+    folds = parse_folds(arguments.folds, count) if arguments.folds else default_folds(count)
+    writable(arguments.json)
+    report = evaluate(demonstrations, folds, arguments.seeds, task=arguments.demos.stem)
+    print(report.table())
+    if arguments.json is not None:
+        report.write_json(arguments.json)
+        print(f"wrote {arguments.json}")

@@ -1,0 +1,142 @@
+"""`experiment`: what the method is claimed to do, measured; a table and a figure each."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from geodesic_motion_ros.cli.arguments import (
+    HelpFormatter,
+    add_json,
+    add_recording,
+    indices,
+    metres,
+    read_recording,
+    writable,
+)
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.tables import write_json
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.experiments.trained import Trained
+
+_DESCRIPTION = """\
+geodesics  ways to a shortest path on one skill: gradient descent, graphs of 50x50 and 100x100 nodes; lengths, times
+avoidance  spheres dead-centre on the planned path of held-out demonstrations: clear, or rightly declared infeasible?
+crossing   what it costs to change between the clusters of q and -q, and whether the planner's graph forbids it
+
+Table, figure and JSON go to out/experiments/NAME/. The last two train one skill per fold and seed, once: skills are
+kept in out/experiments/skills and taken from there when data, settings and training code are the same.
+"""
+_EPILOG = """\
+examples:
+  geodesic-motion experiment geodesics --skill panda_pouring
+  geodesic-motion experiment avoidance --demos pouring.npy bottle2shelf.npy --units cm --folds 0,3,6/1,4,7/2,5,8
+  geodesic-motion experiment crossing --demos pouring.npy --units cm
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command and its experiments to the parser of the command line."""
+    parser = commands.add_parser(
+        "experiment", help="measure what the method is claimed to do: geodesics, avoidance, crossing",
+        description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
+    )  # fmt: skip
+    names = parser.add_subparsers(dest="experiment", metavar="NAME", required=True)
+
+    geodesics = names.add_parser("geodesics", help="ways to a geodesic compared", formatter_class=HelpFormatter)
+    geodesics.add_argument("--skill", default="panda_pouring", metavar="SKILL", help="its folder, or a shipped name")
+    geodesics.add_argument("--pairs", type=int, default=3, help="pairs of ends")
+    geodesics.set_defaults(run=_geodesics)
+
+    avoidance = names.add_parser("avoidance", help="spheres on the path", formatter_class=HelpFormatter)
+    avoidance.add_argument("--radii", type=metres, default="0.02,0.04,0.08", metavar="M,M", help="of spheres [m]")
+    avoidance.add_argument(
+        "--tool-radius", type=float, default=0.0, metavar="M",
+        help="of a sphere around the tool's origin [m]; 0: the radii already stand for obstacle and tool together",
+    )  # fmt: skip
+    avoidance.add_argument("--scenes", type=int, default=8, help="places on the path of each held-out demonstration")
+    avoidance.set_defaults(run=_avoidance)
+
+    crossing = names.add_parser("crossing", help="what changing clusters costs", formatter_class=HelpFormatter)
+    crossing.set_defaults(run=_crossing)
+
+    for trains in (avoidance, crossing):
+        add_recording(trains, several=True)
+        trains.add_argument("--folds", metavar="FOLDS", help="to hold out, 0,3,6/1,4,7; without it three folds")
+        trains.add_argument("--seeds", type=indices, default="0", metavar="SEEDS", help="one training each")
+        trains.add_argument("--steps", type=int, help="of the training; TrainingSettings' default without it")
+    for experiment in (geodesics, avoidance, crossing):
+        experiment.add_argument(
+            "--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results"
+        )
+        add_json(experiment)
+
+
+def _geodesics(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.geodesics import compare_geodesics, draw_geodesics
+    from geodesic_motion_ros.skill import Skill
+
+    skill = Skill.load(arguments.skill)
+    folder = _folder(arguments)
+    report = compare_geodesics(skill, arguments.pairs)
+    draw_geodesics(report, folder / "geodesics.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _avoidance(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.avoidance import AvoidanceSettings, draw_avoidance, measure_avoidance
+
+    settings = AvoidanceSettings(arguments.radii, arguments.tool_radius, arguments.scenes)
+    folder = _folder(arguments)
+    report = measure_avoidance(_skills(arguments), settings)
+    draw_avoidance(report, folder / "avoidance.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _crossing(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.crossing import crossing_report, draw_crossings
+
+    folder = _folder(arguments)
+    report = crossing_report(_skills(arguments))
+    draw_crossings(report, folder / "crossing.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _skills(arguments: argparse.Namespace) -> Iterator[Trained]:
+    """The skills of every recording, fold and seed."""
+    from geodesic_motion_ros.experiments.imitation import default_folds, parse_folds
+    from geodesic_motion_ros.experiments.trained import trained_on_folds
+    from geodesic_motion_ros.manifold.training import TrainingSettings
+
+    settings = TrainingSettings()
+    if arguments.steps is not None:
+        settings = replace(settings, steps=arguments.steps)
+    recordings = {path.stem: read_recording(arguments, path) for path in arguments.demos}
+    if len(recordings) < len(arguments.demos):
+        raise ParameterError("two recordings have the same file name; the table calls tasks by it: rename one")
+    for task, demonstrations in recordings.items():
+        count = len(demonstrations)
+        folds = parse_folds(arguments.folds, count) if arguments.folds else default_folds(count)
+        kept = arguments.out / "skills"
+        yield from trained_on_folds(task, demonstrations, folds, arguments.seeds, kept, settings)
+
+
+def _folder(arguments: argparse.Namespace) -> Path:
+    """Where the results of an experiment go; ParameterError where that cannot be written, before anything long."""
+    folder = arguments.out / arguments.experiment
+    for path in (folder / "table.txt", arguments.json):
+        writable(path)
+    return folder
+
+
+def _hand_over(arguments: argparse.Namespace, folder: Path, table: str, content: dict) -> None:
+    print(table)
+    (folder / "table.txt").write_text(table + "\n")
+    write_json(folder / "figures.json", content)
+    if arguments.json is not None:
+        write_json(arguments.json, content)
+    print(f"wrote table, figures and picture to {folder}")

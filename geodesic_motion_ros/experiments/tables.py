@@ -1,0 +1,46 @@
+"""Tables and files that experiments hand over their figures in."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+Cell = str | int | float | None
+
+
+def text_table(head: Sequence[str], rows: Sequence[Sequence[Cell]], digits: int = 2) -> str:
+    """Columns under their names, the first one to the left; a dash where there is no value."""
+    lines = [list(head), *([_cell(cell, digits) for cell in row] for row in rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
+    texts = ["  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]).rstrip() for line in lines]
+    return "\n".join([texts[0], "-" * max(map(len, texts)), *texts[1:]])
+
+
+def write_json(path: str | Path, content: Any) -> Path:
+    """Write valid JSON (what is not finite becomes null), creating the folder. Returns the path."""
+    target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(json.dumps(_plain(content), indent=1, allow_nan=False) + "\n")
+    return target
+
+
+def _cell(cell: Cell, digits: int) -> str:
+    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+        return "-"
+    if isinstance(cell, float):
+        return f"{cell:.{digits}f}" if abs(cell) < 1e5 else f"{cell:.{digits}e}"
+    return str(cell)
+
+
+def _plain(value: Any) -> Any:
+    """Lists, dictionaries and plain numbers out of what experiments keep their figures in."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

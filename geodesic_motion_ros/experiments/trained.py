@@ -1,0 +1,101 @@
+"""Skills that experiments measure on: trained once per fold and seed, kept on disk, shared between experiments."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.errors import ParameterError, SkillError
+from geodesic_motion_ros.skill import Skill
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A skill with what it was trained on, and what was held out from it.
+
+    Attributes
+    ----------
+    task : name of the recording; fold : indices of the held-out demonstrations in it; seed : of the training.
+    """
+
+    task: str
+    fold: tuple[int, ...]
+    seed: int
+    skill: Skill
+    shown: Demonstrations
+    held_out: Demonstrations
+
+
+def trained_on_folds(
+    task: str,
+    demonstrations: Demonstrations,
+    folds: Sequence[tuple[int, ...]],
+    seeds: Sequence[int],
+    folder: Path,
+    settings: object | None = None,
+    show_progress: bool = True,
+) -> Iterator[Trained]:
+    """One skill per fold and seed, from the cache where the very same training was done before.
+
+    Parameters
+    ----------
+    folder : cache of skill folders, named by a digest of the poses, the settings and the code that trains.
+    settings : TrainingSettings, whose seed is replaced; None: the defaults.
+
+    Raises
+    ------
+    ParameterError : no folds or no seeds. DemonstrationError : folds that do not fit.
+    """
+    from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+
+    if not folds or not seeds:
+        raise ParameterError("nothing to train: give at least one fold and one seed")
+    base = settings or TrainingSettings()
+    splits = [(fold, *demonstrations.split(fold)) for fold in folds]
+    with tqdm(total=len(splits) * len(seeds), desc=task, unit="skill", disable=not show_progress) as bar:
+        for fold, shown, held_out in splits:
+            for seed in seeds:
+                chosen = replace(base, seed=seed)
+                kept = folder / f"{task}-{_digest(shown, chosen)}"
+                skill = _cached(kept)
+                if skill is None:
+                    bar.set_postfix_str(f"training, seed {seed}")
+                    skill = train_task_space_skill(shown, chosen, name=f"{task} without {fold}")
+                    skill.save(kept)
+                bar.set_postfix_str(f"without {','.join(map(str, fold))}, seed {seed}")
+                yield Trained(task, tuple(fold), seed, skill, shown, held_out)
+                bar.update()
+
+
+def _cached(folder: Path) -> Skill | None:
+    """The skill in a folder of the cache; None where there is none, or one that cannot be read any more."""
+    if not folder.is_dir():
+        return None
+    try:
+        return Skill.load(folder)
+    except SkillError:
+        return None
+
+
+def _digest(demonstrations: Demonstrations, settings: object) -> str:
+    digest = hashlib.sha256(json.dumps(asdict(settings), sort_keys=True).encode())
+    for item in demonstrations:
+        for array in (item.positions, item.quaternions):
+            digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(_source_digest())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _source_digest() -> bytes:
+    """Of the code that trains: another version of it would learn another skill."""
+    sources = sorted((Path(__file__).resolve().parents[1] / "manifold").glob("*.py"))
+    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).digest()

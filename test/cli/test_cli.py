@@ -1,0 +1,117 @@
+"""The command line as a person meets it: help, one line for an error, exit status."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from geodesic_motion_ros.cli import build_parser, main
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+READ = ("--demos", "{reach}", "--units", "cm")
+COMMANDS = ("train", "evaluate", "inspect", "demo", "experiment")
+
+
+def module(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "geodesic_motion_ros", *arguments]
+
+
+def test_help_names_every_command_and_gives_examples() -> None:
+    done = subprocess.run(module("--help"), cwd=REPOSITORY, capture_output=True, text=True)
+    assert done.returncode == 0
+    assert all(f"\n    {command}" in done.stdout for command in COMMANDS)
+    assert "geodesic-motion train --demos" in done.stdout
+
+
+@pytest.mark.parametrize("command", ["train", "evaluate", "inspect", "experiment"])
+def test_help_of_a_command_gives_an_example_that_its_parser_understands(command, capsys) -> None:
+    with pytest.raises(SystemExit) as left:
+        main([command, "--help"])
+    assert left.value.code == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    examples = [line[1:] for line in lines if line[:2] == ["geodesic-motion", command] and "..." not in line]
+    assert examples
+    for example in examples:
+        # Some examples say behind the command what it does.
+        words = example[:2] if command == "inspect" and "by" in example else example
+        assert build_parser().parse_args(words).command == command
+
+
+def test_help_loads_no_heavy_library() -> None:
+    code = (
+        "import sys\nfrom geodesic_motion_ros.cli import build_parser\nbuild_parser().format_help()\n"
+        "print(*{name.split('.')[0] for name in sys.modules})"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert not set(done.stdout.split()) & {"torch", "rclpy", "pybullet", "matplotlib", "numba"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["inspect", "no_such_skill"], "no skill 'no_such_skill'"),
+        (["train", "--demos", "{tmp}/none.npy", "--units", "cm", "--out", "{tmp}/skill"], "none.npy: cannot be read"),
+        (["train", "--demos", "{reach}", "--units", "m", "--out", "{tmp}/skill"], "did you mean --units cm?"),
+        (["train", *READ, "--out", "{full}"], "choose another --out"),
+        (["train", *READ, "--out", "{tmp}/s", "--steps", "0"], "must be positive"),
+        (["train", *READ, "--out", "{tmp}/s", "--held-out", "4"], "numbered 0 to 3"),
+        (["evaluate", *READ, "--folds", "0/9"], "there is no demonstration 9"),
+        (["evaluate", *READ, "--json", "{reach}/x.json"], "cannot be written"),
+        (["experiment", "geodesics", "--skill", "{full}"], "no skill folder"),
+        (["experiment", "avoidance", *READ, "--radii", "0,1", "--out", "{tmp}"], "all positive"),
+        (["experiment", "crossing", *READ, "--demos", "{reach}", "{reach}", "--out", "{tmp}"], "same file name"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_said_in_one_line(arguments, said, recording, tmp_path, capsys) -> None:
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "letter.txt").write_text("keep me")
+    places = {"tmp": tmp_path, "reach": recording, "full": full}
+    assert main([argument.format(**places) for argument in arguments]) == 2
+    err = capsys.readouterr().err
+    lines = [line for line in err.splitlines() if line.startswith("geodesic-motion: ")]
+    assert len(lines) == 1
+    assert said in lines[0]
+    assert "Traceback" not in err
+    assert (full / "letter.txt").read_text() == "keep me"
+
+
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["train"], ["evaluate", "--demos", "x.npy", "--units", "inch"]])
+def test_a_wrong_command_line_ends_with_status_2(arguments, capsys) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(arguments)
+    assert left.value.code == 2
+    assert "usage:" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_a_training_without_a_traceback(recording, tmp_path) -> None:
+    command = module("train", "--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "skill"))
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(command, cwd=REPOSITORY, env=environment, stderr=subprocess.PIPE) as process:
+        seen = b""
+        while b"means" not in seen:  # the first stage is running
+            piece = process.stderr.read1()
+            assert piece, seen.decode()
+            seen += piece
+        process.send_signal(signal.SIGINT)
+        seen += process.stderr.read()
+        assert process.wait() == 130
+    assert b"interrupted" in seen
+    assert b"Traceback" not in seen
+    assert not (tmp_path / "skill").exists()
+
+
+def test_numbers_in_a_list_are_read_or_refused(capsys) -> None:
+    parse = build_parser().parse_args
+    given = ["experiment", "avoidance", "--demos", "a.npy", "--units", "m"]
+    assert parse(given).radii == (0.02, 0.04, 0.08)
+    assert parse([*given, "--radii", "0.1", "--seeds", "3,4"]).seeds == (3, 4)
+    with pytest.raises(SystemExit):
+        parse([*given, "--radii", "wide"])
+    assert "'wide' is not a list of numbers like 0.02,0.04" in capsys.readouterr().err

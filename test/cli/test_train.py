@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+import yaml
+
+from geodesic_motion_ros.cli import main
+from geodesic_motion_ros.skill import Skill
+
+BRIEFLY = ["--steps", "400", "--kernels", "80"]
+IN_NO_TIME = ["--steps", "100", "--kernels", "40"]
+
+
+@pytest.fixture(scope="module")
+def trained(recording, tmp_path_factory):
+    """Folder of a skill that was trained and measured by the command, and its JSON."""
+    pytest.importorskip("movement_primitives")
+    folder = tmp_path_factory.mktemp("trained")
+    arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(folder / "reach"), *BRIEFLY]
+    arguments += ["--held-out", "1", "--licence", "CC0-1.0", "--json", str(folder / "figures" / "reach.json")]
+    assert main(arguments) == 0
+    return folder / "reach", folder / "figures" / "reach.json"
+
+
+def test_a_skill_folder_comes_out_with_its_figures_and_its_picture(trained) -> None:
+    folder, figures = trained
+    skill = Skill.load(folder)
+    assert skill.name == "reach"
+    assert skill.provenance["licence"] == "CC0-1.0"
+    assert skill.provenance["held_out"] == [1]
+    assert skill.provenance["demonstrations"] == ["reach_0", "reach_2", "reach_3"]
+    assert 0.0 < skill.quality["held_out_dtw_mm"] < 100.0
+    assert skill.quality["held_out_endpoint_after_mm"] < 1e-6
+    assert json.loads(figures.read_text())["quality"] == skill.quality
+    assert (folder / "report.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_old_skill_is_replaced_and_the_same_seed_gives_the_same_one(recording, tmp_path) -> None:
+    folder = tmp_path / "skill"
+    arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(folder), *IN_NO_TIME]
+    digests = []
+    for seed in ("0", "1", "0"):
+        assert main([*arguments, "--seed", seed]) == 0
+        digests.append(yaml.safe_load((folder / "skill.yaml").read_text())["sha256"])
+    assert digests[0] == digests[2] != digests[1]
+
+
+def test_the_papers_forms_are_options(recording, tmp_path) -> None:
+    arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "paper"), *IN_NO_TIME]
+    arguments += ["--orientation-model", "sign_blind", "--sigma-weight", "1", "--kl-weight", "1", "--name", "as told"]
+    assert main(arguments) == 0
+    skill = Skill.load(tmp_path / "paper")
+    assert (skill.name, skill.orientation_model, skill.metric.sigma_weight) == ("as told", "sign_blind", 1.0)
+    assert skill.provenance["settings"]["kl_weight"] == 1.0
+
+
+def test_inspect_shows_what_the_skill_holds(trained, tmp_path, capsys) -> None:
+    described, picture = tmp_path / "reach.json", tmp_path / "reach.png"
+    assert main(["inspect", str(trained[0]), "--json", str(described), "--picture", str(picture)]) == 0
+    shown, content = capsys.readouterr().out, json.loads(described.read_text())
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert content["motion"]["demonstrations"] == 3
+    assert content["motion"]["distance"] == pytest.approx(0.54, abs=0.02)
+    assert 0 < content["graph"]["nodes"] < 100 * 100
+    assert content["thresholds"]["sigma_limit"] == pytest.approx(5.0 * content["thresholds"]["sigma_support"])
+    for name in ("demonstrations", "nodes", "energy_per_edge", "held_out_dtw_mm", "CC0-1.0"):
+        assert name in shown
