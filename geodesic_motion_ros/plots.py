@@ -105,11 +105,11 @@ def draw_paths(
     title: str = "",
 ) -> None:
     """Ways of the tool among the decoded demonstrations: in space, and their heights seen along the x axis."""
-    figure = Figure(figsize=(10.0, 3.9), layout="constrained")
+    figure = Figure(figsize=(10.0, 3.4), layout="constrained")
     columns = figure.add_gridspec(1, 2, width_ratios=(1.25, 1.0))
     decoded = [skill.decoder.decode(code).positions for code in demonstrations_of(skill)]
     space = figure.add_subplot(columns[0], projection="3d", computed_zorder=False)
-    handles = _spatial(space, decoded, ways, obstacle)
+    handles = _spatial(space, decoded, ways, obstacle, zoom=1.25)
     _side_view(figure.add_subplot(columns[1]), decoded, ways, obstacle)
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     _legend(figure, handles)
@@ -157,7 +157,7 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     _frame_codes(axes, skill, np.concatenate([*codes, line, *geodesics]))
     axes.set_title(f"Latent space of {skill.name}", loc="left", fontsize=11)
     space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
-    _spatial(space, [skill.decoder.decode(code).positions for code in codes], ways, None)
+    _spatial(space, [skill.decoder.decode(code).positions for code in codes], ways, zoom=0.9)
     space.set_title("The same curves, decoded", loc="left", fontsize=11)
     _legend(figure, handles)
     _write(figure, path)
@@ -226,7 +226,11 @@ def _frame_codes(axes: Axes, skill: Skill, codes: np.ndarray) -> None:
 
 
 def _spatial(
-    axes: Axes, demonstrations: Sequence[np.ndarray], ways: Sequence[Way], obstacle: Sphere | None
+    axes: Axes,
+    demonstrations: Sequence[np.ndarray],
+    ways: Sequence[Way],
+    obstacle: Sphere | None = None,
+    zoom: float = 1.0,
 ) -> list[Line2D | Patch]:
     """Curves in space with equal scales; in centimetres."""
     axes.view_init(18.0, -28.0)
@@ -251,7 +255,7 @@ def _spatial(
     for name, low, high in zip("xyz", lower - margin, upper + margin, strict=True):
         getattr(axes, f"set_{name}lim")(low, high)
         getattr(axes, f"set_{name}label")(f"{name} [cm]", labelpad=10.0 if name == "y" else 2.0)
-    axes.set_box_aspect(upper - lower + 2.0 * margin, zoom=0.98)
+    axes.set_box_aspect(upper - lower + 2.0 * margin, zoom=zoom)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_pane_color((1.0, 1.0, 1.0, 1.0))
         axis.set_major_locator(MultipleLocator(10.0))

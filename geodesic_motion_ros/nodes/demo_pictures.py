@@ -108,8 +108,9 @@ def _draw_animation(path: Path, world: PandaWorld, recordings: Mapping[str, Reco
         for column, (_, title) in enumerate(_ROWS):
             _label(picture, (column * _GIF_SIZE[0] + 8, 8), title)
         frames.append(picture)
-    # one palette for all frames: a palette of its own would make the background of every frame flicker
-    palette = frames[len(frames) // 2].quantize(64)
+    # one palette for all frames: a palette of its own would make the background of every frame flicker; and one that
+    # covers thin curves too, which a palette by frequency leaves out
+    palette = frames[len(frames) // 2].quantize(128, method=Image.Quantize.MAXCOVERAGE)
     frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=int(1000 / _GIF_RATE), loop=0, optimize=True)
 
