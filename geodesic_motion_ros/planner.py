@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.certificate import curve_clearances, rotation_allowance
-from geodesic_motion_ros.graph.ambient import ambient_factors, clearances
+from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factors, clearances
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph, tool_points
 from geodesic_motion_ros.graph.shortest_path import shortest_path
@@ -228,11 +228,12 @@ class ReactivePlanner:
         ends = self._end_clearance(query, start, avoided)
         if isinstance(ends, Plan):
             return ends
+        near = self._within_reach(query, avoided)
         factors = ambient_factors(
-            energies.body_points, self._point_radii, avoided.centres, avoided.radii,
+            energies.body_points, self._point_radii, near.centres, near.radii,
             settings.ambient_strength, settings.ambient_width_ratio,
         )  # fmt: skip
-        free = clearances(energies.body_points, self._point_radii, avoided.centres, avoided.radii)
+        free = clearances(energies.body_points, self._point_radii, near.centres, near.radii)
         # The goal itself was found free; its node lies under it but for rounding.
         free[query.goal_node] = math.inf
         for multiple in _MARGIN_MULTIPLES:
@@ -246,6 +247,17 @@ class ReactivePlanner:
                 if plan.reference is not None:
                     return plan
         return plan
+
+    def _within_reach(self, query: Query, obstacles: Obstacles) -> Obstacles:
+        """Obstacles that can touch any node's ambient factor or margin; the others change nothing."""
+        settings = self.settings
+        grown = obstacles.radii + self._point_radii.max()
+        margin = max(_MARGIN_MULTIPLES) * settings.obstacle_margin
+        reach = np.maximum(CUTOFF * settings.ambient_width_ratio * grown, grown + margin)
+        lower, upper = query.body_box
+        gap = np.maximum(np.maximum(lower - obstacles.centres, obstacles.centres - upper), 0.0)
+        near = np.linalg.norm(gap, axis=1) <= reach
+        return Obstacles(obstacles.centres[near], obstacles.radii[near])
 
     def _end_clearance(self, query: Query, start: Pose, obstacles: Obstacles) -> float | Plan:
         """Smaller clearance [m] of start and goal, or the refusal where one of them is covered."""

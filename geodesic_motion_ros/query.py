@@ -52,6 +52,7 @@ class Query:
     goal_node, component : the node that is carried onto the goal, and the connected piece that holds both ends.
     offsets, energies : how the graph was carried there, and its edge energies after that.
     to_goal : (n,) obstacle-free cost to the goal, the exact heuristic.
+    body_box : lower and upper corner (3,) [m] of all body points.
     misfits : distances of the asked poses from the manifold, under their names in a Verdict.
     """
 
@@ -61,6 +62,7 @@ class Query:
     component: int
     energies: EdgeEnergies
     to_goal: np.ndarray
+    body_box: tuple[np.ndarray, np.ndarray]
     misfits: dict[str, float]
     start: Pose
     start_latent: np.ndarray
@@ -141,6 +143,7 @@ class QueryBuilder:
             component=int(component),
             energies=energies,
             to_goal=cost_field(self._graph.adjacency, energies.fixed, energies.shares, goal_node),
+            body_box=(energies.body_points.min(axis=(0, 1)), energies.body_points.max(axis=(0, 1))),
             misfits={
                 "start_offset": start_misfit[0], "start_offset_angle": start_misfit[1],
                 "goal_offset": goal_misfit[0], "goal_offset_angle": goal_misfit[1],
