@@ -264,6 +264,8 @@ def planner_options(skill_folder: Path) -> dict[str, Any]:
     """Parameters for a planner whose arm does not move, on a machine that may be busy."""
     return {
         "skill": str(skill_folder),
+        # a small tool, which stands free where a whole hand would touch the scenes' obstacles
+        "tool_spheres": [0.0, 0.0, 0.0, 0.04],
         "tracking_tolerance": 1.0,
         "tracking_tolerance_angle": 3.2,
         "state_timeout": 2.0,
