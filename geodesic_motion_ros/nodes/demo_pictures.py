@@ -16,7 +16,7 @@ from geodesic_motion_ros.simulation.world import PandaWorld
 
 _ROWS = (("avoidance_off", "avoidance off"), ("avoidance_on", "avoidance on"))
 _STRIP_FRAMES, _STRIP_SIZE = 5, (340, 330)
-_GIF_SIZE, _GIF_RATE = (320, 300), 10.0
+_GIF_SIZE, _GIF_RATE, _GIF_FRAMES = (320, 300), 10.0, 60
 # Recorded instants that are planned again, to know where the motion was in latent space [1/s].
 _REPLAY_RATE = 20.0
 _BLUE_RGB, _VERMILION_RGB = (0.0, 0.447, 0.698), (0.835, 0.369, 0.0)
@@ -102,7 +102,9 @@ def _draw_animation(path: Path, world: PandaWorld, recordings: Mapping[str, Reco
     """Both runs side by side in real time."""
     end = max(recordings[key].joint_times[-1] for key, _ in _ROWS)
     frames = []
-    for time in np.arange(0.0, end, 1.0 / _GIF_RATE):
+    # A picture takes a tenth of a second: a run that a busy machine has drawn out gets no more of them.
+    count = min(_GIF_FRAMES, int(end * _GIF_RATE))
+    for time in np.linspace(0.0, end, count):
         pair = [_frame(world, recordings[key], radius, time, _GIF_SIZE, 1) for key, _ in _ROWS]
         picture = Image.fromarray(np.concatenate(pair, axis=1))
         for column, (_, title) in enumerate(_ROWS):
@@ -112,7 +114,7 @@ def _draw_animation(path: Path, world: PandaWorld, recordings: Mapping[str, Reco
     # covers thin curves too, which a palette by frequency leaves out
     palette = frames[len(frames) // 2].quantize(128, method=Image.Quantize.MAXCOVERAGE)
     frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=int(1000 / _GIF_RATE), loop=0, optimize=True)
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=int(1000 * end / count), loop=0, optimize=True)
 
 
 def _frame(
