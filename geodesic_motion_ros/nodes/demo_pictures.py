@@ -114,7 +114,8 @@ def _draw_animation(path: Path, world: PandaWorld, recordings: Mapping[str, Reco
     # covers thin curves too, which a palette by frequency leaves out
     palette = frames[len(frames) // 2].quantize(128, method=Image.Quantize.MAXCOVERAGE)
     frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=int(1000 * end / count), loop=0, optimize=True)
+    shown_for = int(1000.0 * end / count)
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=shown_for, loop=0, optimize=True)
 
 
 def _frame(
