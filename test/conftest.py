@@ -44,5 +44,7 @@ def fan_skill() -> Skill:
     """A skill for a Panda, really trained, small enough to be trained anew for every run of the tests."""
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
-    settings = TrainingSettings(steps=800, kernels=150, hidden=(64, 32))
+    settings = TrainingSettings(
+        steps=800, hidden=(64, 32), samples=100, kernels=100, precision_samples=2, precision_iterations=60
+    )
     return train_task_space_skill(fan_of_demonstrations(), settings, name="fan")

@@ -305,7 +305,7 @@ def draw_avoidance(report: AvoidanceReport, path: Path) -> None:
         measured = [1e3 * scene.measured for scene in scenes if scene.answered]
         clearances.hist(measured, bins=30, histtype="step", label=f"{1000 * radius:.0f} mm")
     handles, labels = outcomes.get_legend_handles_labels()
-    outcomes.legend(handles[:3], labels[:3])
+    figure.legend(handles[:3], labels[:3], loc="outside lower left", ncols=3)
     outcomes.invert_yaxis()
     outcomes.set(xlabel="scenes", title="spheres dead-centre on the path, demonstrations as recorded")
     clearances.axvline(0.0, color="tab:red")

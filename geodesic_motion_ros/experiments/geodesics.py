@@ -15,6 +15,7 @@ curve: with the continuous metric at DENSE points of it. Times are of one path; 
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -254,10 +255,10 @@ def draw_geodesics(report: GeodesicsReport, path: Path) -> None:
             latent.plot(item.curve[:, 0], item.curve[:, 1], linewidth=2, label=f"{item.method}: {item.length:.2f}")
     latent.set(title=f"{skill.name}: one pair of ends, Riemannian lengths", xlabel="z1", ylabel="z2")
     latent.legend(fontsize=8)
-    for method, values in report.summary().items():
-        if values["median_ms"] > 0.0:
-            lengths.plot(values["median_ms"], values["mean_over_shortest"], "o")
-            place = (values["median_ms"], values["mean_over_shortest"])
-            lengths.annotate(method, place, textcoords="offset points", xytext=(5, 3), fontsize=8)
+    timed = {method: values for method, values in report.summary().items() if values["median_ms"] > 0.0}
+    for (method, values), marker in zip(timed.items(), itertools.cycle("osD^v<>Pph*X"), strict=False):
+        lengths.plot(values["median_ms"], values["mean_over_shortest"], marker, markersize=8, label=method)
+    lengths.legend(fontsize=8, loc="upper center", ncols=2)
+    lengths.margins(y=0.3)
     lengths.set(xscale="log", xlabel="time of one path [ms]", ylabel="length over the shortest found (mean)")
     figure.savefig(path, dpi=110)

@@ -1,4 +1,4 @@
-"""Fixtures of the integration tests: a small skill, and a bench that spins the real nodes in its own ROS context."""
+"""Fixtures of the integration tests: a small skill on disk, and a bench that spins the real nodes in its own context."""
 
 from __future__ import annotations
 
@@ -30,9 +30,7 @@ from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 from visualization_msgs.msg import Marker, MarkerArray  # noqa: E402
 
-from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations  # noqa: E402
 from geodesic_motion_ros.nodes import messages  # noqa: E402
-from geodesic_motion_ros.quaternions import rotate_by  # noqa: E402
 from geodesic_motion_ros.robot.inverse_kinematics import solve  # noqa: E402
 from geodesic_motion_ros.robot.kinematics import Robot  # noqa: E402
 from geodesic_motion_ros.skill import Skill  # noqa: E402
@@ -42,31 +40,10 @@ PATIENCE = 60.0
 BASE = "panda_link0"
 
 
-def fan_of_demonstrations() -> Demonstrations:
-    """Seven reaches of a Panda from right to left that bulge out differently far, turning the tool by 0.5 rad."""
-    share = np.linspace(0.0, 1.0, 120)
-    start, goal = np.array([0.45, -0.28, 0.32]), np.array([0.48, 0.26, 0.36])
-    down = np.array([0.0, 1.0, 0.0, 0.0])
-    items = []
-    for number, bulge in enumerate(np.linspace(-0.12, 0.12, 7)):
-        line = start + share[:, None] * (goal - start)
-        positions = line + np.sin(np.pi * share)[:, None] * bulge * np.array([0.8, 0.0, 0.6])
-        turns = share[:, None] * np.array([0.0, 0.0, 0.5]) + bulge * np.array([0.5, 0.0, 0.0])
-        quaternions = rotate_by(turns, np.broadcast_to(down, (len(share), 4)))
-        items.append(Demonstration(positions, quaternions, 4.0 * share, f"reach {number}"))
-    return Demonstrations(tuple(items))
-
-
 @pytest.fixture(scope="session")
-def skill_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A skill for a Panda, really trained, small enough to be trained anew for every run of the tests."""
-    from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
-
-    settings = TrainingSettings(
-        steps=600, hidden=(100, 50), samples=100, kernels=100, precision_samples=2, precision_iterations=60
-    )
-    skill = train_task_space_skill(fan_of_demonstrations(), settings, name="fan")
-    return skill.save(tmp_path_factory.mktemp("skills") / "fan")
+def skill_folder(fan_skill: Skill, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small skill, on disk."""
+    return fan_skill.save(tmp_path_factory.mktemp("skills") / "fan")
 
 
 @pytest.fixture(scope="session")
