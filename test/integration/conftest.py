@@ -1,4 +1,4 @@
-"""Fixtures of the integration tests: a small skill on disk, and a bench that spins the real nodes in its own context."""
+"""Fixtures of the integration tests: a small skill on disk, a bench that spins the real nodes in its own context."""
 
 from __future__ import annotations
 
