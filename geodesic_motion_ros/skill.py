@@ -88,7 +88,10 @@ class Skill:
         )  # fmt: skip
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write the folder, all or nothing: an interrupted save leaves what was there before. Returns the folder."""
+        """Write the folder, all or nothing: an interrupted save leaves what was there before. Returns the folder.
+
+        Over an older skill only the files of the skill change: a model card and pictures beside them stay.
+        """
         target = Path(folder).absolute()
         target.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
@@ -167,12 +170,15 @@ def _digest(path: Path) -> str:
 
 
 def _replace_folder(draft: Path, target: Path) -> None:
-    """Put a finished folder in the place of an old one; the old one survives until the new one stands."""
+    """Put a finished folder in the place of an old skill; the old one survives until the new one stands."""
     if not target.exists():
         draft.rename(target)
         return
     if not (target / "skill.yaml").is_file() and any(target.iterdir()):
         raise SkillError(f"{target} exists and is not a skill folder: choose another name, nothing was overwritten")
+    for entry in target.iterdir():
+        if not (draft / entry.name).exists():
+            (shutil.copytree if entry.is_dir() else shutil.copy2)(entry, draft / entry.name)
     old = Path(tempfile.mkdtemp(prefix=f".{target.name}-old-", dir=target.parent)) / "skill"
     target.rename(old)
     draft.rename(target)

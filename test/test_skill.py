@@ -46,9 +46,14 @@ def test_what_is_on_disk_is_small_and_holds_no_pickle(folder):
         assert all(archive[name].dtype == float for name in archive.files)
 
 
-def test_saving_again_replaces_the_old_skill_and_leaves_nothing_else(fan_skill, folder):
+def test_saving_again_replaces_the_old_skill_and_keeps_what_lies_beside_it(fan_skill, folder):
+    (folder / "README.md").write_text("card")
+    (folder / "pictures").mkdir()
+    (folder / "pictures" / "arm.png").write_bytes(b"png")
     replace(fan_skill, name="second").save(folder)
     assert Skill.load(folder).name == "second"
+    assert (folder / "README.md").read_text() == "card"
+    assert (folder / "pictures" / "arm.png").read_bytes() == b"png"
     assert [entry.name for entry in folder.parent.iterdir()] == ["fan"]
 
 
