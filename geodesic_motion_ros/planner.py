@@ -374,10 +374,10 @@ class ReactivePlanner:
             reason = f"the best path would touch an obstacle (clearance {1000 * clearance:.1f} mm)"
         elif not in_support:
             reason = "the best path leaves the part of the latent space that demonstrations support"
-        elif energy > self.skill.energy_per_edge:
+        elif energy > self.graph.energy_limit:
             reason = (
                 f"the best path has an edge of energy {energy:.3g}, demonstrations stay below "
-                f"{self.skill.energy_per_edge:.3g}: it crosses where nobody moved"
+                f"{self.graph.energy_limit:.3g}: it crosses where nobody moved"
             )
         else:
             return Verdict(VerdictCode.OK, **found)

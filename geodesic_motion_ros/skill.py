@@ -27,6 +27,8 @@ from geodesic_motion_ros.shared_files import find_shared
 
 FORMAT_VERSION = 1
 
+#: The graph that energy_per_edge is calibrated on, and the default one.
+GRID_SHAPE = (100, 100)
 #: The support ends where rms sigma exceeds this multiple of its 99th percentile on the demonstrations.
 SUPPORT_MULTIPLE = 5.0
 #: Ends of a path are chosen closer to the demonstrations than the rim of the support.
@@ -80,11 +82,16 @@ class Skill:
         """Largest rms sigma [m] inside the support."""
         return SUPPORT_MULTIPLE * self.sigma_support
 
-    def graph(self, shape: tuple[int, ...] = (100, 100), neighbours: int = 16) -> LatentGraph:
+    def _energy_limit(self, shape: tuple[int, ...]) -> float:
+        """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""
+        coarser = max((reference - 1) / (side - 1) for reference, side in zip(GRID_SHAPE, shape, strict=False))
+        return self.energy_per_edge * max(1.0, coarser**2)
+
+    def graph(self, shape: tuple[int, ...] = GRID_SHAPE, neighbours: int = 16) -> LatentGraph:
         """Decode the latent box into its graph: a second or two for a task-space skill."""
         return build_latent_graph(
             self.decoder, self.codes, self.latent_lower, self.latent_upper,
-            self.metric, self.sigma_limit, shape, neighbours,
+            self.metric, self.sigma_limit, shape, neighbours, energy_limit=self._energy_limit(shape),
         )  # fmt: skip
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
@@ -105,6 +112,8 @@ class Skill:
             described["sha256"] = {name: _digest(draft / name) for name in _FILES}
             (draft / "skill.yaml").write_text(yaml.safe_dump(described, sort_keys=False, width=110))
             draft.chmod(0o755)
+            for file in draft.iterdir():
+                file.chmod(0o644)
             _replace_folder(draft, target)
         finally:
             shutil.rmtree(draft, ignore_errors=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -100,7 +101,9 @@ def run(arguments: argparse.Namespace) -> None:
     settings = _settings(arguments)
     _refuse_foreign(arguments.out)
     writable(arguments.json)
-    with tqdm(desc=arguments.demos.stem, unit="step") as bar:
+    # A log that no person watches gets a line now and then.
+    interval = 0.1 if sys.stderr.isatty() else 10.0
+    with tqdm(desc=arguments.demos.stem, unit="step", mininterval=interval) as bar:
         skill = train_task_space_skill(
             shown, settings, arguments.name or arguments.out.resolve().name, _shown_on(bar), _provenance(arguments)
         )

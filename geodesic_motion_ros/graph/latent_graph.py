@@ -254,6 +254,7 @@ class LatentGraph:
     Attributes
     ----------
     grid : the lattice the nodes were taken from.
+    sigma_limit, energy_limit : largest rms sigma [m] of a node, and squared length of an edge, that were kept.
     latent : (n, d) kept nodes; decoded : their decoded poses and uncertainties; sigma : (n,) rms sigma [m].
     progress : (n,) tau of the nodes; component : (n,) number of the connected piece a node belongs to.
     edges : (m, 2); adjacency : the same in rows.
@@ -263,6 +264,7 @@ class LatentGraph:
     metric: MetricSettings
     grid: LatentGrid
     sigma_limit: float
+    energy_limit: float
     latent: np.ndarray
     decoded: Decoded
     sigma: np.ndarray
@@ -341,6 +343,7 @@ def build_latent_graph(
     neighbours: int = 16,
     pieces: int = 3,
     one_sheet: bool = True,
+    energy_limit: float = math.inf,
 ) -> LatentGraph:
     """Decode the latent box into a graph.
 
@@ -352,6 +355,7 @@ def build_latent_graph(
     neighbours, pieces : directions per node, and chords per edge.
     one_sheet : leave out edges along which the decoded quaternion changes to the other hemisphere: there q and -q, the
         same orientation, would be joined through orientations nobody showed. False only to measure such crossings.
+    energy_limit : largest obstacle-free squared length of an edge; longer ones cross where nobody moved.
 
     Raises
     ------
@@ -389,6 +393,13 @@ def build_latent_graph(
     sigma_energy = metric.sigma_weight**2 * pieces * np.sum(np.diff(sigma_chain, axis=1) ** 2, axis=(1, 2))
     spread_energy = pieces * np.sum(np.diff(spread_chain, axis=1) ** 2, axis=1)
 
+    if math.isfinite(energy_limit):
+        none = Offsets.none()
+        chords, turns = _chord_energies(
+            edges, decoded.positions[:, None], decoded.quaternions, inner_rows(inner.positions),
+            inner_rows(inner.quaternions), inner_rows(np.zeros(len(inner_latent))), none.ends, np.zeros((1, 3)),
+        )  # fmt: skip
+        usable &= chords[:, 0] + turns + sigma_energy + spread_energy <= energy_limit
     used = edges[usable]
     linked = coo_matrix((np.ones(len(used)), (used[:, 0], used[:, 1])), shape=(len(latent), len(latent)))
     return LatentGraph(
@@ -396,6 +407,7 @@ def build_latent_graph(
         metric=metric,
         grid=grid,
         sigma_limit=sigma_limit,
+        energy_limit=energy_limit,
         latent=latent,
         decoded=decoded,
         sigma=rms_sigma(decoded.sigma),

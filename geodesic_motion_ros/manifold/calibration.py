@@ -4,6 +4,7 @@ have.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -68,7 +69,7 @@ def assemble_skill(
         latent_lower=flat.min(axis=0) - border,
         latent_upper=flat.max(axis=0) + border,
         sigma_support=float(np.percentile(rms_sigma(decoder.uncertainty(flat)[0]), SUPPORT_PERCENTILE)),
-        energy_per_edge=1.0,
+        energy_per_edge=math.inf,
         start_pose=_mean_pose(positions[:, 0], quaternions[:, 0]),
         goal_pose=_mean_pose(positions[:, -1], quaternions[:, -1]),
         metric=metric,

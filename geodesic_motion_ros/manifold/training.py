@@ -123,12 +123,6 @@ class TrainingSettings:
 _MAY_BE_ZERO = {"seed", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "margin"}
 
 
-#: The starting map: deviations of the principal components, distance of the clusters from the middle, Adam steps.
-_LAYOUT_DEVIATIONS = (1.0, 0.4, 0.4)
-_LAYOUT_SIDE = 1.2
-_LAYOUT_STEPS = 300
-
-
 class Poses(NamedTuple):
     """Training poses: positions (n, 3) [m] and unit quaternions (n, 4)."""
 
@@ -212,7 +206,8 @@ def train_model(
         offset, scale = _position_scaling(positions)
         vae = TaskSpaceVAE(settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model)
         poses = Poses(torch.tensor(positions).float(), torch.tensor(quaternions).float())
-        _lay_out(vae, poses, settings)
+        if settings.orientation_model == "sign_blind":
+            _start_on_one_side(vae, poses)
         if settings.schedule == "joint":
             _fit_jointly(vae, poses, settings, progress)
         else:
@@ -244,40 +239,15 @@ def _position_scaling(positions: np.ndarray) -> tuple[Tensor, Tensor]:
     return torch.tensor(offset).float(), torch.tensor(np.sqrt(np.mean((positions - offset) ** 2))).float()
 
 
-def _lay_out(vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings) -> None:
-    """Give training a start without knots: the encoder is taught a rough map of the poses first.
+def _start_on_one_side(vae: TaskSpaceVAE, poses: Poses) -> None:
+    """Begin with a decoder whose quaternions all lie about the orientations' principal axis, for the mixture.
 
-    The map: the two principal components of the positions; with two clusters also the side of the orientations'
-    principal axis, along the second latent axis. From random weights the tubes of q and -q cross in some seeds, and at
-    a crossing the decoder can be right about neither. Under the mixture q and -q share a place on the map, and the
-    decoder starts on one side: it is pulled to the nearer of q and -q, and from a random start parts of one motion end
-    up on opposite sheets with a seam between them.
+    The antipodal mixture pulls the decoder to the nearer of q and -q: from a random start parts of one motion end up on
+    opposite sheets, with a seam between them.
     """
     axis = torch.linalg.eigh(poses.quaternions.T @ poses.quaternions).eigenvectors[:, -1]
-    components = _standardised_components(poses.positions) * torch.tensor(_LAYOUT_DEVIATIONS)
-    targets = components[:, : settings.latent_dimension]
-    if settings.orientation_model == "two_cluster":
-        side = torch.sign(poses.quaternions @ axis)
-        targets[:, 1] += _LAYOUT_SIDE * (side - side.mean())
-    else:
-        with torch.no_grad():
-            vae.decoder.perceptron.layers[-1].bias[3:] = axis
-    optimiser = torch.optim.Adam(vae.encoder.parameters(), lr=settings.learning_rate)
-    for _ in range(_LAYOUT_STEPS):
-        index = torch.randint(len(targets), (settings.batch,))
-        mean, _ = vae.encoder(*poses.take(index))
-        loss = ((mean - targets[index]) ** 2).sum(-1).mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-
-
-def _standardised_components(positions: Tensor) -> Tensor:
-    """The three principal components (n, 3) of positions (n, 3), largest first, each with unit variance."""
-    centred = positions - positions.mean(0)
-    left, singular, _ = torch.linalg.svd(centred, full_matrices=False)
-    flat = singular > 1e-6 * singular[0]
-    return left * flat * len(positions) ** 0.5
+    with torch.no_grad():
+        vae.decoder.perceptron.layers[-1].bias[3:] = axis
 
 
 def _ascend(

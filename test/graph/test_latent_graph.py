@@ -150,3 +150,19 @@ def test_a_node_near_a_latent_point_is_the_closest_allowed_one(graph):
         distance = np.sum(((graph.latent - latent) / graph.grid.spacing) ** 2, axis=1)
         assert found == np.flatnonzero(allowed)[np.argmin(distance[allowed])]
     assert graph.node_near(graph.latent[0], np.zeros(len(graph.latent), dtype=bool), 3) is None
+
+
+def test_edges_dearer_than_the_limit_are_left_out_and_no_others(fan_skill):
+    box = (fan_skill.decoder, fan_skill.codes, fan_skill.latent_lower, fan_skill.latent_upper, fan_skill.metric)
+    everything = build_latent_graph(*box, fan_skill.sigma_limit, (40, 40))
+    energies = everything.transported(Offsets.none(), ORIGIN).without_obstacles
+    limit = float(np.median(energies))
+    limited = build_latent_graph(*box, fan_skill.sigma_limit, (40, 40), energy_limit=limit)
+    np.testing.assert_array_equal(limited.edges, everything.edges[energies <= limit])
+    assert limited.energy_limit == limit
+
+
+def test_the_limit_of_a_skill_grows_with_the_square_of_the_spacing(fan_skill):
+    coarse, default, fine = (fan_skill.graph(shape) for shape in ((50, 50), (100, 100), (199, 199)))
+    assert default.energy_limit == fine.energy_limit == fan_skill.energy_per_edge
+    assert coarse.energy_limit == pytest.approx(fan_skill.energy_per_edge * (99 / 49) ** 2)
