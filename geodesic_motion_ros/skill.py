@@ -92,6 +92,7 @@ class Skill:
         return build_latent_graph(
             self.decoder, self.codes, self.latent_lower, self.latent_upper,
             self.metric, self.sigma_limit, shape, neighbours, energy_limit=self._energy_limit(shape),
+            clusters=2 if self.orientation_model == "two_cluster" else 1,
         )  # fmt: skip
 
     def save(self, folder: str | os.PathLike[str]) -> Path:

@@ -33,8 +33,8 @@ class Crossing:
     Attributes
     ----------
     within, across : energy [m^2] of the shortest path to the goal with q, and with -q, on a graph of the
-        whole latent box, nothing pruned or forbidden. At constant speed over unit time it is the length
-        squared.
+        whole latent box, nothing pruned or forbidden: the integral of |c'|^2 over unit time for the curve that
+        spends the same time on each of its m edges, m sum_e w_e^2.
     edge_within, edge_across : largest squared length of one edge of those paths, what the planner's verdict
         compares with the skill's threshold.
     sign_flip : the decoded quaternion of the path across ends in the other hemisphere than the motion's.
@@ -86,7 +86,7 @@ def measure_crossings(skill: Skill, curves: Sequence[PoseCurve]) -> tuple[Crossi
         within, across = forced.shortest(start, goal), forced.shortest(start, opposite)
         measured.append(
             Crossing(
-                within.length**2, across.length**2, within.dearest, across.dearest,
+                within.energy, across.energy, within.dearest, across.dearest,
                 sign_flip=bool(across.last_quaternion @ curve.quaternions[-1] < 0.0),
                 flagged=not math.isfinite(permitted.shortest(start, opposite).length),
             )
@@ -96,9 +96,10 @@ def measure_crossings(skill: Skill, curves: Sequence[PoseCurve]) -> tuple[Crossi
 
 @dataclass(frozen=True)
 class _Path:
-    """Riemannian length, largest squared length of an edge, and the decoded quaternion (4,) at the end."""
+    """Riemannian length, energy, largest squared length of an edge, and the decoded quaternion (4,) at the end."""
 
     length: float
+    energy: float
     dearest: float
     last_quaternion: np.ndarray
 
@@ -119,8 +120,9 @@ class _Paths:
             graph.adjacency, energies.fixed, energies.shares, np.ones((len(graph.latent), 1)),
             nothing.astype(bool), nothing, int(source), int(target),
         )  # fmt: skip
-        dearest = float(np.max(energies.without_obstacles[edges], initial=0.0))
-        return _Path(length, dearest, graph.decoded.quaternions[target])
+        squared = energies.without_obstacles[edges]
+        dearest = float(np.max(squared, initial=0.0))
+        return _Path(length, len(edges) * float(squared.sum()), dearest, graph.decoded.quaternions[target])
 
 
 @dataclass(frozen=True)

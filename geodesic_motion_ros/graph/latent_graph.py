@@ -17,6 +17,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.decoder import Decoded, TaskSpaceDecoder, rms_sigma
@@ -344,6 +345,7 @@ def build_latent_graph(
     pieces: int = 3,
     one_sheet: bool = True,
     energy_limit: float = math.inf,
+    clusters: int = 1,
 ) -> LatentGraph:
     """Decode the latent box into a graph.
 
@@ -356,6 +358,8 @@ def build_latent_graph(
     one_sheet : leave out edges along which the decoded quaternion changes to the other hemisphere: there q and -q, the
         same orientation, would be joined through orientations nobody showed. False only to measure such crossings.
     energy_limit : largest obstacle-free squared length of an edge; longer ones cross where nobody moved.
+    clusters : into how many equal groups, one after the other, the codes fall (2 where q and -q have codes of their
+        own). Nodes belong to the group of the nearest code, and no edge joins two groups.
 
     Raises
     ------
@@ -400,6 +404,10 @@ def build_latent_graph(
             inner_rows(inner.quaternions), inner_rows(np.zeros(len(inner_latent))), none.ends, np.zeros((1, 3)),
         )  # fmt: skip
         usable &= chords[:, 0] + turns + sigma_energy + spread_energy <= energy_limit
+    if clusters > 1:
+        _, nearest = cKDTree(codes.reshape(-1, codes.shape[-1])).query(latent)
+        cluster = nearest // (codes.shape[0] * codes.shape[1] // clusters)
+        usable &= cluster[edges[:, 0]] == cluster[edges[:, 1]]
     used = edges[usable]
     linked = coo_matrix((np.ones(len(used)), (used[:, 0], used[:, 1])), shape=(len(latent), len(latent)))
     return LatentGraph(

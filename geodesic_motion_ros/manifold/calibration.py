@@ -26,8 +26,6 @@ from geodesic_motion_ros.skill import Skill
 CODE_SAMPLES = 100
 #: The support is measured by this percentile of rms sigma on the codes: a few bad samples do not widen it.
 SUPPORT_PERCENTILE = 99.0
-#: Share of that percentile below which the support is not narrowed to keep clusters apart.
-SMALLEST_SUPPORT = 0.4
 #: An edge may cost this multiple of the dearest edge on the shortest paths between the demonstrations' own
 #: ends: a detour runs across the tube and near its rim, where edges cost ten times more; walls cost thousands
 #: of times more.
@@ -73,36 +71,13 @@ def assemble_skill(
         start_pose=_mean_pose(positions[:, 0], quaternions[:, 0]),
         goal_pose=_mean_pose(positions[:, -1], quaternions[:, -1]),
         metric=metric,
-        orientation_model=vae.orientation_model,
+        # Recordings without orientation are learned with one sign only: there are no two clusters.
+        orientation_model=vae.orientation_model if demonstrations.has_orientation else "sign_blind",
         encoder_arrays=vae.encoder.arrays(),
         quality=quality,
         provenance=provenance,
     )
-    if demonstrations.has_orientation and vae.orientation_model == "two_cluster":
-        skill = with_separate_sheets(skill)
     return replace(skill, energy_per_edge=calibrated_energy_per_edge(skill.graph(), codes))
-
-
-def with_separate_sheets(skill: Skill) -> Skill:
-    """Narrow the support of a two-cluster skill, as little as it takes, until q and -q lie in pieces of their own.
-
-    Where the tubes of both clusters pass close to each other their supports can touch, and a path from q to -q through
-    orientations nobody showed opens. A skill whose sheets stay joined down to SMALLEST_SUPPORT comes back as it was.
-    """
-    share = 1.0
-    while share >= SMALLEST_SUPPORT:
-        narrowed = replace(skill, sigma_support=share * skill.sigma_support)
-        if not sheets_are_joined(narrowed.graph(), skill.codes):
-            return narrowed
-        share *= 0.9
-    return skill
-
-
-def sheets_are_joined(graph: LatentGraph, codes: np.ndarray) -> bool:
-    """Whether most codes of q, the first half of codes (2N, T, d), and most of -q lie in one piece of the graph."""
-    _, nodes = cKDTree(graph.latent).query(codes.reshape(2, -1, codes.shape[-1]))
-    first, second = (int(np.argmax(np.bincount(pieces))) for pieces in graph.component[nodes])
-    return first == second
 
 
 def calibrated_energy_per_edge(graph: LatentGraph, codes: np.ndarray) -> float:

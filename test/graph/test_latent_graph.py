@@ -166,3 +166,18 @@ def test_the_limit_of_a_skill_grows_with_the_square_of_the_spacing(fan_skill):
     coarse, default, fine = (fan_skill.graph(shape) for shape in ((50, 50), (100, 100), (199, 199)))
     assert default.energy_limit == fine.energy_limit == fan_skill.energy_per_edge
     assert coarse.energy_limit == pytest.approx(fan_skill.energy_per_edge * (99 / 49) ** 2)
+
+
+def test_no_edge_joins_the_clusters_of_q_and_minus_q_however_wide_the_support(fan_skill):
+    box = (fan_skill.decoder, fan_skill.codes, fan_skill.latent_lower, fan_skill.latent_upper, fan_skill.metric)
+    joined = build_latent_graph(*box, np.inf, (60, 60), one_sheet=False)
+    parted = build_latent_graph(*box, np.inf, (60, 60), one_sheet=False, clusters=2)
+    assert joined.component.max() == 0
+    distances = [
+        np.linalg.norm(parted.latent[:, None] - codes.reshape(-1, 2), axis=-1).min(axis=1)
+        for codes in np.split(fan_skill.codes, 2)
+    ]
+    nearer_to_minus_q = distances[1] < distances[0]
+    first, second = parted.edges.T
+    assert np.array_equal(nearer_to_minus_q[first], nearer_to_minus_q[second])
+    assert len(parted.edges) > 0.9 * len(joined.edges)

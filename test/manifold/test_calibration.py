@@ -1,4 +1,3 @@
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,8 +7,6 @@ from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import Offsets, build_latent_graph
 from geodesic_motion_ros.manifold.calibration import (
     calibrated_energy_per_edge,
-    sheets_are_joined,
-    with_separate_sheets,
 )
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.skill import Skill
@@ -34,16 +31,6 @@ def test_codes_box_and_poses_belong_to_the_demonstrations(skill, demonstrations)
 def test_support_is_the_99th_percentile_of_sigma(skill):
     sigma = rms_sigma(skill.decoder.decode(skill.codes.reshape(-1, 2)).sigma)
     assert np.mean(sigma <= skill.sigma_support) == pytest.approx(0.99, abs=0.005)
-    assert not sheets_are_joined(skill.graph(), skill.codes)
-
-
-def test_support_is_narrowed_until_the_sheets_part(skill):
-    """From the smallest support, in steps of a quarter, at which the tubes of q and -q touch."""
-    widened = (replace(skill, sigma_support=1.25**n * skill.sigma_support) for n in range(20))
-    joined = next(wide for wide in widened if sheets_are_joined(wide.graph(), wide.codes))
-    parted = with_separate_sheets(joined)
-    assert 0.7 * joined.sigma_support < parted.sigma_support < joined.sigma_support
-    assert not sheets_are_joined(parted.graph(), parted.codes)
 
 
 def test_threshold_separates_the_demonstrations_from_the_walls(skill):
