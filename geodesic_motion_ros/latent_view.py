@@ -92,7 +92,7 @@ class LatentView:
         pixels = self._background.copy()
         if not len(radii):
             return pixels
-        touched = self._node_pixels[clearances(self._body, self._radii, centres, radii) <= 0.0]
+        touched = self._node_pixels[clearances(self._body, self._radii, centres, radii, 0.0) <= 0.0]
         mask = np.zeros(pixels.shape[:2], dtype=bool)
         reach = np.arange(self._cell) - self._cell // 2
         columns, rows = (touched[:, :1] + reach), (touched[:, 1:] + reach)

@@ -44,7 +44,7 @@ _LOCATE_WITHIN = 0.5
 #: How far a rotation counts against a distance when a pose is looked for on a curve.
 _METRES_PER_RADIAN = 0.1
 #: Dense samples of the published curve per grid step.
-_SAMPLES_PER_STEP = 1.5
+_SAMPLES_PER_STEP = 1.0
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,9 @@ class ReactivePlanner:
                 f"obstacle {i} has centre {centres[i].tolist()} and radius {radii[i]}: "
                 "both must be finite and the radius positive",
             )
-        self._obstacles = Obstacles(centres, radii)
+        # What is told twice, by two sensors or on two topics, is one obstacle.
+        spheres = np.unique(np.column_stack([centres, radii]), axis=0)
+        self._obstacles = Obstacles(np.ascontiguousarray(spheres[:, :3]), np.ascontiguousarray(spheres[:, 3]))
         return Verdict(VerdictCode.OK)
 
     # ------------------------------------------------------------- planning
@@ -223,17 +225,21 @@ class ReactivePlanner:
 
     def _solve(self, query: Query, start: Pose, start_latent: np.ndarray, obstacles: Obstacles, speed: float) -> Plan:
         """Reweight once; then search, smooth, decode, certify and time until an attempt is certified."""
-        settings, energies = self.settings, query.energies
+        settings = self.settings
         avoided = obstacles if settings.avoidance else Obstacles.none()
         ends = self._end_clearance(query, start, avoided)
         if isinstance(ends, Plan):
             return ends
         near = self._within_reach(query, avoided)
-        factors = ambient_factors(
-            energies.body_points, self._point_radii, near.centres, near.radii,
+        within = max(_MARGIN_MULTIPLES) * settings.obstacle_margin
+        # Only the query's own piece of the graph can be reached.
+        factors = np.ones((len(self.graph.latent), len(self._points)))
+        factors[query.members] = ambient_factors(
+            query.body_points, self._point_radii, near.centres, near.radii,
             settings.ambient_strength, settings.ambient_width_ratio,
         )  # fmt: skip
-        free = clearances(energies.body_points, self._point_radii, near.centres, near.radii)
+        free = np.full(len(self.graph.latent), -math.inf)
+        free[query.members] = clearances(query.body_points, self._point_radii, near.centres, near.radii, within)
         # The goal itself was found free; its node lies under it but for rounding.
         free[query.goal_node] = math.inf
         for multiple in _MARGIN_MULTIPLES:
@@ -264,7 +270,7 @@ class ReactivePlanner:
         positions = np.stack([start.position, query.goal.position])
         quaternions = np.stack([start.quaternion, query.goal.quaternion])
         body = tool_points(positions, quaternions, self._points)
-        here, there = clearances(body, self._point_radii, obstacles.centres, obstacles.radii)
+        here, there = clearances(body, self._point_radii, obstacles.centres, obstacles.radii, math.inf)
         if here <= 0.0:
             reason = f"the tool overlaps an obstacle by {-1000 * here:.0f} mm where it stands"
             return _refusal(VerdictCode.IN_COLLISION, reason, query, clearance=float(here))
@@ -277,19 +283,18 @@ class ReactivePlanner:
         self, query: Query, start_latent: np.ndarray, factors: np.ndarray, blocked: np.ndarray
     ) -> tuple[np.ndarray, float] | Plan:
         """Latent polyline (m, d) of the cheapest path and its largest energy per edge, or the refusal."""
-        allowed = ~blocked & (self.graph.component == query.component)
-        source = self.graph.node_near(start_latent, allowed, _ENTRY_STEPS)
+        source = self.graph.node_near(start_latent, ~blocked, _ENTRY_STEPS)
         if source is None:
             return _refusal(VerdictCode.NO_FEASIBLE_PATH, "obstacles leave no free node near the start", query)
         energies = query.energies
         nodes, edges, cost = shortest_path(
-            self.graph.adjacency, energies.fixed, energies.shares, factors, blocked,
+            self.graph.adjacency, query.base, energies.fixed, energies.shares, factors, blocked,
             query.to_goal, source, query.goal_node,
         )  # fmt: skip
         if not math.isfinite(cost):
             reason = "obstacles block every way to the goal that was demonstrated"
             return _refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query)
-        energy = float(np.max(energies.without_obstacles[edges], initial=0.0))
+        energy = float(np.max(energies.along(edges), initial=0.0))
         return self._polyline(start_latent, nodes), energy
 
     def _polyline(self, start: np.ndarray, nodes: np.ndarray) -> np.ndarray:

@@ -197,7 +197,7 @@ def _footprint(axes: Axes, planner: ReactivePlanner, obstacle: Sphere) -> Patch:
     grid = np.stack(np.meshgrid(first, second), axis=-1).reshape(-1, 2)
     decoded = skill.decoder.decode(grid)
     body = tool_points(decoded.positions, decoded.quaternions, np.array(settings.tool_points))
-    free = clearances(body, np.array(settings.tool_radii), obstacle.centre[None], np.array([obstacle.radius]))
+    free = clearances(body, np.array(settings.tool_radii), obstacle.centre[None], np.array([obstacle.radius]), np.inf)
     free = free.reshape(shape[1], shape[0])
     axes.contourf(first, second, free, levels=[-np.inf, 0.0], colors=[ORANGE], alpha=0.45)
     axes.contour(first, second, free, levels=[0.0], colors=[ORANGE], linewidths=1.2)

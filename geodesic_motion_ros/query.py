@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.graph.latent_graph import EdgeEnergies, LatentGraph, Offsets
-from geodesic_motion_ros.graph.shortest_path import cost_field
+from geodesic_motion_ros.graph.shortest_path import base_weights, cost_field
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import angle_between, normalise, rotation_vector_between
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE
@@ -49,8 +49,10 @@ class Query:
     Attributes
     ----------
     start, goal : the asked poses; start_latent : (d,) latent point that is carried onto the start.
-    goal_node, component : the node that is carried onto the goal, and the connected piece that holds both ends.
+    goal_node : the node that is carried onto the goal.
+    members, body_points : (c,) nodes of the connected piece that holds both ends, and (c, K, 3) [m] their body points.
     offsets, energies : how the graph was carried there, and its edge energies after that.
+    base : (m,) obstacle-free lengths of the edges.
     to_goal : (n,) obstacle-free cost to the goal, the exact heuristic.
     body_box : lower and upper corner (3,) [m] of all body points.
     misfits : distances of the asked poses from the manifold, under their names in a Verdict.
@@ -59,8 +61,10 @@ class Query:
     goal: Pose
     offsets: Offsets
     goal_node: int
-    component: int
+    members: np.ndarray
+    body_points: np.ndarray
     energies: EdgeEnergies
+    base: np.ndarray
     to_goal: np.ndarray
     body_box: tuple[np.ndarray, np.ndarray]
     misfits: dict[str, float]
@@ -136,14 +140,19 @@ class QueryBuilder:
                 return verdict
         offsets = self._offsets(start, start_node, goal, goal_node)
         energies = self._graph.transported(offsets, self._points)
+        base = base_weights(energies.fixed, energies.shares)
+        members = np.flatnonzero(self._graph.component == component)
+        body_points = energies.body_points[members]
         return Query(
             goal=goal,
             offsets=offsets,
             goal_node=goal_node,
-            component=int(component),
+            members=members,
+            body_points=body_points,
             energies=energies,
-            to_goal=cost_field(self._graph.adjacency, energies.fixed, energies.shares, goal_node),
-            body_box=(energies.body_points.min(axis=(0, 1)), energies.body_points.max(axis=(0, 1))),
+            base=base,
+            to_goal=cost_field(self._graph.adjacency, base, energies.fixed, energies.shares, goal_node),
+            body_box=(body_points.min(axis=(0, 1)), body_points.max(axis=(0, 1))),
             misfits={
                 "start_offset": start_misfit[0], "start_offset_angle": start_misfit[1],
                 "goal_offset": goal_misfit[0], "goal_offset_angle": goal_misfit[1],

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from geodesic_motion_ros.quaternions import angle_between, rotate_by, rotation_vector_between, slerp
+from geodesic_motion_ros.graph.latent_graph import Offsets
+from geodesic_motion_ros.quaternions import angle_between, rotation_vector_between, slerp
 
 
 def resample_latent(path: np.ndarray, spacing: float, minimum: int = 40) -> np.ndarray:
@@ -45,11 +47,12 @@ def correct_ends(
 
     Both offsets, of position and of rotation vector, fade linearly with arc length towards the other end.
     """
-    share = arc_share(positions)[:, None]
-    moved = positions + (1.0 - share) * (start[0] - positions[0]) + share * (goal[0] - positions[-1])
-    turn = (1.0 - share) * rotation_vector_between(quaternions[0], start[1])
-    turn += share * rotation_vector_between(quaternions[-1], goal[1])
-    return moved, rotate_by(turn, quaternions)
+    offsets = Offsets(
+        start[0] - positions[0], goal[0] - positions[-1],
+        rotation_vector_between(quaternions[0], start[1]), rotation_vector_between(quaternions[-1], goal[1]),
+        0.0, 1.0,
+    )  # fmt: skip
+    return offsets.apply(positions, quaternions, arc_share(positions))
 
 
 def arc_share(positions: np.ndarray) -> np.ndarray:
@@ -81,6 +84,18 @@ def cut_curve(
     return np.concatenate([positions[: i + 1], last[None]]), np.concatenate([quaternions[: i + 1], turned])
 
 
+@numba.njit(cache=True, nogil=True)
+def _squared_rates(nominal: np.ndarray, rate_acceleration: float, initial_rate: float) -> np.ndarray:
+    """Largest squared rates (n,) that both passes of `time_law` allow."""
+    squared = np.ones(len(nominal) + 1)
+    squared[0], squared[-1] = min(1.0, initial_rate**2), 0.0
+    for i in range(len(nominal)):
+        squared[i + 1] = min(squared[i + 1], squared[i] + 2.0 * rate_acceleration * nominal[i])
+    for i in range(len(nominal) - 1, -1, -1):
+        squared[i] = min(squared[i], squared[i + 1] + 2.0 * rate_acceleration * nominal[i])
+    return squared
+
+
 def time_law(nominal: np.ndarray, rate_acceleration: float, initial_rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Times (n,) [s] and rates (n,) along a curve whose segments take `nominal` (n - 1,) [s] at full speed.
 
@@ -88,13 +103,7 @@ def time_law(nominal: np.ndarray, rate_acceleration: float, initial_rate: float)
     `rate_acceleration` [1/s]: forward and backward pass of rate^2 <= previous^2 + 2 rate_acceleration du. An initial
     rate too fast to stop in the length left is lowered: ending at rest comes first.
     """
-    squared = np.ones(len(nominal) + 1)
-    squared[0], squared[-1] = min(1.0, initial_rate**2), 0.0
-    for i in range(len(nominal)):
-        squared[i + 1] = min(squared[i + 1], squared[i] + 2.0 * rate_acceleration * nominal[i])
-    for i in range(len(nominal) - 1, -1, -1):
-        squared[i] = min(squared[i], squared[i + 1] + 2.0 * rate_acceleration * nominal[i])
-    rates = np.sqrt(squared)
+    rates = np.sqrt(_squared_rates(nominal, rate_acceleration, initial_rate))
     mean = 0.5 * (rates[1:] + rates[:-1])
     steps = np.divide(nominal, mean, out=np.zeros_like(nominal), where=mean > 0.0)
     return np.concatenate([[0.0], np.cumsum(steps)]), rates

@@ -22,7 +22,7 @@ from geodesic_motion_ros.experiments.tables import text_table
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.graph.latent_graph import LatentGraph, Offsets, build_latent_graph
-from geodesic_motion_ros.graph.shortest_path import shortest_path
+from geodesic_motion_ros.graph.shortest_path import base_weights, shortest_path
 from geodesic_motion_ros.skill import Skill
 
 
@@ -110,6 +110,7 @@ class _Paths:
     def __init__(self, graph: LatentGraph) -> None:
         self._graph, self._tree = graph, cKDTree(graph.latent)
         self._energies = graph.transported(Offsets.none(), np.zeros((1, 3)))
+        self._base = base_weights(self._energies.fixed, self._energies.shares)
 
     def shortest(self, start: np.ndarray, goal: np.ndarray) -> _Path:
         """From a latent point (d,) to another; of infinite length where there is no way."""
@@ -117,7 +118,7 @@ class _Paths:
         _, (source, target) = self._tree.query(np.stack([start, goal]))
         nothing = np.zeros(len(graph.latent))
         _, edges, length = shortest_path(
-            graph.adjacency, energies.fixed, energies.shares, np.ones((len(graph.latent), 1)),
+            graph.adjacency, self._base, energies.fixed, energies.shares, np.ones((len(graph.latent), 1)),
             nothing.astype(bool), nothing, int(source), int(target),
         )  # fmt: skip
         squared = energies.without_obstacles[edges]

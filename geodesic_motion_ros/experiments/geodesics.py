@@ -32,7 +32,7 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.tables import text_table
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import Offsets
-from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path
+from geodesic_motion_ros.graph.shortest_path import base_weights, cost_field, shortest_path
 from geodesic_motion_ros.manifold.geodesic import continuous_geodesic
 from geodesic_motion_ros.manifold.metric import PullbackMetric, curve_length
 from geodesic_motion_ros.manifold.task_space import DecoderNetwork
@@ -140,6 +140,7 @@ class _Graph:
         self.name = f"graph {side}x{side}, {neighbours}"
         self.graph, self.build_ms = _timed(lambda: skill.graph((side, side), neighbours))
         self._energies = self.graph.transported(Offsets.none(), np.zeros((1, 3)))
+        self._base = base_weights(self._energies.fixed, self._energies.shares)
         self._tree = cKDTree(self.graph.latent)
         self.path(self.graph.latent[0], self.graph.latent[0])  # loads the kernels, which is not the path's time
 
@@ -158,13 +159,13 @@ class _Graph:
         source, target = self._nodes(start, goal)
         graph, energies = self.graph, self._energies
         nodes, _, cost = shortest_path(
-            graph.adjacency, energies.fixed, energies.shares, np.ones((len(graph.latent), 1)),
+            graph.adjacency, self._base, energies.fixed, energies.shares, np.ones((len(graph.latent), 1)),
             np.zeros(len(graph.latent), dtype=bool), self._heuristic(target), source, target,
         )  # fmt: skip
         return np.concatenate([start[None], graph.latent[nodes[1:-1]], goal[None]]) if math.isfinite(cost) else None
 
     def _heuristic(self, target: int) -> np.ndarray:
-        return cost_field(self.graph.adjacency, self._energies.fixed, self._energies.shares, target)
+        return cost_field(self.graph.adjacency, self._base, self._energies.fixed, self._energies.shares, target)
 
     def _nodes(self, start: np.ndarray, goal: np.ndarray) -> tuple[int, int]:
         _, nodes = self._tree.query(np.stack([start, goal]))

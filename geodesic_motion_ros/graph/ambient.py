@@ -55,18 +55,23 @@ def ambient_factors(
 
 
 @numba.njit(cache=True, nogil=True)
-def clearances(points: np.ndarray, point_radii: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
+def clearances(
+    points: np.ndarray, point_radii: np.ndarray, centres: np.ndarray, radii: np.ndarray, within: float
+) -> np.ndarray:
     """Smallest surface-to-surface distance [m] from each row of body points (n, K, 3) to any obstacle, (n,).
 
-    Negative inside, inf where there is no obstacle.
+    Negative inside; inf where no obstacle is nearer than `within` [m].
     """
     result = np.full(len(points), np.inf)
     for o in range(len(radii)):
         for k in range(points.shape[1]):
             both = radii[o] + point_radii[k]
+            reach = (both + within) ** 2
             for i in range(len(points)):
                 dx = points[i, k, 0] - centres[o, 0]
                 dy = points[i, k, 1] - centres[o, 1]
                 dz = points[i, k, 2] - centres[o, 2]
-                result[i] = min(result[i], math.sqrt(dx * dx + dy * dy + dz * dz) - both)
+                squared = dx * dx + dy * dy + dz * dz
+                if squared < reach:
+                    result[i] = min(result[i], math.sqrt(squared) - both)
     return result

@@ -6,8 +6,10 @@ torch. Both agree to rounding (tested).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 
+import numba
 import numpy as np
 
 from geodesic_motion_ros.errors import SkillError
@@ -41,6 +43,28 @@ class Decoded:
 
     def __getitem__(self, index: slice | np.ndarray) -> Decoded:
         return Decoded(self.positions[index], self.quaternions[index], self.sigma[index], self.kappa[index])
+
+
+@numba.njit(cache=True, nogil=True)
+def _radial_basis(
+    latent: np.ndarray, centres: np.ndarray, rate: float, sigma_weights: np.ndarray, kappa_weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """sigma_weights v (n, 3) and kappa_weights v (n,) for v_k = exp(-rate |z - c_k|^2).
+
+    Kernels below exp(-40), which is below the rounding of the others' sum wherever a point is near any, are left out.
+    """
+    inverse_sigma, kappa = np.zeros((len(latent), sigma_weights.shape[0])), np.zeros(len(latent))
+    for i in range(len(latent)):
+        for k in range(len(centres)):
+            squared = 0.0
+            for j in range(latent.shape[1]):
+                squared += (latent[i, j] - centres[k, j]) ** 2
+            if rate * squared < 40.0:
+                activation = math.exp(-rate * squared)
+                kappa[i] += kappa_weights[k] * activation
+                for j in range(sigma_weights.shape[0]):
+                    inverse_sigma[i, j] += sigma_weights[j, k] * activation
+    return inverse_sigma, kappa
 
 
 @dataclass(frozen=True)
@@ -86,15 +110,11 @@ class TaskSpaceDecoder:
 
     def uncertainty(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """sigma (n, 3) [m] and kappa (n,) alone: cheaper than decoding, enough to prune a grid."""
-        if len(latent) > _BLOCK:
-            blocks = [self.uncertainty(latent[begin : begin + _BLOCK]) for begin in range(0, len(latent), _BLOCK)]
-            return np.concatenate([sigma for sigma, _ in blocks]), np.concatenate([kappa for _, kappa in blocks])
-        squared = (
-            np.sum(latent**2, axis=1)[:, None] - 2.0 * latent @ self.rbf_centres.T + np.sum(self.rbf_centres**2, axis=1)
-        )
-        activation = np.exp(-self.rbf_rate * np.maximum(squared, 0.0))
-        sigma = 1.0 / (activation @ self.sigma_weights.T + self.sigma_floor)
-        return sigma, activation @ self.kappa_weights + self.kappa_floor
+        inverse_sigma, kappa = _radial_basis(
+            np.ascontiguousarray(latent, dtype=float), self.rbf_centres, float(self.rbf_rate),
+            self.sigma_weights, self.kappa_weights,
+        )  # fmt: skip
+        return 1.0 / (inverse_sigma + self.sigma_floor), kappa + self.kappa_floor
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The weights by name, float64, as they are stored on disk."""

@@ -245,7 +245,11 @@ class EdgeEnergies:
     @property
     def without_obstacles(self) -> np.ndarray:
         """Obstacle-free squared length of every edge, (m,)."""
-        return self.fixed + self.shares.sum(axis=1)
+        return self.along(slice(None))
+
+    def along(self, edges: np.ndarray | slice) -> np.ndarray:
+        """Obstacle-free squared lengths of some edges."""
+        return self.fixed[edges] + self.shares[edges].sum(axis=1)
 
 
 @dataclass(frozen=True)

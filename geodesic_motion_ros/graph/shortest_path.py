@@ -29,6 +29,28 @@ def edge_weight(fixed: np.ndarray, shares: np.ndarray, factors: np.ndarray, edge
 
 
 @numba.njit(cache=True, nogil=True)
+def base_weights(fixed: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Obstacle-free length of every edge, (m,); to the last bit what `edge_weight` gives with factors of 1."""
+    ones = np.ones((1, shares.shape[1]))
+    weights = np.empty(len(fixed))
+    for edge in range(len(fixed)):
+        weights[edge] = edge_weight(fixed, shares, ones, edge, 0, 0)
+    return weights
+
+
+@numba.njit(cache=True, nogil=True)
+def _touched(factors: np.ndarray) -> np.ndarray:
+    """Nodes (n,) with a factor (n, K) above 1."""
+    touched = np.zeros(len(factors), dtype=np.bool_)
+    for i in range(len(factors)):
+        for k in range(factors.shape[1]):
+            if factors[i, k] > 1.0:
+                touched[i] = True
+                break
+    return touched
+
+
+@numba.njit(cache=True, nogil=True)
 def _push(keys: np.ndarray, items: np.ndarray, size: int, key: float, item: int) -> int:
     """Add to a binary min-heap held in two arrays; returns the new size."""
     child = size
@@ -69,6 +91,7 @@ def _search(
     first: np.ndarray,
     neighbour: np.ndarray,
     edge_of: np.ndarray,
+    base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
     factors: np.ndarray,
@@ -79,9 +102,12 @@ def _search(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A* from source; stops when target is settled (target -1: settles everything, Dijkstra's field).
 
-    Nodes with an infinite heuristic cannot reach the goal and are skipped. Returns, per node, the cost (n,), the
+    Nodes with an infinite heuristic cannot reach the goal and are skipped. An edge's obstacle-free length, `base` (m,),
+    is a lower bound of its weight, and its weight where no obstacle touches its ends: the sum over body points is
+    worked out for the few edges that remain. Returns, per node, the cost (n,), the
     predecessor (n,) and the edge to it (n,).
     """
+    touched = _touched(factors)
     cost = np.full(len(first) - 1, np.inf)
     predecessor = np.full(len(first) - 1, -1, dtype=np.int32)
     arrival = np.full(len(first) - 1, -1, dtype=np.int32)
@@ -102,27 +128,31 @@ def _search(
             v = neighbour[slot]
             if settled[v] or blocked[v] or heuristic[v] == np.inf:
                 continue
-            through = cost[u] + edge_weight(fixed, shares, factors, edge_of[slot], u, v)
+            edge = edge_of[slot]
+            through = cost[u] + base[edge]
+            if through >= cost[v]:
+                continue
+            if touched[u] or touched[v]:
+                through = cost[u] + edge_weight(fixed, shares, factors, edge, u, v)
             if through < cost[v]:
                 cost[v] = through
                 predecessor[v] = u
-                arrival[v] = edge_of[slot]
+                arrival[v] = edge
                 size = _push(keys, items, size, through + heuristic[v], v)
     return cost, predecessor, arrival
 
 
 def cost_field(
-    adjacency: Adjacency, fixed: np.ndarray, shares: np.ndarray, source: int, factors: np.ndarray | None = None
+    adjacency: Adjacency, base: np.ndarray, fixed: np.ndarray, shares: np.ndarray, source: int
 ) -> np.ndarray:
-    """Cost (n,) between `source` and every node, infinite where there is no path (Dijkstra).
+    """Obstacle-free cost (n,) between `source` and every node, infinite where there is no path (Dijkstra).
 
-    Without `factors` (n, K) it is the obstacle-free field: the exact heuristic of `shortest_path`.
+    It is the exact heuristic of `shortest_path`. base : (m,) from `base_weights`.
     """
     nodes = len(adjacency.first) - 1
-    if factors is None:
-        factors = np.ones((nodes, shares.shape[1]))
+    factors = np.ones((nodes, shares.shape[1]))
     cost, _, _ = _search(
-        adjacency.first, adjacency.node, adjacency.edge, fixed, shares, factors,
+        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, factors,
         np.zeros(nodes, dtype=np.bool_), np.zeros(nodes), source, -1,
     )  # fmt: skip
     return cost
@@ -130,6 +160,7 @@ def cost_field(
 
 def shortest_path(
     adjacency: Adjacency,
+    base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
     factors: np.ndarray,
@@ -144,6 +175,7 @@ def shortest_path(
 
     Parameters
     ----------
+    base : (m,) obstacle-free lengths from `base_weights`.
     fixed, shares : (m,) and (m, K) squared lengths b_e and a_ek of every undirected edge.
     factors : (n, K) ambient factors >= 1; blocked : (n,) nodes that may not be entered.
     heuristic : (n,) obstacle-free cost to the target; zeros make the search plain Dijkstra.
@@ -152,7 +184,7 @@ def shortest_path(
     if blocked[source] or blocked[target] or not math.isfinite(heuristic[source]):
         return nothing, nothing, math.inf
     cost, predecessor, arrival = _search(
-        adjacency.first, adjacency.node, adjacency.edge, fixed, shares, factors,
+        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, factors,
         blocked, heuristic, source, target,
     )  # fmt: skip
     if not math.isfinite(cost[target]):

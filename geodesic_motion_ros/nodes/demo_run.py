@@ -18,7 +18,7 @@ import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, PoseStamped
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
@@ -123,7 +123,7 @@ class Probe:
         # Python's own handlers stay in place: Ctrl-C raises KeyboardInterrupt here, and the demo cleans up.
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("demo", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._goals = self._node.create_publisher(PoseStamped, "goal_pose", QoSProfile(depth=1))
         self._spawn = self._node.create_client(Trigger, "twin/spawn_obstacles")

@@ -122,15 +122,19 @@ class PlannerOutputs:
         self._publish_status(self._diagnostics, level, "loop", message, values)
 
     def path(self, reference: TaskSpaceReference | None) -> None:
-        """The present reference; an empty path when there is none."""
+        """The present reference; an empty path when there is none. Built only where somebody listens."""
+        if not self._path.get_subscription_count():
+            return
         positions = reference.positions if reference else np.zeros((0, 3))
         quaternions = reference.quaternions if reference else np.zeros((0, 4))
         self._path.publish(path_message(positions, quaternions, self._frame, self._now()))
 
     def markers(self, reference: TaskSpaceReference | None, obstacles: ObstacleSet, body: np.ndarray) -> None:
         """Path, obstacles as the planner sees them, and tool spheres `body` (K, 4): centre and radius [m],
-        base frame.
+        base frame. Built only where somebody listens.
         """
+        if not self._markers.get_subscription_count():
+            return
         stamp = self._now()
         shown: list[Marker] = []
         if reference is not None:

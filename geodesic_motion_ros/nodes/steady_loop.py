@@ -25,12 +25,14 @@ class Schedule:
         least 1.
 
         A tick meets its deadline when it ends before the next one is due. Every later one that passed is a
-        miss.
+        miss. After a single miss the next tick starts at once, late by less than a period; after more the ones
+        that passed are skipped: there is never a burst.
         """
         missed = max(0, int((now - self.due) / self.period))
         self.misses += missed
-        self.due += (missed + 1) * self.period
-        return missed + 1
+        periods = 1 if missed <= 1 else missed + 1
+        self.due += periods * self.period
+        return periods
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,14 @@ def test_the_order_of_obstacles_does_not_matter():
 
 def test_clearance_is_the_gap_between_surfaces():
     where = np.array([[[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]]])
-    result = clearances(where, POINT_RADII, np.array([[0.0, 0.5, 0.0], [0.0, 0.0, 2.0]]), np.array([0.2, 0.1]))
+    result = clearances(where, POINT_RADII, np.array([[0.0, 0.5, 0.0], [0.0, 0.0, 2.0]]), np.array([0.2, 0.1]), np.inf)
     assert result[0] == pytest.approx(0.5 - 0.2 - 0.03)
-    assert clearances(where, POINT_RADII, np.empty((0, 3)), np.empty(0))[0] == np.inf
+    assert clearances(where, POINT_RADII, np.empty((0, 3)), np.empty(0), np.inf)[0] == np.inf
+
+
+def test_what_is_further_than_asked_for_is_not_told():
+    where, centres, radii = points(), np.random.default_rng(2).uniform(-1, 1, (5, 3)), np.full(5, 0.2)
+    everything = clearances(where, POINT_RADII, centres, radii, np.inf)
+    near = clearances(where, POINT_RADII, centres, radii, 0.05)
+    assert 0 < np.count_nonzero(everything < 0.05) < len(where)
+    np.testing.assert_array_equal(near, np.where(everything < 0.05, everything, np.inf))

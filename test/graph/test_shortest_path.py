@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from geodesic_motion_ros.graph.ambient import ambient_factors, clearances
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
-from geodesic_motion_ros.graph.shortest_path import cost_field, edge_weight, shortest_path
+from geodesic_motion_ros.graph.shortest_path import base_weights, cost_field, edge_weight, shortest_path
 
 
 class Scene:
@@ -26,12 +26,13 @@ class Scene:
         self.shares = np.sum(steps**2, axis=-1)
         self.fixed = self.random.exponential(1e-3, len(self.edges))
         self.radii = np.full(body_points, 0.02)
+        self.base = base_weights(self.fixed, self.shares)
 
     def factors(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         centres = self.points[self.random.integers(len(self.points), size=count), 0]
         radii = self.random.uniform(0.05, 0.3, count)
         factors = ambient_factors(self.points, self.radii, centres, radii, 1e3, 0.5)
-        return factors, clearances(self.points, self.radii, centres, radii) < 0.0
+        return factors, clearances(self.points, self.radii, centres, radii, 0.0) < 0.0
 
     def oracle(self, factors: np.ndarray, blocked: np.ndarray, source: int) -> np.ndarray:
         mean = 0.5 * (factors[self.edges[:, 0]] + factors[self.edges[:, 1]])
@@ -42,9 +43,9 @@ class Scene:
         return dijkstra(graph.tocsr(), directed=False, indices=source)
 
     def solve(self, factors: np.ndarray, blocked: np.ndarray, source: int, target: int, heuristic: bool = True):
-        field = cost_field(self.adjacency, self.fixed, self.shares, target)
+        field = cost_field(self.adjacency, self.base, self.fixed, self.shares, target)
         return shortest_path(
-            self.adjacency, self.fixed, self.shares, factors, blocked,
+            self.adjacency, self.base, self.fixed, self.shares, factors, blocked,
             field if heuristic else np.zeros(len(blocked)), source, target,
         )  # fmt: skip
 
@@ -77,7 +78,7 @@ def test_the_cost_is_that_of_dijkstra(seed, shape, neighbours):
 
 def test_the_obstacle_free_field_is_a_consistent_heuristic_under_obstacles():
     scene = Scene(3, (20, 20), 16)
-    field = cost_field(scene.adjacency, scene.fixed, scene.shares, 7)
+    field = cost_field(scene.adjacency, scene.base, scene.fixed, scene.shares, 7)
     factors, _ = scene.factors(6)
     weights = [edge_weight(scene.fixed, scene.shares, factors, e, u, v) for e, (u, v) in enumerate(scene.edges)]
     reached = np.isfinite(field[scene.edges[:, 0]])
@@ -94,7 +95,7 @@ def test_more_obstacles_never_shorten_a_path(seed):
     cost = 0.0
     for count in range(7):
         factors = ambient_factors(scene.points, scene.radii, centres[:count], radii[:count], 1e3, 0.5)
-        blocked = clearances(scene.points, scene.radii, centres[:count], radii[:count]) < 0.0
+        blocked = clearances(scene.points, scene.radii, centres[:count], radii[:count], 0.0) < 0.0
         _, _, longer = scene.solve(factors, blocked, source, target)
         assert longer >= cost
         cost = longer

@@ -17,11 +17,22 @@ def test_on_time_ticks_follow_the_grid():
     assert schedule.misses == 0
 
 
-def test_an_overrun_is_counted_and_the_next_tick_waits_for_the_grid():
+def test_an_overrun_is_counted_and_the_next_tick_starts_at_once_on_the_old_grid():
     schedule = Schedule(period=0.01, start=0.0)
-    assert schedule.finished(0.0131) == 2
+    assert schedule.finished(0.0131) == 1
+    assert schedule.misses == 1
+    assert schedule.due == pytest.approx(0.01)
+    assert schedule.finished(0.018) == 1
     assert schedule.misses == 1
     assert schedule.due == pytest.approx(0.02)
+
+
+def test_an_overload_never_piles_up():
+    schedule, now = Schedule(period=0.01, start=0.0), 0.0
+    for _ in range(50):
+        now = max(now, schedule.due) + 0.015
+        schedule.finished(now)
+        assert now - schedule.due < 0.02
 
 
 def test_a_stall_is_skipped_not_made_up():
