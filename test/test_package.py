@@ -86,7 +86,7 @@ def test_pip_ships_every_shared_file(installed: Path, folder: str, patterns: tup
 
 
 def test_pip_ships_every_module_and_robot_description(installed: Path) -> None:
-    wanted = {f.relative_to(SOURCE) for f in SOURCE.rglob("*") if f.suffix in (".py", ".urdf")}
+    wanted = {f.relative_to(SOURCE) for f in SOURCE.rglob("*") if f.suffix in (".py", ".urdf", ".yaml")}
     missing = {str(file) for file in wanted if not (site_packages(installed) / PACKAGE / file).is_file()}
     assert not missing
 
@@ -100,7 +100,8 @@ def test_entry_points_lead_to_functions_that_exist(distribution: PathDistributio
     points = distribution.entry_points.select(group="console_scripts")
     assert points.names == {*EXECUTABLES, "geodesic-motion"}
     for point in points:
-        file = REPOSITORY / (point.module.replace(".", "/") + ".py")
+        module = REPOSITORY / point.module.replace(".", "/")
+        file = module / "__init__.py" if module.is_dir() else module.with_suffix(".py")
         assert file.is_file(), f"{point.name} starts {point.module}, which does not exist"
         functions = {n.name for n in ast.parse(file.read_text()).body if isinstance(n, ast.FunctionDef)}
         assert point.attr in functions

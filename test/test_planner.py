@@ -33,6 +33,12 @@ def nominal(planner: ReactivePlanner) -> Plan:
     return planner.plan(start[:3], start[3:], goal[:3], goal[3:])
 
 
+def middle(planner: ReactivePlanner) -> np.ndarray:
+    """Position (3,) [m] half way along the nominal plan."""
+    positions = nominal(planner).reference.positions
+    return positions[len(positions) // 2]
+
+
 def stream(planner: ReactivePlanner, obstacles=lambda time: NOTHING, seconds: float = 8.0, offset: float = 0.0):
     """Follow the planner from start to goal; yields time, follower and plan after every tick."""
     start, goal = planner.skill.start_pose, planner.skill.goal_pose
@@ -101,7 +107,7 @@ def test_a_far_obstacle_changes_nothing_and_one_that_left_leaves_no_trace(planne
     before = nominal(planner).reference
     planner.set_obstacles([[0.5, 0.0, 2.0]], [0.1])
     np.testing.assert_array_equal(nominal(planner).reference.positions, before.positions)
-    planner.set_obstacles([before.positions[60]], [0.03])
+    planner.set_obstacles([before.positions[len(before.positions) // 2]], [0.03])
     assert not np.array_equal(nominal(planner).reference.positions, before.positions)
     planner.set_obstacles(*NOTHING)
     after = nominal(planner).reference
@@ -110,8 +116,8 @@ def test_a_far_obstacle_changes_nothing_and_one_that_left_leaves_no_trace(planne
 
 
 def test_a_wall_leaves_no_path_and_says_so(planner):
-    middle = nominal(planner).reference.positions[60]
-    planner.set_obstacles([middle], [0.17])
+    centre = middle(planner)
+    planner.set_obstacles([centre], [0.17])
     plan = nominal(planner)
     assert plan.reference is None
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
@@ -145,11 +151,11 @@ def test_the_stream_arrives_without_a_jump(planner):
 
 def crossing_sphere(planner: ReactivePlanner):
     """A sphere that comes slowly from the fan's outside onto the direct path and stays."""
-    middle = nominal(planner).reference.positions[60]
+    centre = middle(planner)
     away = normalise(np.array([0.8, 0.0, 0.6]))
 
     def obstacles(time: float):
-        return (middle + max(0.0, 0.15 - 0.06 * time) * away)[None], np.array([0.025])
+        return (centre + max(0.0, 0.15 - 0.06 * time) * away)[None], np.array([0.025])
 
     return obstacles
 
@@ -170,10 +176,10 @@ def test_a_sphere_that_moves_onto_the_path_is_avoided_by_the_stream_but_hit_by_t
 
 
 def test_a_blocked_stream_holds_and_goes_on_when_the_way_is_free(planner):
-    middle = nominal(planner).reference.positions[60]
+    centre = middle(planner)
     held, moved = [], []
     for time, follower, plan in stream(  # noqa: B007
-        planner, lambda time: ([middle], [0.17]) if time < 2.0 else NOTHING, seconds=10.0
+        planner, lambda time: ([centre], [0.17]) if time < 2.0 else NOTHING, seconds=10.0
     ):
         (held if time < 2.0 else moved).append(plan.verdict.code)
     assert set(held) == {VerdictCode.NO_FEASIBLE_PATH}
@@ -184,7 +190,8 @@ def test_a_blocked_stream_holds_and_goes_on_when_the_way_is_free(planner):
 def test_a_stream_blocked_in_motion_comes_to_rest_along_its_path_without_overlap(planner):
     direct = nominal(planner).reference
     limit = planner.settings.acceleration * PERIOD * 1.01
-    wall = direct.positions[60] + normalise(direct.positions[60] - direct.positions[30]) * 0.16
+    half, quarter = (direct.positions[len(direct.positions) // part] for part in (2, 4))
+    wall = half + normalise(half - quarter) * 0.16
     speeds, offset = [], []
     for time, follower, plan in stream(planner, lambda t: NOTHING if t < 1.0 else ([wall], [0.17]), seconds=2.5):
         speeds.append(follower.speed)
@@ -308,8 +315,8 @@ def test_without_a_goal_there_is_no_reference(planner):
     ],
 )
 def test_bad_obstacles_are_refused_as_a_whole_and_named(planner, centres, radii, words):
-    middle = nominal(planner).reference.positions[60]
-    planner.set_obstacles([middle], [0.17])
+    centre = middle(planner)
+    planner.set_obstacles([centre], [0.17])
     verdict = planner.set_obstacles(centres, radii)
     assert verdict.code is VerdictCode.BAD_INPUT
     assert words in verdict.reason

@@ -99,7 +99,7 @@ def test_refused_geodesics_are_counted_with_the_reason_and_in_no_mean(demonstrat
         assert report.rows[row]["unanswered"] == 1
         assert report.rows[row]["dtw_mm"] is None
     (refused,) = [item for item in report.as_dict()["held_out"] if item["row"] == "geodesic"]
-    assert refused["refusal"].startswith("NO_FEASIBLE_PATH: ")
+    assert refused["refusal"].startswith("GOAL_OUT_OF_SUPPORT: ")
     assert "geodesic: 1 prediction(s) without an answer" in report.table()
     assert report.rows["reconstruction"]["dtw_mm"] > 0.0
 
