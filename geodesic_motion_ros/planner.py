@@ -90,6 +90,8 @@ class ReactivePlanner:
         self._query: Query | None = None
         # The reference being followed and the query it belongs to: an older one than _query right after a new goal.
         self._followed: tuple[Query, TaskSpaceReference] | None = None
+        # Loads the compiled kernels, or compiles them on the first start: the first tick shall not wait for that.
+        self.plan(*np.split(skill.start_pose, [3]), *np.split(skill.goal_pose, [3]))
 
     # ---------------------------------------------------------------- inputs
 
