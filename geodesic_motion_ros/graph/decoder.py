@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import numba
 import numpy as np
 
-from geodesic_motion_ros.errors import SkillError
+from geodesic_motion_ros.graph.perceptron import Perceptron
 from geodesic_motion_ros.quaternions import normalise
 
 #: Points decoded at once.
@@ -68,24 +69,18 @@ def _radial_basis(
 
 
 @dataclass(frozen=True)
-class TaskSpaceDecoder:
+class TaskSpaceDecoder(Perceptron):
     """p(x, q | z): two tanh layers for the means, RBF networks for sigma^-1 and kappa.
 
-    h1 = tanh(W1 z + b1), h2 = tanh(W2 h1 + b2), o = W3 h2 + b3 (7),
+    With the perceptron's outputs o (7) at y = z,
     position = position_offset + position_scale * o[:3], quaternion = o[3:] / |o[3:]|,
     v_k = exp(-rbf_rate |z - c_k|^2), 1 / sigma = sigma_weights v + sigma_floor [1/m],
     kappa = kappa_weights v + kappa_floor. Weights of the RBF networks are positive, so sigma grows and kappa falls
     away from the data.
     """
 
-    W1: np.ndarray
-    b1: np.ndarray
-    W2: np.ndarray
-    b2: np.ndarray
-    W3: np.ndarray
-    b3: np.ndarray
-    position_offset: np.ndarray
-    position_scale: np.ndarray
+    network: ClassVar[str] = "decoder"
+
     rbf_centres: np.ndarray
     rbf_rate: np.ndarray
     sigma_weights: np.ndarray
@@ -102,9 +97,7 @@ class TaskSpaceDecoder:
         if len(latent) > _BLOCK:
             blocks = [self.decode(latent[begin : begin + _BLOCK]) for begin in range(0, len(latent), _BLOCK)]
             return Decoded(*(np.concatenate([getattr(block, f.name) for block in blocks]) for f in fields(Decoded)))
-        hidden = np.tanh(latent @ self.W1.T + self.b1)
-        hidden = np.tanh(hidden @ self.W2.T + self.b2)
-        out = hidden @ self.W3.T + self.b3
+        out = self.outputs(latent)
         sigma, kappa = self.uncertainty(latent)
         return Decoded(self.position_offset + self.position_scale * out[:, :3], normalise(out[:, 3:]), sigma, kappa)
 
@@ -116,34 +109,12 @@ class TaskSpaceDecoder:
         )  # fmt: skip
         return 1.0 / (inverse_sigma + self.sigma_floor), kappa + self.kappa_floor
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """The weights by name, float64, as they are stored on disk."""
-        return {field.name: np.asarray(getattr(self, field.name), dtype=float) for field in fields(self)}
-
-    @classmethod
-    def from_arrays(cls, arrays: dict[str, np.ndarray]) -> TaskSpaceDecoder:
-        """Build from weights by name; SkillError names missing, non-finite or ill-shaped ones."""
-        names = [field.name for field in fields(cls)]
-        missing = [name for name in names if name not in arrays]
-        if missing:
-            raise SkillError(f"decoder weights lack {', '.join(missing)}; they must hold {', '.join(names)}")
-        decoder = cls(**{name: np.asarray(arrays[name], dtype=float) for name in names})
-        decoder._check_shapes()
-        return decoder
-
-    def _check_shapes(self) -> None:
-        latent, first, second, centres = self.W1.shape[-1], len(self.b1), len(self.b2), len(self.rbf_centres)
-        expected = {
-            "W1": (first, latent), "W2": (second, first), "W3": (7, second), "b3": (7,),
-            "position_offset": (3,), "position_scale": (), "rbf_centres": (centres, latent), "rbf_rate": (),
+    def expected_shapes(self) -> dict[str, tuple[int, ...]]:
+        centres = len(np.atleast_1d(self.rbf_centres))
+        return super().expected_shapes() | {
+            "W3": (7, self.b2.size), "b3": (7,), "rbf_centres": (centres, *self.W1.shape[-1:]), "rbf_rate": (),
             "sigma_weights": (3, centres), "sigma_floor": (3,), "kappa_weights": (centres,), "kappa_floor": (),
         }  # fmt: skip
-        for name, shape in expected.items():
-            array = getattr(self, name)
-            if array.shape != shape:
-                raise SkillError(f"decoder weight {name} has shape {array.shape}, expected {shape}")
-            if not np.all(np.isfinite(array)):
-                raise SkillError(f"decoder weight {name} holds NaN or infinite values")
 
 
 def rms_sigma(decoded_sigma: np.ndarray) -> np.ndarray:

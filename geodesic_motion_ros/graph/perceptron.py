@@ -1,0 +1,63 @@
+"""What decoder and encoder share: weights by name, checked where they are read, and two tanh layers in plain numpy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import ClassVar, TypeVar
+
+import numpy as np
+
+from geodesic_motion_ros.errors import SkillError
+
+Network = TypeVar("Network", bound="Perceptron")
+
+
+@dataclass(frozen=True)
+class Perceptron:
+    """h1 = tanh(W1 y + b1), h2 = tanh(W2 h1 + b2), o = W3 h2 + b3, and the scaling of the positions in y or o [m]."""
+
+    #: What error messages call it.
+    network: ClassVar[str]
+
+    W1: np.ndarray
+    b1: np.ndarray
+    W2: np.ndarray
+    b2: np.ndarray
+    W3: np.ndarray
+    b3: np.ndarray
+    position_offset: np.ndarray
+    position_scale: np.ndarray
+
+    def outputs(self, inputs: np.ndarray) -> np.ndarray:
+        """o (..., outputs) of y (..., inputs)."""
+        hidden = np.tanh(inputs @ self.W1.T + self.b1)
+        hidden = np.tanh(hidden @ self.W2.T + self.b2)
+        return hidden @ self.W3.T + self.b3
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The weights by name, float64, as they are stored on disk."""
+        return {field.name: np.asarray(getattr(self, field.name), dtype=float) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls: type[Network], arrays: dict[str, np.ndarray]) -> Network:
+        """Build from weights by name; SkillError names missing, non-finite or ill-shaped ones."""
+        names = [field.name for field in fields(cls)]
+        missing = [name for name in names if name not in arrays]
+        if missing:
+            raise SkillError(f"{cls.network} weights lack {', '.join(missing)}; they must hold {', '.join(names)}")
+        network = cls(**{name: np.asarray(arrays[name], dtype=float) for name in names})
+        for name, shape in network.expected_shapes().items():
+            array = getattr(network, name)
+            if array.shape != shape:
+                raise SkillError(f"{cls.network} weight {name} has shape {array.shape}, expected {shape}")
+            if not np.all(np.isfinite(array)):
+                raise SkillError(f"{cls.network} weight {name} holds NaN or infinite values")
+        return network
+
+    def expected_shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shape every weight must have beside the others."""
+        first, second, last = self.b1.size, self.b2.size, self.b3.size
+        return {
+            "W1": (first, *self.W1.shape[-1:]), "b1": (first,), "W2": (second, first), "b2": (second,),
+            "W3": (last, second), "b3": (last,), "position_offset": (3,), "position_scale": (),
+        }  # fmt: skip
