@@ -5,11 +5,30 @@ from __future__ import annotations
 import functools
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
-import pybullet
-
 from geodesic_motion_ros.errors import ParameterError
+
+
+@contextmanager
+def _without_standard_error() -> Iterator[None]:
+    """Send what C code writes to standard error nowhere; exceptions still say what they have to."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+# PyBullet prints the date of its build when it is imported, into whatever the user is reading.
+with _without_standard_error():
+    import pybullet
 
 
 class PhysicsClient:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pybullet
 import pytest
 
@@ -35,3 +38,9 @@ def test_a_window_without_a_display_is_refused(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(ParameterError, match="DISPLAY"):
         PhysicsClient(gui=True)
+
+
+def test_loading_it_prints_nothing_and_leaves_standard_error_open() -> None:
+    code = "import sys, geodesic_motion_ros.simulation.physics_client; print('still open', file=sys.stderr)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert (ran.stdout, ran.stderr) == ("", "still open\n")
