@@ -13,7 +13,8 @@ from PIL import Image, ImageDraw
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.graph.ambient import clearances
 from geodesic_motion_ros.graph.decoder import Decoded
-from geodesic_motion_ros.graph.latent_graph import LatentGraph, tool_points
+from geodesic_motion_ros.graph.latent_graph import LatentGraph
+from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.skill import Skill
 
 # Perceptually even, dark to bright: blue-black over teal to pale yellow.

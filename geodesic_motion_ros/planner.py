@@ -7,15 +7,17 @@ is repeated.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geodesic_motion_ros.certificate import curve_clearances, rotation_allowance
 from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factors, clearances
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.latent_graph import LatentGraph, tool_points
-from geodesic_motion_ros.graph.shortest_path import shortest_path
+from geodesic_motion_ros.graph.latent_graph import LatentGraph
+from geodesic_motion_ros.graph.shortest_path import shortest_path, touched_nodes
+from geodesic_motion_ros.graph.tool_points import tool_points
+from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.query import Pose, Query, QueryBuilder, checked_pose
@@ -84,7 +86,7 @@ class ReactivePlanner:
         self.graph: LatentGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         self._points = np.array(self.settings.tool_points, dtype=float)
         self._point_radii = np.array(self.settings.tool_radii, dtype=float)
-        self._queries = QueryBuilder(self.graph, skill.sigma_support, self.settings)
+        self._queries = QueryBuilder(skill, self.graph, self.settings)
         self._obstacles = Obstacles.none()
         self._goal: Pose | None = None
         self._query: Query | None = None
@@ -153,7 +155,7 @@ class ReactivePlanner:
         obstacles = self._obstacles
         latent = self._locate(start)
         if latent is None:
-            query = self._queries.build(start, self._goal)
+            query = self._next_query(start, self._goal, speed)
             if isinstance(query, Verdict):
                 return Plan(self._braking(start, obstacles, speed), query)
             self._query, latent = query, query.start_latent
@@ -192,7 +194,30 @@ class ReactivePlanner:
             return Plan(None, query)
         return self._solve(query, start, query.start_latent, self._obstacles, 0.0)
 
+    def query(
+        self,
+        start_position: np.ndarray,
+        start_quaternion: np.ndarray,
+        goal_position: np.ndarray,
+        goal_quaternion: np.ndarray,
+    ) -> Query | None:
+        """The graph transported to a start and goal, to look at; None where `plan` would refuse them."""
+        start, _ = checked_pose("start", start_position, start_quaternion)
+        goal, _ = checked_pose("goal", goal_position, goal_quaternion)
+        built = None if start is None or goal is None else self._queries.build(start, goal)
+        return built if isinstance(built, Query) else None
+
     # --------------------------------------------------------------- query
+
+    def _next_query(self, start: Pose, goal: Pose, speed: float) -> Query | Verdict:
+        """In motion from where the stream is on its reference, so that it goes on smoothly; anew at rest."""
+        if self._followed is not None and speed > 0.0:
+            query, reference = self._followed
+            latent = self._latent_on(reference, start)
+            redirected = None if latent is None else self._queries.redirected(query, start, latent, goal)
+            if redirected is not None:
+                return redirected
+        return self._queries.build(start, goal)
 
     def _locate(self, pose: Pose) -> np.ndarray | None:
         """Latent point of a pose on the reference being followed; None where a new query must begin."""
@@ -203,7 +228,10 @@ class ReactivePlanner:
             moved = float(np.linalg.norm(pose.position - anchor.position))
             near = self._near(moved, float(angle_between(pose.quaternion, anchor.quaternion)))
             return self._query.start_latent if near else None
-        reference = self._followed[1]
+        return self._latent_on(self._followed[1], pose)
+
+    def _latent_on(self, reference: TaskSpaceReference, pose: Pose) -> np.ndarray | None:
+        """Latent point (d,) of a pose on a reference; None where the pose is not near it."""
         i, share, distance, angle = self._foot(reference, pose)
         latent = reference.latent
         return latent[i] + share * (latent[i + 1] - latent[i]) if self._near(distance, angle) else None
@@ -288,15 +316,16 @@ class ReactivePlanner:
         source = self.graph.node_near(start_latent, ~blocked, _ENTRY_STEPS)
         if source is None:
             return _refusal(VerdictCode.NO_FEASIBLE_PATH, "obstacles leave no free node near the start", query)
-        energies = query.energies
+        touched = touched_nodes(factors)
+        query.graph.fill_shares(self.graph.adjacency, touched)
         nodes, edges, cost = shortest_path(
-            self.graph.adjacency, query.base, energies.fixed, energies.shares, factors, blocked,
+            self.graph.adjacency, query.base, query.graph.fixed, query.graph.shares, factors, touched, blocked,
             query.to_goal, source, query.goal_node,
         )  # fmt: skip
         if not math.isfinite(cost):
             reason = "obstacles block every way to the goal that was demonstrated"
             return _refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query)
-        energy = float(np.max(energies.along(edges), initial=0.0))
+        energy = float(np.max(query.graph.energies(edges), initial=0.0))
         return self._polyline(start_latent, nodes), energy
 
     def _polyline(self, start: np.ndarray, nodes: np.ndarray) -> np.ndarray:
@@ -354,17 +383,19 @@ class ReactivePlanner:
         step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
         latent = smooth_latent(resample_latent(polyline, step), width * _SAMPLES_PER_STEP)
         decoded = self.graph.decoder.decode(latent)
-        positions, quaternions = query.offsets.apply(
-            decoded.positions, decoded.quaternions, self.graph.progress_map(latent)
-        )
+        displacements = query.offsets.displacements(*self.graph.progress_map(latent))
+        positions, quaternions = carried(decoded.positions, decoded.quaternions, displacements)
         quaternions = continuous_signs(quaternions)
         if quaternions[0] @ start.quaternion < 0.0:
             quaternions = -quaternions
+        ends = np.stack([start.position, query.goal.position])
+        correction = float(np.linalg.norm(positions[[0, -1]] - ends, axis=1).max())
         positions, quaternions = correct_ends(
             positions, quaternions, (start.position, start.quaternion), (query.goal.position, query.goal.quaternion)
         )
         clearance = self._clearance(positions, quaternions, obstacles)
-        verdict = self._path_verdict(query, float(np.max(rms_sigma(decoded.sigma))), energy, float(np.min(clearance)))
+        found = self._path_verdict(query, float(np.max(rms_sigma(decoded.sigma))), energy, float(np.min(clearance)))
+        verdict = replace(found, end_correction=correction)
         if not verdict.ok:
             return Plan(None, verdict)
         reference = timed_reference(

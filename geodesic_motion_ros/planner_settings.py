@@ -19,7 +19,10 @@ class PlannerSettings:
     tool_points, tool_radii : spheres (K, 3), (K,) fixed in the tool frame that obstacles are kept away from.
     obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
     ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + tool radius), of the soft metric.
-    maximum_offset, maximum_offset_angle : largest distance of start and goal from the manifold.
+    ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
+    query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.
+    maximum_offset, maximum_offset_angle : how far start and goal may lie from the manifold, or beyond the starts and
+        goals that were demonstrated.
     reanchor_distance, reanchor_angle : a start further than this from the current reference begins a new query.
     speed, angular_speed, acceleration : limits of the reference [m/s, rad/s, m/s^2].
     avoidance : False ignores obstacles altogether; for control experiments only.
@@ -31,6 +34,8 @@ class PlannerSettings:
     obstacle_margin: float = 0.005
     ambient_strength: float = 1000.0
     ambient_width_ratio: float = 0.5
+    ridge_strength: float = 1.0
+    query_conditioning: bool = True
     maximum_offset: float = 0.05
     maximum_offset_angle: float = 0.5
     reanchor_distance: float = 0.02
@@ -52,7 +57,7 @@ class PlannerSettings:
             raise PlanningError("tool_points must be finite (x, y, z) triples in the tool frame [m]")
         if min(self.tool_radii) < 0.0:
             raise PlanningError(f"tool radii {self.tool_radii} must not be negative [m]")
-        may_be_zero = ("obstacle_margin", "ambient_strength", "reanchor_distance", "reanchor_angle")
+        may_be_zero = ("obstacle_margin", "ambient_strength", "ridge_strength", "reanchor_distance", "reanchor_angle")
         for setting in fields(self):
             value = getattr(self, setting.name)
             if not isinstance(value, float):

@@ -21,7 +21,7 @@ from matplotlib.ticker import MultipleLocator
 
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.graph.ambient import clearances
-from geodesic_motion_ros.graph.latent_graph import tool_points
+from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.latent_view import magnification_factor
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill

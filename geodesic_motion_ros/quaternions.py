@@ -58,3 +58,13 @@ def slerp(first: np.ndarray, second: np.ndarray, fractions: np.ndarray) -> np.nd
     """Great-circle interpolation from first (4,) to second (4,) the short way; (n, 4) for fractions (n,)."""
     vector = rotation_vector_between(first, second)
     return rotate_by(np.asarray(fractions)[:, None] * vector, np.broadcast_to(first, (len(fractions), 4)))
+
+
+def mean_rotation(quaternions: np.ndarray) -> np.ndarray:
+    """Chordal mean over the first axis of unit quaternions (N, ..., 4), blind to their signs; (..., 4).
+
+    Eigenvector of sum_i q_i q_i^T with the largest eigenvalue: F. L. Markley et al., "Averaging quaternions",
+    Journal of Guidance, Control, and Dynamics, 2007.
+    """
+    scatter = np.einsum("i...a,i...b->...ab", quaternions, quaternions)
+    return np.linalg.eigh(scatter)[1][..., :, -1]

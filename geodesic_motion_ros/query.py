@@ -1,21 +1,29 @@
 """Query: a start and a goal pose, with the latent graph transported to them.
 
 Decoded nodes are carried by the offsets of both ends, so paths begin and end where they were asked to, and obstacles
-are met where the robot will really be.
+are met where the robot will really be. Which latent points are carried onto start and goal:
+
+- on a canonical sheet, where all demonstrations start and where all end, as long as the asked poses lie within the
+  starts and goals that were demonstrated, or not further beyond them than the limits allow;
+- otherwise, and always on the raw sheet, the nearest trusted poses of the manifold.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from geodesic_motion_ros.graph.latent_graph import EdgeEnergies, LatentGraph, Offsets
-from geodesic_motion_ros.graph.shortest_path import base_weights, cost_field
+from geodesic_motion_ros.graph.latent_graph import LatentGraph
+from geodesic_motion_ros.graph.shortest_path import cost_field
+from geodesic_motion_ros.graph.transport import Offsets, corrections_at
+from geodesic_motion_ros.graph.transported_graph import TransportedGraph
 from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.quaternions import angle_between, normalise, rotation_vector_between
-from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE
+from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
+from geodesic_motion_ros.sheet import beyond_demonstrated
+from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
@@ -43,6 +51,30 @@ def checked_pose(end: str, position: np.ndarray, quaternion: np.ndarray) -> tupl
 
 
 @dataclass(frozen=True)
+class _End:
+    """A start or goal and the latent point that is carried onto it.
+
+    Attributes
+    ----------
+    node : the graph's node at, or nearest to, the latent point (d,).
+    displacement : (6,) from the decoded latent point to the pose: translation [m], rotation vector [rad].
+    beyond : (6,) what of the displacement no demonstration shows.
+    task_offset : (6,) from the demonstrations' mean start or goal; zeros where the latent point is another one.
+    """
+
+    latent: np.ndarray
+    node: int
+    displacement: np.ndarray
+    beyond: np.ndarray
+    task_offset: np.ndarray
+
+    @property
+    def sizes(self) -> tuple[float, float, float, float]:
+        """Lengths of displacement [m], [rad] and of what of it was not demonstrated [m], [rad]."""
+        return (*_lengths(self.displacement), *_lengths(self.beyond))
+
+
+@dataclass(frozen=True)
 class Query:
     """A start and goal with the graph transported to them.
 
@@ -51,123 +83,204 @@ class Query:
     start, goal : the asked poses; start_latent : (d,) latent point that is carried onto the start.
     goal_node : the node that is carried onto the goal.
     members, body_points : (c,) nodes of the connected piece that holds both ends, and (c, K, 3) [m] their body points.
-    offsets, energies : how the graph was carried there, and its edge energies after that.
+    offsets, graph : how the decoded graph was carried here, and what came of it.
     base : (m,) obstacle-free lengths of the edges.
     to_goal : (n,) obstacle-free cost to the goal, the exact heuristic.
     body_box : lower and upper corner (3,) [m] of all body points.
-    misfits : distances of the asked poses from the manifold, under their names in a Verdict.
+    misfits : how far both ends are carried, under their names in a Verdict.
+    task_start : (6,) offset of the task's start from the demonstrated mean, wherever on the way the query begins.
     """
 
+    start: Pose
     goal: Pose
-    offsets: Offsets
+    start_latent: np.ndarray
     goal_node: int
     members: np.ndarray
     body_points: np.ndarray
-    energies: EdgeEnergies
+    offsets: Offsets
+    graph: TransportedGraph
     base: np.ndarray
     to_goal: np.ndarray
     body_box: tuple[np.ndarray, np.ndarray]
     misfits: dict[str, float]
-    start: Pose
-    start_latent: np.ndarray
+    task_start: np.ndarray
 
 
 class QueryBuilder:
     """Finds where on the manifold start and goal lie, and transports the graph to them."""
 
-    def __init__(self, graph: LatentGraph, sigma_support: float, settings: PlannerSettings) -> None:
-        """sigma_support [m]: the skill's; ends are chosen within ENDPOINT_MULTIPLE of it."""
+    def __init__(self, skill: Skill, graph: LatentGraph, settings: PlannerSettings) -> None:
+        """graph : decoded from the skill."""
+        self._skill = skill
         self._graph = graph
-        self._sigma_support = sigma_support
         self._settings = settings
         self._points = np.array(settings.tool_points, dtype=float)
+        everywhere = np.ones(len(graph.latent), dtype=bool)
+        self._poles: dict[str, tuple[np.ndarray, int]] = {}
+        if skill.canonical is not None:
+            for end, at in (("start", 0), ("goal", -1)):
+                latent = skill.codes[:, at].mean(axis=0)
+                node = graph.node_near(latent, everywhere, steps=max(graph.grid.shape))
+                assert node is not None
+                self._poles[end] = latent, node
+        self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
+        self._unconditioned = self._along_ridges(np.zeros(6), np.zeros(6), conditioned=False)
+
+    # ------------------------------------------------------------------ ends
 
     def goal_verdict(self, goal: Pose) -> Verdict:
-        """Whether some trusted part of the manifold lies within the allowed offset of a goal."""
-        ends = [self._nearest(goal, component) for component in self._components()]
-        distances = [self._misfit(goal, node) for node in ends if node is not None]
-        if not distances:
+        """Whether a goal lies close enough to what was demonstrated, or to some trusted part of the manifold."""
+        ends = [end for component in self._components() if (end := self._end("goal", goal, component)) is not None]
+        if not ends:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
-        return self._offset_verdict("goal", min(distances), VerdictCode.GOAL_OUT_OF_SUPPORT)
+        return self._offset_verdict("goal", min(ends, key=_weighed))
 
-    def _offset_verdict(self, end: str, misfit: tuple[float, float], code: VerdictCode) -> Verdict:
-        distance, angle = misfit
-        offsets = {f"{end}_offset": distance, f"{end}_offset_angle": angle}
+    def _offset_verdict(self, name: Literal["start", "goal"], end: _End) -> Verdict:
+        found = _misfits(name, end)
+        *_, beyond, beyond_angle = end.sizes
         limit, limit_angle = self._settings.maximum_offset, self._settings.maximum_offset_angle
-        if distance <= limit and angle <= limit_angle:
-            return Verdict(VerdictCode.OK, in_support=True, **offsets)
+        if self._allowed(end):
+            return Verdict(VerdictCode.OK, in_support=True, **found)
+        what = "the nearest pose the skill can reach" if self._skill.canonical is None else "what was demonstrated"
         reason = (
-            f"the {end} is {1000 * distance:.0f} mm and {math.degrees(angle):.0f} deg from the nearest pose the "
-            f"skill can reach; allowed are {1000 * limit:.0f} mm and {math.degrees(limit_angle):.0f} deg "
-            "(settings maximum_offset, maximum_offset_angle)"
+            f"the {name} is {1000 * beyond:.0f} mm and {math.degrees(beyond_angle):.0f} deg from {what}; allowed are "
+            f"{1000 * limit:.0f} mm and {math.degrees(limit_angle):.0f} deg (settings maximum_offset, "
+            "maximum_offset_angle)"
         )
-        return Verdict(code, reason, **offsets)
+        code = VerdictCode.START_OUT_OF_SUPPORT if name == "start" else VerdictCode.GOAL_OUT_OF_SUPPORT
+        return Verdict(code, reason, **found)
 
     def _components(self) -> np.ndarray:
         """Connected pieces of the graph large enough to hold a path: those that hold demonstrations."""
         counts = np.bincount(self._graph.component)
         return np.flatnonzero(counts >= max(2, 0.05 * counts.max()))
 
-    def _nearest(self, pose: Pose, component: int) -> int | None:
-        limit = ENDPOINT_MULTIPLE * self._sigma_support
+    def _end(self, name: Literal["start", "goal"], pose: Pose, component: int) -> _End | None:
+        """Where a connected piece meets a pose; None where none of it is trusted."""
+        pole = self._at_pole(name, pose, component)
+        if pole is not None and self._allowed(pole):
+            return pole
+        limit = ENDPOINT_MULTIPLE * self._skill.sigma_support
         found = self._graph.nearest_node(pose.position, pose.quaternion, component, limit)
-        return None if found is None else found[0]
+        if found is None:
+            return pole
+        node = found[0]
+        displacement = self._displacement(self._graph.latent[node], pose)
+        nearest = _End(self._graph.latent[node], node, displacement, displacement, np.zeros(6))
+        return nearest if pole is None else min(nearest, pole, key=_weighed)
 
-    def _misfit(self, pose: Pose, node: int) -> tuple[float, float]:
-        """Distance [m] and angle [rad] between a pose and a decoded node."""
-        decoded = self._graph.decoded
-        distance = float(np.linalg.norm(decoded.positions[node] - pose.position))
-        return distance, float(angle_between(decoded.quaternions[node], pose.quaternion))
+    def _at_pole(self, name: Literal["start", "goal"], pose: Pose, component: int) -> _End | None:
+        """The latent point where all demonstrations start or end, on a canonical sheet."""
+        sheet = self._skill.canonical
+        if sheet is None or self._graph.component[self._poles[name][1]] != component:
+            return None
+        latent, node = self._poles[name]
+        if name == "start":
+            mean, demonstrated = self._skill.start_pose, sheet.start_offsets
+        else:
+            # A path ends at a node.
+            latent = self._graph.latent[node]
+            mean, demonstrated = self._skill.goal_pose, sheet.goal_offsets
+        turn = rotation_vector_between(mean[3:], pose.quaternion)
+        offset = np.concatenate([pose.position - mean[:3], turn])
+        return _End(latent, node, self._displacement(latent, pose), beyond_demonstrated(offset, demonstrated), offset)
+
+    def _allowed(self, end: _End) -> bool:
+        *_, beyond, beyond_angle = end.sizes
+        return beyond <= self._settings.maximum_offset and beyond_angle <= self._settings.maximum_offset_angle
+
+    def _displacement(self, latent: np.ndarray, pose: Pose) -> np.ndarray:
+        decoded = self._graph.decoder.decode(latent[None])
+        turn = rotation_vector_between(decoded.quaternions[0], pose.quaternion)
+        return np.concatenate([pose.position - decoded.positions[0], turn])
+
+    # ----------------------------------------------------------------- query
 
     def build(self, start: Pose, goal: Pose) -> Query | Verdict:
         """Choose both ends on one connected piece of the manifold and transport the graph to the query."""
         pairs = []
         for component in self._components():
-            start_node, goal_node = self._nearest(start, component), self._nearest(goal, component)
-            if start_node is None or goal_node is None:
-                continue
-            misfits = self._misfit(start, start_node), self._misfit(goal, goal_node)
-            pairs.append((np.hypot(*misfits[0]) + np.hypot(*misfits[1]), component, start_node, goal_node, *misfits))
+            here, there = self._end("start", start, component), self._end("goal", goal, component)
+            if here is not None and there is not None:
+                pairs.append((here, there))
         if not pairs:
             return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
-        _, component, start_node, goal_node, start_misfit, goal_misfit = min(pairs, key=lambda pair: pair[0])
-        for end, misfit, code in (
-            ("start", start_misfit, VerdictCode.START_OUT_OF_SUPPORT),
-            ("goal", goal_misfit, VerdictCode.GOAL_OUT_OF_SUPPORT),
-        ):
-            verdict = self._offset_verdict(end, misfit, code)
+        here, there = min(pairs, key=lambda pair: _weighed(pair[0]) + _weighed(pair[1]))
+        return self._between(start, here, goal, there, here.task_offset)
+
+    def redirected(self, query: Query, start: Pose, latent: np.ndarray, goal: Pose) -> Query | Verdict | None:
+        """The query that goes on from a pose on the way of an older one, at its latent point (d,), to a new goal.
+
+        None where the latent point is not connected to any node: then the query has to be built anew.
+        """
+        node = self._graph.node_near(latent, self._graph.component == self._graph.component[query.goal_node], 1)
+        if node is None:
+            return None
+        here = _End(latent, node, self._displacement(latent, start), np.zeros(6), query.task_start)
+        there = self._end("goal", goal, int(self._graph.component[node]))
+        return None if there is None else self._between(start, here, goal, there, query.task_start)
+
+    def _between(self, start: Pose, here: _End, goal: Pose, there: _End, task_start: np.ndarray) -> Query | Verdict:
+        for verdict in (self._offset_verdict("start", here), self._offset_verdict("goal", there)):
             if not verdict.ok:
                 return verdict
-        offsets = self._offsets(start, start_node, goal, goal_node)
-        energies = self._graph.transported(offsets, self._points)
-        base = base_weights(energies.fixed, energies.shares)
-        members = np.flatnonzero(self._graph.component == component)
-        body_points = energies.body_points[members]
+        corrections, conformal = self._unconditioned
+        sheet = self._skill.canonical
+        if self._ridges is not None and sheet is not None and self._settings.query_conditioning and sheet.regresses:
+            corrections, conformal = self._along_ridges(task_start, there.task_offset, conditioned=True)
+        offsets = self._offsets(here, there, corrections)
+        graph = self._graph.transported(offsets, self._points, conformal)
+        base = graph.base
+        members = np.flatnonzero(self._graph.component == self._graph.component[there.node])
+        body_points = graph.body_points[members]
         return Query(
+            start=start,
             goal=goal,
-            offsets=offsets,
-            goal_node=goal_node,
+            start_latent=here.latent,
+            goal_node=there.node,
             members=members,
             body_points=body_points,
-            energies=energies,
+            offsets=offsets,
+            graph=graph,
             base=base,
-            to_goal=cost_field(self._graph.adjacency, base, energies.fixed, energies.shares, goal_node),
+            to_goal=cost_field(self._graph.adjacency, base, there.node),
             body_box=(body_points.min(axis=(0, 1)), body_points.max(axis=(0, 1))),
-            misfits={
-                "start_offset": start_misfit[0], "start_offset_angle": start_misfit[1],
-                "goal_offset": goal_misfit[0], "goal_offset_angle": goal_misfit[1],
-            },
-            start=start,
-            start_latent=self._graph.latent[start_node],
+            misfits=_misfits("start", here) | _misfits("goal", there),
+            task_start=task_start,
+        )
+
+    def _along_ridges(
+        self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool
+    ) -> tuple[np.ndarray, np.ndarray | None]:
+        """Corrections (K, S, 6) of the decoder along the ridges of a query, and the nodes' conformal factors (n,)."""
+        sheet = self._skill.canonical
+        if self._ridges is None or sheet is None:
+            # No ridge is used, but the graph counts the shares of the skill's.
+            return np.zeros((self._graph.ridge_count, 2, 6)), None
+        weights = sheet.weights(start_offset, goal_offset, conditioned)
+        ridges = self._ridges.moved_to(np.einsum("kn,nsd->ksd", weights, self._skill.codes))
+        corrections = sheet.corrections(self._graph.decoder, ridges, weights)
+        return corrections, ridges.conformal_factors(self._graph.latent, self._settings.ridge_strength)
+
+    def _offsets(self, here: _End, there: _End, corrections: np.ndarray) -> Offsets:
+        progress, shares = self._graph.progress_map(np.stack([here.latent, there.latent]))
+        corrected = corrections_at(corrections, progress, shares)
+        return Offsets(
+            here.displacement - corrected[0], there.displacement - corrected[1],
+            float(progress[0]), float(progress[1]), corrections,
         )  # fmt: skip
 
-    def _offsets(self, start: Pose, start_node: int, goal: Pose, goal_node: int) -> Offsets:
-        decoded, progress = self._graph.decoded, self._graph.progress
-        return Offsets(
-            start.position - decoded.positions[start_node],
-            goal.position - decoded.positions[goal_node],
-            rotation_vector_between(decoded.quaternions[start_node], start.quaternion),
-            rotation_vector_between(decoded.quaternions[goal_node], goal.quaternion),
-            float(progress[start_node]),
-            float(progress[goal_node]),
-        )
+
+def _lengths(offset: np.ndarray) -> tuple[float, float]:
+    """Length of the translation [m] and of the rotation vector [rad] of an offset (6,)."""
+    return float(np.linalg.norm(offset[:3])), float(np.linalg.norm(offset[3:]))
+
+
+def _weighed(end: _End) -> float:
+    """How ill an end fits: what was not demonstrated of its displacement, a radian like a metre."""
+    return float(np.linalg.norm(end.beyond))
+
+
+def _misfits(name: str, end: _End) -> dict[str, float]:
+    names = (f"{name}_offset", f"{name}_offset_angle", f"{name}_beyond", f"{name}_beyond_angle")
+    return dict(zip(names, end.sizes, strict=True))

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from geodesic_motion_ros.graph.latent_graph import Offsets
+from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.quaternions import angle_between, rotation_vector_between, slerp
 
 
@@ -47,12 +47,10 @@ def correct_ends(
 
     Both offsets, of position and of rotation vector, fade linearly with arc length towards the other end.
     """
-    offsets = Offsets(
-        start[0] - positions[0], goal[0] - positions[-1],
-        rotation_vector_between(quaternions[0], start[1]), rotation_vector_between(quaternions[-1], goal[1]),
-        0.0, 1.0,
-    )  # fmt: skip
-    return offsets.apply(positions, quaternions, arc_share(positions))
+    at_start = np.concatenate([start[0] - positions[0], rotation_vector_between(quaternions[0], start[1])])
+    at_goal = np.concatenate([goal[0] - positions[-1], rotation_vector_between(quaternions[-1], goal[1])])
+    share = arc_share(positions)[:, None]
+    return carried(positions, quaternions, (1.0 - share) * at_start + share * at_goal)
 
 
 def arc_share(positions: np.ndarray) -> np.ndarray:

@@ -23,9 +23,11 @@ from safetensors.numpy import load_file, save_file
 from geodesic_motion_ros.errors import GeodesicMotionError, SkillError
 from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.graph.latent_graph import LatentGraph, MetricSettings, build_latent_graph
+from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.shared_files import find_shared
+from geodesic_motion_ros.sheet import CanonicalSheet
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 #: The graph that energy_per_edge is calibrated on, and the default one.
 GRID_SHAPE = (100, 100)
@@ -37,6 +39,7 @@ ENDPOINT_MULTIPLE = 3.0
 _TEXT_FIELDS = ("name", "space", "robot", "base_frame", "tool_frame", "orientation_model")
 _METADATA = (*_TEXT_FIELDS, "metric", "sigma_support", "energy_per_edge", "quality", "provenance")
 _LATENT = ("codes", "latent_lower", "latent_upper", "start_pose", "goal_pose")
+_CANONICAL = ("positions", "quaternions", "start_offsets", "goal_offsets", "modes")
 _FILES = ("weights.safetensors", "latent.npz")
 
 
@@ -49,6 +52,7 @@ class Skill:
     name, robot, base_frame, tool_frame : what it is called and whose poses it speaks of.
     decoder : numpy decoder; encoder_arrays : weights of the encoder by name, for re-encoding demonstrations.
     codes : (N, T, d) latent means of the demonstrations by arc length; with antipodal doubling both signs, (2N, T, d).
+    canonical : what was taken out of the demonstrations before the training; None on the raw sheet, that of the paper.
     latent_lower, latent_upper : (d,) the box that is turned into a graph.
     metric : weights of the pull-back metric.
     orientation_model : "two_cluster" (q and -q have codes of their own) or "sign_blind".
@@ -72,6 +76,7 @@ class Skill:
     base_frame: str = "panda_link0"
     tool_frame: str = "panda_grasptarget"
     metric: MetricSettings = field(default_factory=MetricSettings)
+    canonical: CanonicalSheet | None = None
     orientation_model: Literal["two_cluster", "sign_blind"] = "two_cluster"
     encoder_arrays: dict[str, np.ndarray] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)
@@ -81,6 +86,18 @@ class Skill:
     def sigma_limit(self) -> float:
         """Largest rms sigma [m] inside the support."""
         return SUPPORT_MULTIPLE * self.sigma_support
+
+    @property
+    def sheet(self) -> Literal["canonical", "raw"]:
+        """Whether start and goal offsets were taken out of the demonstrations before the training."""
+        return "raw" if self.canonical is None else "canonical"
+
+    @property
+    def ridges(self) -> Ridges | None:
+        """Where the demonstrations run on average; None on the raw sheet, and for a single demonstration."""
+        if self.canonical is None or not self.canonical.has_ridges:
+            return None
+        return Ridges.of_codes(self.codes, self.canonical.modes)
 
     def _energy_limit(self, shape: tuple[int, ...]) -> float:
         """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""
@@ -92,7 +109,7 @@ class Skill:
         return build_latent_graph(
             self.decoder, self.codes, self.latent_lower, self.latent_upper,
             self.metric, self.sigma_limit, shape, neighbours, energy_limit=self._energy_limit(shape),
-            clusters=2 if self.orientation_model == "two_cluster" else 1,
+            clusters=2 if self.orientation_model == "two_cluster" else 1, ridges=self.ridges,
         )  # fmt: skip
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
@@ -107,8 +124,12 @@ class Skill:
             weights = {f"decoder.{name}": array for name, array in self.decoder.arrays().items()}
             weights |= {f"encoder.{name}": np.asarray(a, float) for name, a in self.encoder_arrays.items()}
             save_file({k: np.array(v, order="C") for k, v in weights.items()}, draft / "weights.safetensors")
-            np.savez(draft / "latent.npz", **{name: getattr(self, name) for name in _LATENT})
-            described = {"format_version": FORMAT_VERSION}
+            latent = {name: getattr(self, name) for name in _LATENT}
+            described = {"format_version": FORMAT_VERSION, "sheet": self.sheet}
+            if self.canonical is not None:
+                latent |= {f"canonical_{name}": getattr(self.canonical, name) for name in _CANONICAL}
+                described["regression_penalty"] = self.canonical.penalty
+            np.savez(draft / "latent.npz", **latent)
             described |= {name: getattr(self, name) for name in _METADATA} | {"metric": asdict(self.metric)}
             described["sha256"] = {name: _digest(draft / name) for name in _FILES}
             (draft / "skill.yaml").write_text(yaml.safe_dump(described, sort_keys=False, width=110))
@@ -140,6 +161,7 @@ class Skill:
             weights = load_file(path / "weights.safetensors")
             with np.load(path / "latent.npz", allow_pickle=False) as archive:
                 latent = {name: np.asarray(archive[name], dtype=float) for name in _LATENT}
+                latent["canonical"] = _canonical(described, archive)
             metadata = {name: described[name] for name in _METADATA}
             metadata["metric"] = MetricSettings(**described["metric"])
             skill = cls(
@@ -161,6 +183,8 @@ class Skill:
             "latent_lower": (d,), "latent_upper": (d,), "start_pose": (7,), "goal_pose": (7,),
             "codes": (*self.codes.shape[:2], d),
         }  # fmt: skip
+        if self.canonical is not None:
+            self.canonical.check(*self.codes.shape[:2])
         for name, shape in shapes.items():
             array = getattr(self, name)
             if array.shape != shape or not np.all(np.isfinite(array)):
@@ -169,6 +193,15 @@ class Skill:
             value = getattr(self, name)
             if not (isinstance(value, float) and value > 0.0):
                 raise SkillError(f"{name} is {value!r}, must be a positive number")
+
+
+def _canonical(described: dict[str, Any], archive: Any) -> CanonicalSheet | None:
+    if described["sheet"] == "raw":
+        return None
+    if described["sheet"] != "canonical":
+        raise SkillError(f"sheets of kind {described['sheet']!r} are not known here; known: 'canonical', 'raw'")
+    arrays = {name: archive[f"canonical_{name}"] for name in _CANONICAL}
+    return CanonicalSheet(**arrays, penalty=float(described["regression_penalty"]))
 
 
 def _with_prefix(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
@@ -222,7 +255,7 @@ def _read_description(path: Path) -> dict[str, Any]:
             f"{file}: format version {described['format_version']}, this release reads {FORMAT_VERSION}: "
             "install a matching release or train the skill again"
         )
-    missing = [name for name in (*_METADATA, "sha256") if name not in described]
+    missing = [name for name in ("sheet", *_METADATA, "sha256") if name not in described]
     if missing:
         raise SkillError(f"{file}: lacks {', '.join(missing)}")
     if not isinstance(described["sha256"], dict) or set(described["sha256"]) != set(_FILES):

@@ -34,8 +34,12 @@ class Verdict:
         by the certificate's allowance between samples; inf without obstacles, nan without a path.
     energy_per_edge : largest squared Riemannian length of one edge of the path; nan without a path.
     in_support : whether the whole path stays where the decoder can be trusted.
-    start_offset, goal_offset : distance [m] between the asked pose and the manifold's nearest pose to it.
+    start_offset, goal_offset : distance [m] that the learned start and goal are carried to meet the asked poses.
     start_offset_angle, goal_offset_angle : the same for the orientation [rad].
+    end_correction : how far [m] the path's ends still had to be moved after that, the farther of the two.
+    start_beyond, goal_beyond : how much of that [m] no demonstration shows: all of it on the raw sheet, the distance
+        from the convex hull of the demonstrated offsets on a canonical one. start_beyond_angle, goal_beyond_angle :
+        the same for the orientation [rad].
     """
 
     code: VerdictCode
@@ -47,6 +51,11 @@ class Verdict:
     goal_offset: float = math.nan
     start_offset_angle: float = math.nan
     goal_offset_angle: float = math.nan
+    end_correction: float = math.nan
+    start_beyond: float = math.nan
+    goal_beyond: float = math.nan
+    start_beyond_angle: float = math.nan
+    goal_beyond_angle: float = math.nan
 
     @property
     def ok(self) -> bool:

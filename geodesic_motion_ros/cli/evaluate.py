@@ -11,8 +11,11 @@ Trains on every fold with every seed and predicts the demonstrations that were h
 alone. Prints one row for the geodesic of the learned manifold and one for each simpler predictor.
 """
 _EPILOG = """\
-rows:     geodesic, latent_line (straight in the latent space), task_line (straight in space), nearest_demonstration,
-          mean_demonstration, dmp_nearest, promp, reconstruction (through the network), people (how far apart they are)
+rows:     geodesic (the planner as it comes: canonical sheet, ridge, conditioning), geodesic_ridge (no conditioning),
+          geodesic_canonical (no ridge), geodesic_raw (the paper's sheet), latent_line (straight in the raw latent
+          space), conditional_mean (no manifold), sheet_oracle (the best there is on the sheet), task_line (straight in
+          space), nearest_demonstration, mean_demonstration, dmp_nearest, promp, reconstruction (through the network),
+          people (how far apart they are)
 columns:  dtw_mm, frechet_mm, orientation_deg, to_closest_mm, endpoint_before_mm, endpoint_after_mm, off_manifold
 
 examples:
@@ -33,20 +36,40 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         help="demonstrations to hold out, by number from 0, folds apart by slashes: 0,3,6/1,4,7/2,5,8; without it "
         "three folds that hold out each demonstration once",
     )  # fmt: skip
+    parser.add_argument(
+        "--splits", choices=("folds", "all"), default="folds",
+        help="all: every way to hold three demonstrations out, instead of --folds; 84 for nine, which takes hours",
+    )  # fmt: skip
+    parser.add_argument(
+        "--sheets", type=_sheets, default="canonical,raw", metavar="SHEETS",
+        help="that are trained on; the first is that of the row geodesic",
+    )  # fmt: skip
     parser.add_argument("--seeds", type=indices, default="0", metavar="SEEDS", help="one training each: 0,1,2")
     add_json(parser)
     parser.set_defaults(run=run)
 
 
+def _sheets(text: str) -> tuple[str, ...]:
+    sheets = tuple(text.split(","))
+    if not set(sheets) <= {"canonical", "raw"} or len(set(sheets)) < len(sheets):
+        raise argparse.ArgumentTypeError(f"{text!r} must be canonical, raw, or both apart by a comma")
+    return sheets
+
+
 def run(arguments: argparse.Namespace) -> None:
     """Measure, print the table, write the file."""
-    from geodesic_motion_ros.experiments.imitation import default_folds, evaluate, parse_folds
+    from geodesic_motion_ros.experiments.imitation import all_folds, default_folds, evaluate, parse_folds
 
     demonstrations = read_recording(arguments, arguments.demos)
     count = len(demonstrations)
-    folds = parse_folds(arguments.folds, count) if arguments.folds else default_folds(count)
+    if arguments.splits == "all":
+        folds = all_folds(count)
+    else:
+        folds = parse_folds(arguments.folds, count) if arguments.folds else default_folds(count)
     writable(arguments.json)
-    report = evaluate(demonstrations, folds, arguments.seeds, task=arguments.demos.stem)
+    report = evaluate(
+        demonstrations, folds, arguments.seeds, task=arguments.demos.stem, sheets=arguments.sheets
+    )
     print(report.table())
     if arguments.json is not None:
         report.write_json(arguments.json)

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from geodesic_motion_ros.cli.arguments import (
     HelpFormatter,
@@ -59,6 +59,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         help="of a sphere around the tool's origin [m]; 0: the radii already stand for obstacle and tool together",
     )  # fmt: skip
     avoidance.add_argument("--scenes", type=int, default=8, help="places on the path of each held-out demonstration")
+    avoidance.add_argument("--sheet", choices=("canonical", "raw"), default="canonical", help="skills are learned on")
     avoidance.set_defaults(run=_avoidance)
 
     crossing = names.add_parser("crossing", help="what changing clusters costs", formatter_class=HelpFormatter)
@@ -92,7 +93,7 @@ def _avoidance(arguments: argparse.Namespace) -> None:
 
     settings = AvoidanceSettings(arguments.radii, arguments.tool_radius, arguments.scenes)
     folder = _folder(arguments)
-    report = measure_avoidance(_skills(arguments), settings)
+    report = measure_avoidance(_skills(arguments, arguments.sheet), settings)
     draw_avoidance(report, folder / "avoidance.png")
     _hand_over(arguments, folder, report.table(), report.as_dict())
 
@@ -101,18 +102,19 @@ def _crossing(arguments: argparse.Namespace) -> None:
     from geodesic_motion_ros.experiments.crossing import crossing_report, draw_crossings
 
     folder = _folder(arguments)
-    report = crossing_report(_skills(arguments))
+    # Clusters of q and -q are the paper's, on the raw sheet.
+    report = crossing_report(_skills(arguments, "raw"))
     draw_crossings(report, folder / "crossing.png")
     _hand_over(arguments, folder, report.table(), report.as_dict())
 
 
-def _skills(arguments: argparse.Namespace) -> Iterator[Trained]:
+def _skills(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"]) -> Iterator[Trained]:
     """The skills of every recording, fold and seed."""
     from geodesic_motion_ros.experiments.imitation import default_folds, parse_folds
     from geodesic_motion_ros.experiments.trained import trained_on_folds
     from geodesic_motion_ros.manifold.training import TrainingSettings
 
-    settings = TrainingSettings()
+    settings = TrainingSettings(sheet=sheet)
     if arguments.steps is not None:
         settings = replace(settings, steps=arguments.steps)
     recordings = {path.stem: read_recording(arguments, path) for path in arguments.demos}

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.quaternions import rotate_by, rotation_vector_between
+from geodesic_motion_ros.quaternions import angle_between, rotate_by, rotation_vector_between
 
 Pose = tuple[np.ndarray, np.ndarray]
 """A position (3,) [m] and a unit quaternion (4,), scalar first."""
@@ -57,6 +57,16 @@ def arc_length_fractions(positions: np.ndarray) -> np.ndarray:
     """Arc length scaled to [0, 1] (n,). Equally spaced for a curve that stays in one place."""
     length = arc_length(positions)
     return length / length[-1] if length[-1] > 0.0 else np.linspace(0.0, 1.0, len(positions))
+
+
+def pose_arc_length(positions: np.ndarray, quaternions: np.ndarray, rotation_length: float) -> np.ndarray:
+    """Arc length [m] up to each of the poses (n, 3), (n, 4) that counts turning as well; (n,), from 0.
+
+    Sums sqrt(|dx|^2 + (rotation_length * angle)^2), so that a tool that turns on the spot still moves on.
+    """
+    moved = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    turned = angle_between(quaternions[1:], quaternions[:-1])
+    return np.concatenate([[0.0], np.cumsum(np.hypot(moved, rotation_length * turned))])
 
 
 def interpolate(

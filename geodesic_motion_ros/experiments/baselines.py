@@ -18,6 +18,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.quaternions import (
     continuous_signs,
+    mean_rotation,
     normalise,
     rotate_by,
     rotation_vector_between,
@@ -67,7 +68,7 @@ def task_line(train: Demonstrations, start: Pose, goal: Pose) -> Prediction:
 
 
 def mean_demonstration(train: Demonstrations, start: Pose, goal: Pose) -> Prediction:
-    """Mean of the demonstrations at equal fractions of arc length; rotations by `mean_rotation`."""
+    """Mean of the demonstrations at equal fractions of arc length; rotations by `quaternions.mean_rotation`."""
     curves = [item.curve.resampled(SAMPLES) for item in train]
     positions = np.mean([curve.positions for curve in curves], axis=0)
     quaternions = mean_rotation(np.stack([curve.quaternions for curve in curves]))
@@ -126,16 +127,6 @@ PREDICTORS: dict[str, Predictor] = {
     "promp": promp,
 }
 """The predictors by the names of their rows in the table."""
-
-
-def mean_rotation(quaternions: np.ndarray) -> np.ndarray:
-    """Chordal mean over the first axis of unit quaternions (N, n, 4), blind to their signs; (n, 4).
-
-    Eigenvector of sum_i q_i q_i^T with the largest eigenvalue: F. L. Markley et al., "Averaging quaternions",
-    Journal of Guidance, Control, and Dynamics, 2007.
-    """
-    scatter = np.einsum("ita,itb->tab", quaternions, quaternions)
-    return np.linalg.eigh(scatter)[1][:, :, -1]
 
 
 def nearest(train: Demonstrations, start: Pose, goal: Pose) -> Demonstration:

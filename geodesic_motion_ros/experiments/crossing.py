@@ -21,8 +21,9 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.tables import text_table
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
-from geodesic_motion_ros.graph.latent_graph import LatentGraph, Offsets, build_latent_graph
-from geodesic_motion_ros.graph.shortest_path import base_weights, shortest_path
+from geodesic_motion_ros.graph.latent_graph import LatentGraph, build_latent_graph
+from geodesic_motion_ros.graph.shortest_path import shortest_free_path
+from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.skill import Skill
 
 
@@ -109,19 +110,16 @@ class _Paths:
 
     def __init__(self, graph: LatentGraph) -> None:
         self._graph, self._tree = graph, cKDTree(graph.latent)
-        self._energies = graph.transported(Offsets.none(), np.zeros((1, 3)))
-        self._base = base_weights(self._energies.fixed, self._energies.shares)
+        self._energies = graph.transported(Offsets.none(graph.ridge_count), np.zeros((1, 3))).energies()
 
     def shortest(self, start: np.ndarray, goal: np.ndarray) -> _Path:
         """From a latent point (d,) to another; of infinite length where there is no way."""
-        graph, energies = self._graph, self._energies
+        graph = self._graph
         _, (source, target) = self._tree.query(np.stack([start, goal]))
-        nothing = np.zeros(len(graph.latent))
-        _, edges, length = shortest_path(
-            graph.adjacency, self._base, energies.fixed, energies.shares, np.ones((len(graph.latent), 1)),
-            nothing.astype(bool), nothing, int(source), int(target),
-        )  # fmt: skip
-        squared = energies.without_obstacles[edges]
+        _, edges, length = shortest_free_path(
+            graph.adjacency, np.sqrt(self._energies), np.zeros(len(graph.latent)), int(source), int(target)
+        )
+        squared = self._energies[edges]
         dearest = float(np.max(squared, initial=0.0))
         return _Path(length, len(edges) * float(squared.sum()), dearest, graph.decoded.quaternions[target])
 

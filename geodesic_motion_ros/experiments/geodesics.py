@@ -31,8 +31,8 @@ from scipy.spatial import cKDTree
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.tables import text_table
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.latent_graph import Offsets
-from geodesic_motion_ros.graph.shortest_path import base_weights, cost_field, shortest_path
+from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
+from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.manifold.geodesic import continuous_geodesic
 from geodesic_motion_ros.manifold.metric import PullbackMetric, curve_length
 from geodesic_motion_ros.manifold.task_space import DecoderNetwork
@@ -139,8 +139,7 @@ class _Graph:
     def __init__(self, skill: Skill, side: int, neighbours: int) -> None:
         self.name = f"graph {side}x{side}, {neighbours}"
         self.graph, self.build_ms = _timed(lambda: skill.graph((side, side), neighbours))
-        self._energies = self.graph.transported(Offsets.none(), np.zeros((1, 3)))
-        self._base = base_weights(self._energies.fixed, self._energies.shares)
+        self._base = self.graph.transported(Offsets.none(self.graph.ridge_count), np.zeros((1, 3))).base
         self._tree = cKDTree(self.graph.latent)
         self.path(self.graph.latent[0], self.graph.latent[0])  # loads the kernels, which is not the path's time
 
@@ -157,15 +156,12 @@ class _Graph:
     def path(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
         """Shortest path (m, d) between latent points (d,), ends exact; None where there is none."""
         source, target = self._nodes(start, goal)
-        graph, energies = self.graph, self._energies
-        nodes, _, cost = shortest_path(
-            graph.adjacency, self._base, energies.fixed, energies.shares, np.ones((len(graph.latent), 1)),
-            np.zeros(len(graph.latent), dtype=bool), self._heuristic(target), source, target,
-        )  # fmt: skip
+        graph = self.graph
+        nodes, _, cost = shortest_free_path(graph.adjacency, self._base, self._heuristic(target), source, target)
         return np.concatenate([start[None], graph.latent[nodes[1:-1]], goal[None]]) if math.isfinite(cost) else None
 
     def _heuristic(self, target: int) -> np.ndarray:
-        return cost_field(self.graph.adjacency, self._base, self._energies.fixed, self._energies.shares, target)
+        return cost_field(self.graph.adjacency, self._base, target)
 
     def _nodes(self, start: np.ndarray, goal: np.ndarray) -> tuple[int, int]:
         _, nodes = self._tree.query(np.stack([start, goal]))

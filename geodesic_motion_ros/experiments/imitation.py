@@ -1,15 +1,21 @@
 """How well a held-out demonstration is predicted from its start and goal pose alone, beside simpler predictors.
 
-For every fold, skills are trained on the other demonstrations, one per seed. Rows of the table:
+For every fold, skills are trained on the other demonstrations, one per seed and sheet. Rows of the table:
 
-geodesic               the planner's reference on the learned manifold, ends moved to the demanded poses
-latent_line            straight line between the geodesic's latent end points, decoded, ends moved
+geodesic               the planner's reference with default settings: on the canonical sheet, along the ridge of the
+                       demonstrations, start and goal choosing between them where that was found to help
+geodesic_ridge         the same without that choice
+geodesic_canonical     the same without the ridge as well: the plain pull-back metric on the canonical sheet
+geodesic_raw           the paper's: on the raw sheet
+latent_line            straight line between the latent end points of geodesic_raw, decoded, ends moved
+conditional_mean       what geodesic follows, without a manifold: the demonstrations' weighted mean, carried to the ends
+sheet_oracle           the sheet's nearest poses to the held-out demonstration itself: the best path there is on it
 task_line              straight line in position, great circle in orientation
 nearest_demonstration  the training demonstration that begins and ends nearest, ends moved
 mean_demonstration     mean of the training demonstrations over arc length, ends moved
 dmp_nearest            Cartesian DMP of the nearest demonstration
 promp                  ProMP conditioned on start and goal, ends moved
-reconstruction         the held-out demonstration through encoder and decoder: what the network can draw
+reconstruction         the held-out demonstration through encoder and decoder of the raw sheet
 people                 human variation: mean over all pairs of demonstrations
 
 Columns: means over held-out demonstrations, and seeds where something is trained; null where without meaning:
@@ -19,7 +25,8 @@ dtw_mm              mean position distance of the points matched by dynamic time
 orientation_deg     mean angle between the orientations of the same matched points
 frechet_mm          discrete Frechet distance of the positions
 to_closest_mm       DTW to the closest training demonstration
-endpoint_before_mm  mean distance of both ends from the demanded positions, before they are moved there
+endpoint_before_mm  mean distance of both ends from the demanded positions, before they are moved there; on a canonical
+                    sheet, where carrying the sheet to start and goal comes before planning, after that
 endpoint_after_mm   the same afterwards; endpoint_before_deg and endpoint_after_deg are the angles
 off_manifold        fraction of the paths that leave the skill's support anywhere: rms sigma beyond 5 times
                     its 99th percentile on the training codes
@@ -30,38 +37,48 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from itertools import combinations
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, product
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial import cKDTree
 from tqdm import tqdm
 
+from geodesic_motion_ros.demonstrations.canonical import offsets_between
 from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.demonstrations.similarity import compare, distance_to_closest
+from geodesic_motion_ros.demonstrations.similarity import COMPARED_POINTS, compare, distance_to_closest
 from geodesic_motion_ros.errors import DemonstrationError, ParameterError
 from geodesic_motion_ros.experiments.baselines import PREDICTORS, Prediction, require_peers
 from geodesic_motion_ros.experiments.crossing import Crossing, measure_crossings
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
+from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.planner import Plan, PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
+from geodesic_motion_ros.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill import Skill
 
 Progress = Callable[[str, int, int], None]
 """Called as progress(stage, step, steps) while a skill is trained."""
-Train = Callable[[Demonstrations, int, Progress], Skill]
-"""train(demonstrations, seed, progress) -> skill."""
+Sheet = Literal["canonical", "raw"]
+Train = Callable[[Demonstrations, int, Sheet, Progress], Skill]
+"""train(demonstrations, seed, sheet, progress) -> skill."""
 Values = dict[str, float]
 """Column -> value of one prediction, NaN where it has no meaning."""
 Fold = tuple[int, ...]
 
 ROWS = (
     "geodesic",
+    "geodesic_ridge",
+    "geodesic_canonical",
+    "geodesic_raw",
     "latent_line",
+    "conditional_mean",
+    "sheet_oracle",
     "task_line",
     "nearest_demonstration",
     "mean_demonstration",
@@ -165,6 +182,7 @@ class ImitationReport:
             for row, values in self.rows.items()
             if values["unanswered"]
         ]
+        notes += self._in_words()
         if self.crossings:
             ratio = np.median([item.ratio for item in self.crossings])
             flagged = sum(item.flagged for item in self.crossings)
@@ -175,6 +193,19 @@ class ImitationReport:
         return "\n".join([f"{self.task}: held out {folds}, seeds {', '.join(map(str, self.seeds))}", *lines, *notes])
 
 
+    def _in_words(self) -> list[str]:
+        """Where the geodesic's distance from what people did comes from."""
+        rows = self.rows
+        geodesic, mean, oracle = (rows[row]["dtw_mm"] for row in ("geodesic", "conditional_mean", "sheet_oracle"))
+        if geodesic is None or mean is None or oracle is None:
+            return []
+        return [
+            f"where the geodesic's {geodesic:.1f} mm come from: {oracle:.1f} mm no path on the sheet could avoid "
+            f"(representation); {mean:.1f} mm the demonstrations' mean misses too, which start and goal do not tell "
+            f"(unpredictable); {geodesic - mean:+.1f} mm is the shortest path's own (path choice)"
+        ]
+
+
 def evaluate(
     demonstrations: Demonstrations,
     folds: Sequence[Fold],
@@ -182,6 +213,7 @@ def evaluate(
     train: Train | None = None,
     task: str = "task",
     show_progress: bool = True,
+    sheets: Sequence[Sheet] = ("canonical", "raw"),
 ) -> ImitationReport:
     """Train on every fold with every seed and measure all rows on the held-out demonstrations.
 
@@ -190,6 +222,7 @@ def evaluate(
     demonstrations : at least two; folds : indices to hold out, see `parse_folds`; seeds : of the trainings.
     train : how a skill is learned; by default `train_task_space` with its default settings.
     task : name for the report. show_progress : a progress bar on standard error.
+    sheets : that skills are trained on. The first is that of the row geodesic; rows of others stay empty.
 
     Raises
     ------
@@ -203,27 +236,30 @@ def evaluate(
     splits = [demonstrations.split(fold) for fold in folds]
     measurements: list[Measurement] = []
     crossings: list[Crossing] = []
-    with tqdm(total=len(folds) * len(seeds), desc=task, unit="skill", disable=not show_progress) as bar:
+    with tqdm(total=len(folds) * len(seeds) * len(sheets), desc=task, unit="skill", disable=not show_progress) as bar:
         for fold, (shown, held_out) in zip(folds, splits, strict=True):
             judge = _Judge(shown, demonstrations.has_orientation)
             for index, item in zip(fold, held_out, strict=True):
                 measurements += judge.baselines(index, item)
-            for seed in seeds:
-                skill = (train or train_task_space)(shown, seed, _postfix(bar))
-                planner = ReactivePlanner(skill, EVERY_END)
-                for index, item in zip(fold, held_out, strict=True):
-                    measurements += judge.manifold(index, item, planner, seed)
-                if demonstrations.has_orientation and skill.orientation_model == "two_cluster":
+            for seed, sheet in product(seeds, sheets):
+                skill = (train or train_task_space)(shown, seed, sheet, _postfix(bar))
+                measure = judge.on_canonical_sheet if sheet == "canonical" else judge.on_raw_sheet
+                found = measure(skill, zip(fold, held_out, strict=True), seed)
+                if sheet == sheets[0]:
+                    default = "geodesic_conditioned" if sheet == "canonical" else "geodesic_raw"
+                    found += [replace(item, row="geodesic") for item in found if item.row == default]
+                measurements += found
+                if skill.orientation_model == "two_cluster":
                     crossings += measure_crossings(skill, [item.curve for item in shown])
                 bar.update()
     return ImitationReport(task, folds, seeds, _people(demonstrations), tuple(measurements), tuple(crossings))
 
 
-def train_task_space(demonstrations: Demonstrations, seed: int, progress: Progress) -> Skill:
+def train_task_space(demonstrations: Demonstrations, seed: int, sheet: Sheet, progress: Progress) -> Skill:
     """The default way to learn a skill: a task-space auto-encoder with default settings."""
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
-    return train_task_space_skill(demonstrations, TrainingSettings(seed=seed), progress=progress)
+    return train_task_space_skill(demonstrations, TrainingSettings(seed=seed, sheet=sheet), progress=progress)
 
 
 def parse_folds(text: str, count: int) -> tuple[Fold, ...]:
@@ -264,6 +300,13 @@ def default_folds(count: int, folds: int = 3) -> tuple[Fold, ...]:
     return tuple(tuple(range(first, count, folds)) for first in range(folds))
 
 
+def all_folds(count: int, held_out: int = 3) -> tuple[Fold, ...]:
+    """Every way to hold out so many of `count` demonstrations; DemonstrationError where none is left to train on."""
+    if count <= held_out:
+        raise DemonstrationError(f"{count} demonstration(s): holding out {held_out} leaves none to train on")
+    return tuple(combinations(range(count), held_out))
+
+
 class _Judge:
     """Measures predictions for held-out demonstrations against these and the training demonstrations."""
 
@@ -282,36 +325,61 @@ class _Judge:
         closest = {"to_closest_mm": 1e3 * distance_to_closest(held_out.curve, self._shown_curves)}
         return [*measured, Measurement("people", index, None, closest)]
 
-    def manifold(self, index: int, held_out: Demonstration, planner: ReactivePlanner, seed: int) -> list[Measurement]:
-        """The rows of one trained skill."""
+    def on_canonical_sheet(
+        self, skill: Skill, held_out: Iterable[tuple[int, Demonstration]], seed: int
+    ) -> list[Measurement]:
+        """The rows of one skill with a canonical sheet."""
+        planners = {
+            "geodesic_conditioned": ReactivePlanner(skill, EVERY_END),
+            "geodesic_ridge": ReactivePlanner(skill, replace(EVERY_END, query_conditioning=False)),
+            "geodesic_canonical": ReactivePlanner(skill, replace(EVERY_END, ridge_strength=0.0)),
+        }
+        measured = []
+        for index, item in held_out:
+            for row, planner in planners.items():
+                measured.append(self._geodesic(row, index, item, planner, seed)[0])
+            mean = Prediction.between(conditional_mean(skill, *_ends(item)), *_ends(item))
+            oracle = sheet_oracle(planners["geodesic_ridge"], item)
+            measured.append(Measurement("conditional_mean", index, seed, self._values(mean, item)))
+            measured.append(Measurement("sheet_oracle", index, seed, self._compared(oracle, item)))
+        return measured
+
+    def on_raw_sheet(
+        self, skill: Skill, held_out: Iterable[tuple[int, Demonstration]], seed: int
+    ) -> list[Measurement]:
+        """The rows of one skill with a raw sheet."""
+        planner = ReactivePlanner(skill, EVERY_END)
+        measured = []
+        for index, item in held_out:
+            geodesic, plan = self._geodesic("geodesic_raw", index, item, planner, seed)
+            line: Values = {}
+            if plan.reference is not None:
+                ends = plan.reference.latent[[0, -1]]
+                straight = ends[0] + np.linspace(0.0, 1.0, len(plan.reference.latent))[:, None] * (ends[1] - ends[0])
+                line = self._latent_line(skill, straight, item)
+            measured.append(geodesic)
+            measured.append(Measurement("latent_line", index, seed, line, geodesic.refusal))
+            measured.append(Measurement("reconstruction", index, seed, self._reconstruction(skill, item)))
+        return measured
+
+    def _geodesic(
+        self, row: str, index: int, held_out: Demonstration, planner: ReactivePlanner, seed: int
+    ) -> tuple[Measurement, Plan]:
         start, goal = held_out.curve.start, held_out.curve.goal
         plan = planner.plan(*start, *goal)
-        reconstruction = Measurement("reconstruction", index, seed, self._reconstruction(planner.skill, held_out))
-        if plan.reference is None:
-            left, refusal = {"off_manifold": _left_support(plan)}, f"{plan.verdict.code.name}: {plan.verdict.reason}"
-            return [
-                Measurement("geodesic", index, seed, left, refusal),
-                Measurement("latent_line", index, seed, {}, refusal),
-                reconstruction,
-            ]
-        ends = plan.reference.latent[[0, -1]]
-        line = ends[0] + np.linspace(0.0, 1.0, len(plan.reference.latent))[:, None] * (ends[1] - ends[0])
-        return [
-            Measurement("geodesic", index, seed, self._geodesic(planner.skill, plan, held_out)),
-            Measurement("latent_line", index, seed, self._latent_line(planner.skill, line, held_out)),
-            reconstruction,
-        ]
-
-    def _geodesic(self, skill: Skill, plan: Plan, held_out: Demonstration) -> Values:
         reference, verdict = plan.reference, plan.verdict
-        assert reference is not None
+        if reference is None:
+            refusal = f"{verdict.code.name}: {verdict.reason}"
+            return Measurement(row, index, seed, {"off_manifold": _left_support(plan)}, refusal), plan
         curve = PoseCurve(reference.positions, reference.quaternions)
         values = self._compared(curve, held_out) | self._ends(curve, held_out, "after")
-        return values | {
-            "endpoint_before_mm": 500.0 * (verdict.start_offset + verdict.goal_offset),
-            "endpoint_before_deg": self._degrees([verdict.start_offset_angle, verdict.goal_offset_angle]),
-            "off_manifold": _off_manifold(skill, reference.latent),
-        }
+        if planner.skill.canonical is None:
+            values["endpoint_before_mm"] = 500.0 * (verdict.start_offset + verdict.goal_offset)
+            values["endpoint_before_deg"] = self._degrees([verdict.start_offset_angle, verdict.goal_offset_angle])
+        else:
+            values["endpoint_before_mm"] = 1e3 * verdict.end_correction
+        values["off_manifold"] = _off_manifold(planner.skill, reference.latent)
+        return Measurement(row, index, seed, values), plan
 
     def _latent_line(self, skill: Skill, latent: np.ndarray, held_out: Demonstration) -> Values:
         prediction = Prediction.between(_decoded(skill, latent), held_out.curve.start, held_out.curve.goal)
@@ -356,6 +424,38 @@ class _Judge:
     def _degrees(self, angles: list[float]) -> float:
         """Mean in degrees; NaN for recordings without orientation."""
         return math.degrees(float(np.mean(angles))) if self.has_orientation else math.nan
+
+
+def conditional_mean(skill: Skill, start: Pose, goal: Pose) -> PoseCurve:
+    """What a canonical skill's demonstrations predict for a query with no manifold: their weighted mean, carried."""
+    sheet = skill.canonical
+    assert sheet is not None
+    offsets = [
+        offsets_between(mean, pose[0][None], pose[1][None])[0]
+        for mean, pose in ((skill.start_pose, start), (skill.goal_pose, goal))
+    ]
+    positions, quaternions = sheet.mean_curves(sheet.weights(*offsets, conditioned=True))
+    s = np.linspace(0.0, 1.0, positions.shape[1])[:, None]
+    # The mode that most demonstrations belong to.
+    largest = int(np.argmax(np.bincount(sheet.modes)))
+    blend = (1.0 - s) * offsets[0] + s * offsets[1]
+    return PoseCurve(*carried(positions[largest], continuous_signs(quaternions[largest]), blend))
+
+
+def sheet_oracle(planner: ReactivePlanner, held_out: Demonstration) -> PoseCurve:
+    """The nearest supported pose of the sheet, carried to a demonstration's ends, to each pose of the demonstration."""
+    query = planner.query(*held_out.curve.start, *held_out.curve.goal)
+    assert query is not None
+    wanted = held_out.curve.resampled(COMPARED_POINTS)
+    features = np.concatenate([query.graph.positions, METRES_PER_RADIAN * 2.0 * query.graph.quaternions], axis=1)
+    tree = cKDTree(np.concatenate([features, features * [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0]]))
+    asked = np.concatenate([wanted.positions, METRES_PER_RADIAN * 2.0 * wanted.quaternions], axis=1)
+    nearest = tree.query(asked)[1] % len(features)
+    return PoseCurve(query.graph.positions[nearest], continuous_signs(query.graph.quaternions[nearest]))
+
+
+def _ends(demonstration: Demonstration) -> tuple[Pose, Pose]:
+    return demonstration.curve.start, demonstration.curve.goal
 
 
 def _people(demonstrations: Demonstrations) -> Values:

@@ -29,17 +29,7 @@ def edge_weight(fixed: np.ndarray, shares: np.ndarray, factors: np.ndarray, edge
 
 
 @numba.njit(cache=True, nogil=True)
-def base_weights(fixed: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Obstacle-free length of every edge, (m,); to the last bit what `edge_weight` gives with factors of 1."""
-    ones = np.ones((1, shares.shape[1]))
-    weights = np.empty(len(fixed))
-    for edge in range(len(fixed)):
-        weights[edge] = edge_weight(fixed, shares, ones, edge, 0, 0)
-    return weights
-
-
-@numba.njit(cache=True, nogil=True)
-def _touched(factors: np.ndarray) -> np.ndarray:
+def touched_nodes(factors: np.ndarray) -> np.ndarray:
     """Nodes (n,) with a factor (n, K) above 1."""
     touched = np.zeros(len(factors), dtype=np.bool_)
     for i in range(len(factors)):
@@ -95,6 +85,7 @@ def _search(
     fixed: np.ndarray,
     shares: np.ndarray,
     factors: np.ndarray,
+    touched: np.ndarray,
     blocked: np.ndarray,
     heuristic: np.ndarray,
     source: int,
@@ -104,10 +95,9 @@ def _search(
 
     Nodes with an infinite heuristic cannot reach the goal and are skipped. An edge's obstacle-free length, `base` (m,),
     is a lower bound of its weight, and its weight where no obstacle touches its ends: the sum over body points is
-    worked out for the few edges that remain. Returns, per node, the cost (n,), the
-    predecessor (n,) and the edge to it (n,).
+    worked out for the few edges that remain. Returns, per node, the cost (n,), the predecessor (n,) and the edge to it
+    (n,).
     """
-    touched = _touched(factors)
     cost = np.full(len(first) - 1, np.inf)
     predecessor = np.full(len(first) - 1, -1, dtype=np.int32)
     arrival = np.full(len(first) - 1, -1, dtype=np.int32)
@@ -142,20 +132,28 @@ def _search(
     return cost, predecessor, arrival
 
 
-def cost_field(
-    adjacency: Adjacency, base: np.ndarray, fixed: np.ndarray, shares: np.ndarray, source: int
-) -> np.ndarray:
+def cost_field(adjacency: Adjacency, base: np.ndarray, source: int) -> np.ndarray:
     """Obstacle-free cost (n,) between `source` and every node, infinite where there is no path (Dijkstra).
 
-    It is the exact heuristic of `shortest_path`. base : (m,) from `base_weights`.
+    It is the exact heuristic of `shortest_path`. base : (m,) obstacle-free lengths.
     """
     nodes = len(adjacency.first) - 1
-    factors = np.ones((nodes, shares.shape[1]))
+    nowhere, nothing = np.zeros(nodes, dtype=np.bool_), np.empty((0, 0))
     cost, _, _ = _search(
-        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, factors,
-        np.zeros(nodes, dtype=np.bool_), np.zeros(nodes), source, -1,
+        adjacency.first, adjacency.node, adjacency.edge, base, np.empty(0), nothing, nothing,
+        nowhere, nowhere, np.zeros(nodes), source, -1,
     )  # fmt: skip
     return cost
+
+
+def shortest_free_path(
+    adjacency: Adjacency, base: np.ndarray, heuristic: np.ndarray, source: int, target: int
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """`shortest_path` where there is no obstacle."""
+    nowhere, nothing = np.zeros(len(heuristic), dtype=np.bool_), np.empty((0, 0))
+    return shortest_path(
+        adjacency, base, np.empty(0), nothing, nothing, nowhere, nowhere, heuristic, source, target
+    )
 
 
 def shortest_path(
@@ -164,6 +162,7 @@ def shortest_path(
     fixed: np.ndarray,
     shares: np.ndarray,
     factors: np.ndarray,
+    touched: np.ndarray,
     blocked: np.ndarray,
     heuristic: np.ndarray,
     source: int,
@@ -175,16 +174,17 @@ def shortest_path(
 
     Parameters
     ----------
-    base : (m,) obstacle-free lengths from `base_weights`.
-    fixed, shares : (m,) and (m, K) squared lengths b_e and a_ek of every undirected edge.
-    factors : (n, K) ambient factors >= 1; blocked : (n,) nodes that may not be entered.
+    base : (m,) obstacle-free lengths.
+    fixed, shares : (m,) and (m, K) squared lengths b_e and a_ek; a_ek is read at edges of touched nodes only.
+    factors : (n, K) ambient factors >= 1; touched : (n,) nodes where any of them exceeds 1, see `touched_nodes`.
+    blocked : (n,) nodes that may not be entered.
     heuristic : (n,) obstacle-free cost to the target; zeros make the search plain Dijkstra.
     """
     nothing = np.empty(0, dtype=np.int32)
     if blocked[source] or blocked[target] or not math.isfinite(heuristic[source]):
         return nothing, nothing, math.inf
     cost, predecessor, arrival = _search(
-        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, factors,
+        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, factors, touched,
         blocked, heuristic, source, target,
     )  # fmt: skip
     if not math.isfinite(cost[target]):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -14,13 +14,21 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from geodesic_motion_ros.demonstrations.canonical import CanonicalDemonstrations, canonical_form, mean_pose
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.latent_graph import LatentGraph, MetricSettings, Offsets
+from geodesic_motion_ros.graph.latent_graph import LatentGraph
+from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.manifold.task_space import TaskSpaceVAE
-from geodesic_motion_ros.quaternions import angle_between, normalise
+from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.regression import surest_penalty
+from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill import Skill
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.manifold.training import TrainingSettings
 
 #: Samples of a demonstration whose codes a skill keeps, equally spaced in arc length of the positions.
 CODE_SAMPLES = 100
@@ -36,29 +44,34 @@ def assemble_skill(
     vae: TaskSpaceVAE,
     demonstrations: Demonstrations,
     name: str,
-    metric: MetricSettings,
-    margin: float,
+    settings: TrainingSettings,
     provenance: dict[str, Any],
 ) -> Skill:
     """Put a trained float64 model and the demonstrations it was trained on together into a calibrated skill.
 
     Parameters
     ----------
-    demonstrations : all on one sign sheet, as they were trained on.
-    margin : free border of the latent box around the codes, as a fraction of its size.
+    demonstrations : all on one sign sheet, as they were trained on; settings : of the training.
 
     Raises
     ------
     SkillError : no demonstration's ends are connected inside the support.
     """
-    even = demonstrations.resampled(CODE_SAMPLES)
-    positions, quaternions = even.positions_array(), even.quaternions_array()
+    canonical = None
+    if settings.sheet == "canonical":
+        form = canonical_form(demonstrations, CODE_SAMPLES, settings.rotation_length)
+        canonical, start, goal = canonical_sheet(form), form.start, form.goal
+        positions, quaternions = form.positions, form.quaternions
+    else:
+        even = demonstrations.resampled(CODE_SAMPLES)
+        positions, quaternions = even.positions_array(), even.quaternions_array()
+        start, goal = (mean_pose(positions[:, end], quaternions[:, end]) for end in (0, -1))
     codes = _encode(vae, positions, quaternions)
     quality = _reconstruction_quality(vae, codes, positions, quaternions)
-    if demonstrations.has_orientation:
+    if demonstrations.has_orientation and canonical is None:
         codes = np.concatenate([codes, _encode(vae, positions, -quaternions)])
     flat = codes.reshape(-1, codes.shape[-1])
-    border = margin * np.ptp(flat, axis=0)
+    border = settings.margin * np.ptp(flat, axis=0)
     decoder = vae.decoder.to_numpy()
     skill = Skill(
         name=name,
@@ -68,9 +81,10 @@ def assemble_skill(
         latent_upper=flat.max(axis=0) + border,
         sigma_support=float(np.percentile(rms_sigma(decoder.uncertainty(flat)[0]), SUPPORT_PERCENTILE)),
         energy_per_edge=math.inf,
-        start_pose=_mean_pose(positions[:, 0], quaternions[:, 0]),
-        goal_pose=_mean_pose(positions[:, -1], quaternions[:, -1]),
-        metric=metric,
+        start_pose=start,
+        goal_pose=goal,
+        metric=settings.metric,
+        canonical=canonical,
         # Recordings without orientation are learned with one sign only: there are no two clusters.
         orientation_model=vae.orientation_model if demonstrations.has_orientation else "sign_blind",
         encoder_arrays=vae.encoder.arrays(),
@@ -78,6 +92,16 @@ def assemble_skill(
         provenance=provenance,
     )
     return replace(skill, energy_per_edge=calibrated_energy_per_edge(skill.graph(), codes))
+
+
+def canonical_sheet(form: CanonicalDemonstrations) -> CanonicalSheet:
+    """What a skill keeps of canonical demonstrations, with their modes and the regression they speak for."""
+    modes = cluster_modes(form.positions)
+    sheet = CanonicalSheet(
+        form.positions, form.quaternions, form.start_offsets, form.goal_offsets, modes, penalty=math.inf
+    )
+    # Between modes there is nothing to regress: a mean never averages two ways.
+    return sheet if np.any(modes) else replace(sheet, penalty=surest_penalty(sheet.features(), form.positions))
 
 
 def calibrated_energy_per_edge(graph: LatentGraph, codes: np.ndarray) -> float:
@@ -90,8 +114,7 @@ def calibrated_energy_per_edge(graph: LatentGraph, codes: np.ndarray) -> float:
     ------
     SkillError : no demonstration's ends are connected in the graph.
     """
-    untouched = graph.transported(Offsets.none(), np.zeros((1, 3)))
-    energies = untouched.fixed + untouched.shares.sum(axis=1)
+    energies = graph.transported(Offsets.none(graph.ridge_count), np.zeros((1, 3))).energies()
     count = len(graph.latent)
     first, second = graph.edges.T
     lengths = coo_matrix((np.sqrt(energies), (first, second)), shape=(count, count)).tocsr()
@@ -135,11 +158,3 @@ def _reconstruction_quality(
         "training_position_error_mm": float(1e3 * distance.mean()),
         "training_orientation_error_deg": float(np.degrees(angle.mean())),
     }
-
-
-def _mean_pose(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
-    """Mean position and normalised mean quaternion (7,) of poses (N, 3), (N, 4), on the first one's
-    hemisphere.
-    """
-    signs = np.where(quaternions @ quaternions[0] < 0.0, -1.0, 1.0)
-    return np.concatenate([positions.mean(axis=0), normalise((signs[:, None] * quaternions).mean(axis=0))])

@@ -77,11 +77,13 @@ def gaussian_log_density(points: Tensor, means: Tensor, inverse_sigma: Tensor) -
     return terms.sum(-1)
 
 
-def divergence_from_standard_normal(mean: Tensor, log_variance: Tensor) -> Tensor:
-    """Kullback-Leibler divergence KL(N(mean, diag(exp(log_variance))) || N(0, 1)), summed over the last
-    axis.
+def divergence_from_normal(mean: Tensor, log_variance: Tensor, prior_mean: Tensor, prior_variance: Tensor) -> Tensor:
+    """Kullback-Leibler divergence KL(N(mean, diag(exp(log_variance))) || N(prior_mean, diag(prior_variance))).
+
+    Summed over the last axis; all arguments (..., d).
     """
-    return 0.5 * (mean**2 + log_variance.exp() - 1.0 - log_variance).sum(-1)
+    excess = ((mean - prior_mean) ** 2 + log_variance.exp()) / prior_variance
+    return 0.5 * (excess - 1.0 - log_variance + prior_variance.log()).sum(-1)
 
 
 def _squared_chord(first: Tensor, second: Tensor) -> Tensor:

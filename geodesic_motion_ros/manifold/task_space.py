@@ -1,6 +1,6 @@
 """The variational auto-encoder of end-effector poses, R^3 x S^3.
 
-    p(x, q | z) = N(x | mu(z), diag(sigma(z)^2)) p(q | mu_q(z), kappa(z)),   z ~ N(0, 1)
+    p(x, q | z) = N(x | mu(z), diag(sigma(z)^2)) p(q | mu_q(z), kappa(z))
 
 mu and mu_q are the seven outputs of one perceptron, 1 / sigma and kappa radial-basis-function networks
 (Beik-Mohammadi et al., "Reactive motion generation on learned Riemannian manifolds", IJRR 2023, section 4.1).
@@ -19,7 +19,6 @@ from torch import Tensor, nn
 from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.densities import (
     antipodal_log_density,
-    divergence_from_standard_normal,
     gaussian_log_density,
     von_mises_fisher_log_density,
 )
@@ -199,14 +198,13 @@ class TaskSpaceVAE(nn.Module):
         density = antipodal_log_density if self.orientation_model == "sign_blind" else von_mises_fisher_log_density
         return density(quaternions, means.quaternions, precisions.kappa)
 
-    def sample(self, positions: Tensor, quaternions: Tensor) -> tuple[Tensor, Tensor]:
-        """z ~ q(z | x, q), (..., d), and its divergence from the prior, (...); noise from the global
-        generator.
+    def sample(self, positions: Tensor, quaternions: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """z ~ q(z | x, q), and the mean and log variance of that density, all (..., d).
+
+        The noise comes from the global generator.
         """
         mean, log_variance = self.encoder(positions, quaternions)
-        noise = torch.randn_like(mean)
-        latent = mean + torch.exp(0.5 * log_variance) * noise
-        return latent, divergence_from_standard_normal(mean, log_variance)
+        return mean + torch.exp(0.5 * log_variance) * torch.randn_like(mean), mean, log_variance
 
 
 def _basis_network(tensors: dict[str, Tensor], weights: Tensor, floor: Tensor) -> RadialBasisNetwork:

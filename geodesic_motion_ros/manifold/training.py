@@ -4,6 +4,11 @@ Two stages (default). The means first, under fixed likelihood scales: learning p
 lets the model explain a demonstration away as noise. Then the latent space stays as it is, kernels are placed
 on the codes by k-means, and sigma and kappa are fitted by maximum likelihood, a concave problem without local
 optima. The paper's literal joint training is kept as `schedule="joint"`.
+
+On the canonical sheet (default) what is learned are canonical demonstrations (`demonstrations.canonical`), and the
+prior tells how far along them a pose is: p(z | s) = N((PRIOR_REACH (2 s - 1), 0), diag(progress_deviation^2, 1)), s the
+fraction of the arc. It makes the sheet a strip. The raw sheet, the paper's, is learned from the demonstrations as they
+are, with the prior N(0, 1).
 """
 
 from __future__ import annotations
@@ -18,11 +23,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from geodesic_motion_ros.demonstrations.curves import interpolate
-from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.demonstrations.canonical import along_arc, canonical_form
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.latent_graph import MetricSettings
 from geodesic_motion_ros.manifold.calibration import assemble_skill
+from geodesic_motion_ros.manifold.densities import divergence_from_normal
 from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
 from geodesic_motion_ros.manifold.task_space import (
     FixedPrecisions,
@@ -31,11 +38,14 @@ from geodesic_motion_ros.manifold.task_space import (
     Precisions,
     TaskSpaceVAE,
 )
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.skill import Skill
 
 #: Called as progress(stage, step, steps) while training.
 Progress = Callable[[str, int, int], None]
+#: The canonical sheet runs from -PRIOR_REACH to PRIOR_REACH on the first latent axis.
+PRIOR_REACH = 3.0
+#: Below 1, blends lie mostly near one or two demonstrations, and so out to the rim of what was shown.
+BLEND_CONCENTRATION = 0.7
 
 
 @dataclass(frozen=True)
@@ -48,8 +58,10 @@ class TrainingSettings:
     Attributes
     ----------
     seed : of everything random: initial weights, batches, latent noise, k-means.
-    orientation_model : "two_cluster" (one von Mises-Fisher density; q and -q in separate clusters) or
-        "sign_blind" (the paper's antipodal mixture).
+    sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
+    orientation_model : "two_cluster" (one von Mises-Fisher density; q and -q in separate clusters, on the raw sheet
+        only) or "sign_blind" (the paper's antipodal mixture). None: sign_blind on the canonical sheet, two_cluster on
+        the raw one.
     schedule : "two_stage" or "joint" (the paper's: means, sigma and kappa together, after a first half of the
         steps in which the codes settle so that kernels can be placed on them).
     latent_dimension : d, 2 or 3.
@@ -61,6 +73,9 @@ class TrainingSettings:
     position_weight, orientation_weight, kl_weight : beta1, beta2 and the weight of the divergence in
         beta1 log p(x | z) + beta2 log p(q | z) - kl_weight KL. The paper's evidence lower bound has kl_weight
         1.
+    progress_deviation : of the canonical sheet's prior along the strip.
+    blends : random convex combinations of canonical demonstrations that are learned besides each demonstration. They
+        fill the sheet between the demonstrations: sigma is as small there as on them.
     kl_warm_up : fraction of the steps over which the divergence's weight grows from 0.
     fixed_sigma, fixed_kappa : likelihood scales while the means are learned [m], [1].
     kernels : radial-basis kernels, at most; never more than one for two codes.
@@ -77,7 +92,8 @@ class TrainingSettings:
     """
 
     seed: int = 0
-    orientation_model: OrientationModel = "two_cluster"
+    sheet: Literal["canonical", "raw"] = "canonical"
+    orientation_model: OrientationModel | None = None
     schedule: Literal["two_stage", "joint"] = "two_stage"
     latent_dimension: int = 2
     hidden: tuple[int, int] = (200, 100)
@@ -90,6 +106,8 @@ class TrainingSettings:
     orientation_weight: float = 1.0
     kl_weight: float = 0.3
     kl_warm_up: float = 0.2
+    progress_deviation: float = 0.2
+    blends: int = 2
     fixed_sigma: float = 0.005
     fixed_kappa: float = 1600.0
     kernels: int = 500
@@ -104,10 +122,20 @@ class TrainingSettings:
     metric: MetricSettings = field(default_factory=MetricSettings)
 
     def __post_init__(self) -> None:
-        choices = {"orientation_model": ("two_cluster", "sign_blind"), "schedule": ("two_stage", "joint")}
+        if self.orientation_model is None:
+            object.__setattr__(self, "orientation_model", "sign_blind" if self.sheet == "canonical" else "two_cluster")
+        choices = {
+            "sheet": ("canonical", "raw"),
+            "orientation_model": ("two_cluster", "sign_blind"),
+            "schedule": ("two_stage", "joint"),
+        }
         for name, allowed in choices.items():
             if getattr(self, name) not in allowed:
                 raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
+        if self.sheet == "canonical" and self.orientation_model != "sign_blind":
+            raise ParameterError(
+                "a canonical sheet has no clusters of q and -q: choose orientation_model sign_blind, or sheet raw"
+            )
         if self.latent_dimension not in (2, 3):
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; poses are learned in 2 or 3")
         if len(self.hidden) != 2:
@@ -120,17 +148,18 @@ class TrainingSettings:
             raise ParameterError(f"training settings must be positive and finite: {', '.join(not_positive)}")
 
 
-_MAY_BE_ZERO = {"seed", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "margin"}
+_MAY_BE_ZERO = {"seed", "blends", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "margin"}
 
 
 class Poses(NamedTuple):
-    """Training poses: positions (n, 3) [m] and unit quaternions (n, 4)."""
+    """Training poses: positions (n, 3) [m], unit quaternions (n, 4), and the means (n, d) of their prior."""
 
     positions: Tensor
     quaternions: Tensor
+    prior_means: Tensor
 
     def take(self, index: Tensor) -> Poses:
-        return Poses(self.positions[index], self.quaternions[index])
+        return Poses(*(values[index] for values in self))
 
 
 def train_task_space_skill(
@@ -156,41 +185,50 @@ def train_task_space_skill(
     SkillError : the model that came out is unusable (see `assemble_skill`).
     """
     aligned = demonstrations.in_one_hemisphere()
-    positions, quaternions = training_poses(aligned, settings.samples, settings.rotation_length)
+    positions, quaternions = training_poses(aligned, settings)
+    fractions = np.tile(np.linspace(0.0, 1.0, settings.samples), len(positions) // settings.samples)
     if aligned.has_orientation:
         positions = np.concatenate([positions, positions])
         quaternions = np.concatenate([quaternions, -quaternions])
-    vae = train_model(positions, quaternions, settings, progress)
+        fractions = np.tile(fractions, 2)
+    vae = train_model(positions, quaternions, fractions, settings, progress)
     described = {"demonstrations": [item.name for item in aligned], "frame": aligned.frame}
     described |= {"seed": settings.seed, "settings": asdict(settings)} | (provenance or {})
-    return assemble_skill(vae, aligned, name, settings.metric, settings.margin, described)
+    return assemble_skill(vae, aligned, name, settings, described)
 
 
-def training_poses(
-    demonstrations: Demonstrations, samples: int, rotation_length: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (N samples, 3) [m] and (N samples, 4), equally spaced along each demonstration's arc.
+def training_poses(demonstrations: Demonstrations, settings: TrainingSettings) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (N samples, 3) [m] and (N samples, 4), equally spaced along each demonstration's arc, one after the other.
 
-    The arc counts sqrt(|dx|^2 + (rotation_length * angle)^2): with positions alone, a tool that turns nearly
-    on the spot would leave gaps of ten degrees and more between neighbouring samples.
+    The arc counts turning as well (`curves.pose_arc_length`): with positions alone, a tool that turns nearly on the
+    spot would leave gaps of ten degrees and more between neighbouring samples.
     """
-    resampled = [_along_pose_arc(item, samples, rotation_length) for item in demonstrations]
-    return np.concatenate([p for p, _ in resampled]), np.concatenate([q for _, q in resampled])
+    if settings.sheet == "canonical":
+        canonical = canonical_form(demonstrations, settings.samples, settings.rotation_length)
+        positions, quaternions = canonical.blended(
+            blend_weights(cluster_modes(canonical.positions), settings.blends, settings.seed)
+        )
+        positions = np.concatenate([canonical.positions, positions])
+        quaternions = np.concatenate([canonical.quaternions, quaternions])
+        return positions.reshape(-1, 3), quaternions.reshape(-1, 4)
+    curves = [along_arc(item, settings.samples, settings.rotation_length) for item in demonstrations]
+    return np.concatenate([positions for positions, _ in curves]), np.concatenate([turns for _, turns in curves])
 
 
-def _along_pose_arc(
-    demonstration: Demonstration, samples: int, rotation_length: float
-) -> tuple[np.ndarray, np.ndarray]:
-    positions, quaternions = demonstration.positions, demonstration.quaternions
-    moved = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    turned = angle_between(quaternions[1:], quaternions[:-1])
-    arc = np.concatenate([[0.0], np.cumsum(np.hypot(moved, rotation_length * turned))])
-    return interpolate(arc, positions, quaternions, np.linspace(0.0, arc[-1], samples))
+def blend_weights(modes: np.ndarray, blends: int, seed: int) -> np.ndarray:
+    """Weights (N blends, N) of random convex combinations, each within one mode of modes (N,)."""
+    random = np.random.default_rng(seed)
+    weights = np.zeros((len(modes) * blends, len(modes)))
+    for row, mode in enumerate(np.repeat(modes, blends)):
+        own = np.flatnonzero(modes == mode)
+        weights[row, own] = random.dirichlet(np.full(len(own), BLEND_CONCENTRATION))
+    return weights
 
 
 def train_model(
     positions: np.ndarray,
     quaternions: np.ndarray,
+    fractions: np.ndarray,
     settings: TrainingSettings,
     progress: Progress | None = None,
 ) -> TaskSpaceVAE:
@@ -201,11 +239,13 @@ def train_model(
     ----------
     positions, quaternions : (n, 3) [m] and (n, 4) unit, exactly as they are to be learned (with both signs of
         each quaternion if both are wanted).
+    fractions : (n,) of the arc where they lie; the raw sheet's prior does not look at them.
     """
     with _one_seeded_thread(settings.seed):
         offset, scale = _position_scaling(positions)
         vae = TaskSpaceVAE(settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model)
-        poses = Poses(torch.tensor(positions).float(), torch.tensor(quaternions).float())
+        means = _prior_means(fractions, settings)
+        poses = Poses(*(torch.tensor(values).float() for values in (positions, quaternions, means)))
         if settings.orientation_model == "sign_blind":
             _start_on_one_side(vae, poses)
         if settings.schedule == "joint":
@@ -214,7 +254,7 @@ def train_model(
             fixed = FixedPrecisions(settings.fixed_sigma, settings.fixed_kappa)
             _ascend(vae, poses, fixed, settings.steps, "means", settings, progress)
             vae.double()
-            _fit_precisions(vae, Poses(poses.positions.double(), poses.quaternions.double()), settings, progress)
+            _fit_precisions(vae, Poses(*(values.double() for values in poses)), settings, progress)
         return vae.double().requires_grad_(False)
 
 
@@ -237,6 +277,20 @@ def _position_scaling(positions: np.ndarray) -> tuple[Tensor, Tensor]:
     """Mean (3,) and root mean square distance from it over sqrt 3 (): one scalar keeps proportions."""
     offset = positions.mean(axis=0)
     return torch.tensor(offset).float(), torch.tensor(np.sqrt(np.mean((positions - offset) ** 2))).float()
+
+
+def _prior_means(fractions: np.ndarray, settings: TrainingSettings) -> np.ndarray:
+    means = np.zeros((len(fractions), settings.latent_dimension))
+    if settings.sheet == "canonical":
+        means[:, 0] = PRIOR_REACH * (2.0 * fractions - 1.0)
+    return means
+
+
+def _prior_variance(settings: TrainingSettings) -> Tensor:
+    variance = torch.ones(settings.latent_dimension)
+    if settings.sheet == "canonical":
+        variance[0] = settings.progress_deviation**2
+    return variance
 
 
 def _start_on_one_side(vae: TaskSpaceVAE, poses: Poses) -> None:
@@ -264,9 +318,11 @@ def _ascend(
     """
     optimiser = torch.optim.Adam(vae.parameters(), lr=settings.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    prior_variance = _prior_variance(settings)
     for step in range(steps):
         batch = poses.take(torch.randint(len(poses.positions), (settings.batch,)))
-        latent, divergence = vae.sample(*batch)
+        latent, mean, log_variance = vae.sample(batch.positions, batch.quaternions)
+        divergence = divergence_from_normal(mean, log_variance, batch.prior_means, prior_variance)
         likelihood = _log_likelihood(vae, batch, vae.decoder.means(latent), precisions(latent), settings)
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
         loss = (warm * settings.kl_weight * divergence - likelihood).mean()
@@ -306,7 +362,7 @@ def _basis_networks(
 ) -> tuple[RadialBasisNetwork, RadialBasisNetwork]:
     """Networks for 1 / sigma and kappa with kernels on the present codes, in the precision of the poses."""
     with torch.no_grad():
-        codes = vae.encoder(*poses)[0].double().numpy()
+        codes = vae.encoder(poses.positions, poses.quaternions)[0].double().numpy()
     centres = place_centres(codes, settings.kernels, settings.seed)
     like = {"dtype": poses.positions.dtype}
     centre, rate = (
@@ -329,7 +385,7 @@ def _fit_precisions(vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings,
     vae.decoder.set_precisions(inverse_sigma, kappa)
     repeated = Poses(*(values.repeat(settings.precision_samples, 1) for values in poses))
     with torch.no_grad():
-        latent, _ = vae.sample(*repeated)
+        latent, _, _ = vae.sample(repeated.positions, repeated.quaternions)
         means = vae.decoder.means(latent)
         activations = inverse_sigma.activations(latent)
 

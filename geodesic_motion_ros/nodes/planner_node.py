@@ -19,7 +19,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from geodesic_motion_ros.errors import ParameterError, PlanningError, SkillError
-from geodesic_motion_ros.graph.latent_graph import tool_points
+from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.latent_view import LatentView
 from geodesic_motion_ros.nodes.messages import MessageRefused, path_message, read_pose
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER

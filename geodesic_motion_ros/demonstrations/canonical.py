@@ -1,0 +1,97 @@
+"""Canonical form of demonstrations: where a task begins and ends taken out, the way of doing it left.
+
+With s in [0, 1] the fraction of a demonstration's arc, start offset d0 = x(0) - m(0) and goal offset d1 = x(1) - m(1)
+from the mean first and last pose m(0), m(1) of all demonstrations, the canonical curve is
+
+    y(s) = x(s) - (1 - s) d0 - s d1,
+
+with rotations likewise: d0 and d1 are rotation vectors in the base frame, exp(d) m = x, and the curve is turned back by
+exp(-(1 - s) d0 - s d1). Every canonical curve runs from m(0) to m(1); adding the offsets again gives the demonstration
+back exactly, and adding the offsets of another start and goal carries it there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.demonstrations.curves import interpolate, pose_arc_length
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.quaternions import mean_rotation, rotate_by, rotation_vector_between
+from geodesic_motion_ros.sheet import blended_curves
+
+
+@dataclass(frozen=True)
+class CanonicalDemonstrations:
+    """Demonstrations (N) in canonical form at the same fractions s (T,) of their arcs.
+
+    Attributes
+    ----------
+    positions : (N, T, 3) [m]; quaternions : (N, T, 4), all in one hemisphere at equal s.
+    start_offsets, goal_offsets : (N, 6) translation [m] and rotation vector [rad] from `start` and `goal`.
+    start, goal : (7,) mean first and last pose: x, y, z [m], w, x, y, z.
+    """
+
+    positions: np.ndarray
+    quaternions: np.ndarray
+    start_offsets: np.ndarray
+    goal_offsets: np.ndarray
+    start: np.ndarray
+    goal: np.ndarray
+
+    def blended(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted means of the curves: positions (B, T, 3) and quaternions (B, T, 4), for weights (B, N)."""
+        return blended_curves(self.positions, self.quaternions, weights)
+
+
+def along_arc(
+    demonstration: Demonstration, samples: int, rotation_length: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (samples, 3) and quaternions (samples, 4), equally spaced along the arc of a demonstration.
+
+    The arc counts sqrt(|dx|^2 + (rotation_length * angle)^2), see `curves.pose_arc_length`.
+    """
+    arc = pose_arc_length(demonstration.positions, demonstration.quaternions, rotation_length)
+    at = np.linspace(0.0, arc[-1], samples)
+    return interpolate(arc, demonstration.positions, demonstration.quaternions, at)
+
+
+def canonical_form(
+    demonstrations: Demonstrations, samples: int, rotation_length: float
+) -> CanonicalDemonstrations:
+    """Resample demonstrations along their arcs and take their start and goal offsets out.
+
+    Parameters
+    ----------
+    demonstrations : signs of whole demonstrations do not matter.
+    rotation_length : length that a turn of one radian counts in the arc [m].
+    """
+    curves = [along_arc(item, samples, rotation_length) for item in demonstrations.in_one_hemisphere()]
+    positions = np.stack([curve[0] for curve in curves])
+    quaternions = np.stack([curve[1] for curve in curves])
+    start, goal = (mean_pose(positions[:, end], quaternions[:, end]) for end in (0, -1))
+    start_offsets = offsets_between(start, positions[:, 0], quaternions[:, 0])
+    goal_offsets = offsets_between(goal, positions[:, -1], quaternions[:, -1])
+    s = np.linspace(0.0, 1.0, samples)[:, None]
+    blend = (1.0 - s) * start_offsets[:, None] + s * goal_offsets[:, None]
+    return CanonicalDemonstrations(
+        positions - blend[..., :3],
+        rotate_by(-blend[..., 3:], quaternions),
+        start_offsets,
+        goal_offsets,
+        start,
+        goal,
+    )
+
+
+def offsets_between(pose: np.ndarray, positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """Translations [m] and rotation vectors [rad], (n, 6), from a pose (7,) to poses (n, 3), (n, 4)."""
+    turned = rotation_vector_between(np.broadcast_to(pose[3:], quaternions.shape), quaternions)
+    return np.concatenate([positions - pose[:3], turned], axis=-1)
+
+
+def mean_pose(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """Mean position and mean rotation (7,) of poses (N, 3), (N, 4), the rotation on the first one's hemisphere."""
+    rotation = mean_rotation(quaternions)
+    return np.concatenate([positions.mean(axis=0), rotation if rotation @ quaternions[0] >= 0.0 else -rotation])

@@ -1,0 +1,63 @@
+"""Progress tau(z) of latent points along the demonstrations, tabulated on the grid."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from geodesic_motion_ros.graph.grid import LatentGrid
+from geodesic_motion_ros.graph.ridge import Ridges
+
+
+class ProgressMap:
+    """Progress tau(z), 0 at the demonstrations' start and 1 at their end, and the shares of the ridges at z.
+
+    Both are tabulated on the lattice of a grid and interpolated linearly.
+    """
+
+    def __init__(self, progress: np.ndarray, shares: np.ndarray, grid: LatentGrid) -> None:
+        """progress (n,) and shares (n, K), K may be 0, at all the n nodes of the grid."""
+        self._grid = grid
+        self._tables = [column.reshape(grid.shape) for column in (progress, *shares.T)]
+
+    def __call__(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """tau (n,) and shares (n, K) of latent points (n, d)."""
+        at = self._grid.coordinates(latent).T
+        progress, *shares = (map_coordinates(table, at, order=1, mode="nearest") for table in self._tables)
+        return progress, np.stack(shares, axis=1) if shares else np.empty((len(latent), 0))
+
+    @classmethod
+    def from_ridges(cls, ridges: Ridges, grid: LatentGrid) -> ProgressMap:
+        """The ridges' own progress and shares."""
+        return cls(*ridges.coordinates(grid.nodes()), grid)
+
+    @classmethod
+    def from_codes(cls, codes: np.ndarray, grid: LatentGrid) -> ProgressMap:
+        """Progress of the nearby codes (N, T, d), each demonstration's in order of arc length; no ridges.
+
+        tau(z) = sum w s / sum w, w = exp(-|z - z_i(s)|^2 / (2 h^2)), over the demonstrations' codes z_i(s) with arc
+        length s; h is the typical distance between neighbouring demonstrations.
+        """
+        count, samples, dimension = codes.shape
+        flat = codes.reshape(-1, dimension)
+        share = np.tile(np.linspace(0.0, 1.0, samples), count)
+        rate = 0.5 / _tube_width(codes) ** 2
+        nodes = grid.nodes()
+        progress = np.empty(len(nodes))
+        for begin in range(0, len(nodes), 512):
+            block = nodes[begin : begin + 512]
+            squared = np.sum((block[:, None, :] - flat[None]) ** 2, axis=-1)
+            weight = np.exp(-rate * (squared - squared.min(axis=1, keepdims=True)))
+            progress[begin : begin + 512] = weight @ share / weight.sum(axis=1)
+        return cls(progress, np.empty((len(nodes), 0)), grid)
+
+
+def _tube_width(codes: np.ndarray) -> float:
+    """Median distance from a code to the nearest code of another demonstration; of its own where there is only one."""
+    if len(codes) == 1:
+        return float(np.median(np.linalg.norm(np.diff(codes[0], axis=0), axis=1))) * 3.0
+    distances = []
+    for i, own in enumerate(codes):
+        others = np.delete(codes, i, axis=0).reshape(-1, codes.shape[-1])
+        distances.append(np.sqrt(np.sum((own[:, None] - others[None]) ** 2, axis=-1).min(axis=1)))
+    return max(float(np.median(distances)), 1e-6)

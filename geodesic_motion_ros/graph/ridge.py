@@ -1,0 +1,104 @@
+"""Ridges: where in the latent space the demonstrations of each mode run on average, and how far off them a point lies.
+
+Over s in [0, 1], the fraction of the arc, mode k of the demonstrations has the ridge r_k(s), the mean of its codes
+z_i(s), and their covariance C_k(s). A latent point z lies
+
+    u_k^2(z) = min_s (z - r_k(s))^T C_k(s)^-1 (z - r_k(s)),      u^2 = min_k (u_k^2 + 2 log(pi_max / pi_k)),
+
+off it, pi_k the share of the demonstrations that the mode holds. exp(min(a u^2, LARGEST_EXPONENT)) >= 1 is the
+conformal factor of the metric: 1 on the ridge of the largest mode, so that lengths there stay what they are; being
+never below 1 it leaves obstacle-free costs a lower bound. Progress tau(z) is the soft argmin over s of the same
+distance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+#: The conformal factor is at most e to this: further off the ridge the walls of sigma decide.
+LARGEST_EXPONENT = 10.0
+#: Covariances are smoothed over this share of the arc, and widened by this deviation: where the codes of a few
+#: demonstrations happen to meet, the ridge is not infinitely sharp.
+SMOOTHING = 0.05
+SMALLEST_DEVIATION = 0.05
+#: Temperature of the soft argmin over s, in units of u^2.
+TEMPERATURE = 0.1
+
+
+@dataclass(frozen=True)
+class Ridges:
+    """Ridges of K modes at S fractions of the arc.
+
+    Attributes
+    ----------
+    centres : (K, S, d) r_k(s); precisions : (K, S, d, d) C_k(s)^-1; penalties : (K,) 2 log(pi_max / pi_k) >= 0.
+    """
+
+    centres: np.ndarray
+    precisions: np.ndarray
+    penalties: np.ndarray
+
+    @classmethod
+    def of_codes(cls, codes: np.ndarray, modes: np.ndarray) -> Ridges:
+        """Ridges of codes (N, S, d) in modes (N,), numbered from 0; at least one mode has two demonstrations."""
+        members = [codes[modes == mode] for mode in range(modes.max() + 1)]
+        centres = np.stack([own.mean(axis=0) for own in members])
+        scatter = [np.einsum("isa,isb->sab", own - own.mean(axis=0), own - own.mean(axis=0)) for own in members]
+        # What only one demonstration shows is as wide as the other modes are.
+        pooled = sum(scatter) / sum(len(own) - 1 for own in members)
+        spread = [s / (len(own) - 1) if len(own) > 1 else pooled for s, own in zip(scatter, members, strict=True)]
+        smooth = gaussian_filter1d(np.stack(spread), SMOOTHING * codes.shape[1], axis=1, mode="nearest")
+        floor = SMALLEST_DEVIATION**2 * np.eye(codes.shape[-1])
+        shares = np.array([len(own) for own in members], dtype=float)
+        return cls(centres, np.linalg.inv(smooth + floor), 2.0 * np.log(shares.max() / shares))
+
+    def moved_to(self, centres: np.ndarray) -> Ridges:
+        """Ridges of the same widths through other centres (K, S, d)."""
+        return replace(self, centres=centres)
+
+    def conformal_factors(self, latent: np.ndarray, strength: float) -> np.ndarray:
+        """exp(min(strength u^2, LARGEST_EXPONENT)) >= 1 at latent points (n, d), (n,)."""
+        distances, _ = _distances(latent, self.centres, self.precisions, TEMPERATURE)
+        return np.exp(np.minimum(strength * (distances + self.penalties).min(axis=1), LARGEST_EXPONENT))
+
+    def coordinates(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Progress (n,) and shares (n, K) of the ridges at latent points (n, d).
+
+        Shares are the softmax over k of -(u_k^2 + penalty_k) / 2; they sum to 1.
+        """
+        distances, progress = _distances(latent, self.centres, self.precisions, TEMPERATURE)
+        exponents = -0.5 * (distances + self.penalties)
+        weights = np.exp(exponents - exponents.max(axis=1, keepdims=True))
+        shares = weights / weights.sum(axis=1, keepdims=True)
+        return np.sum(shares * progress, axis=1), shares
+
+
+@numba.njit(cache=True, nogil=True)
+def _distances(
+    latent: np.ndarray, centres: np.ndarray, precisions: np.ndarray, temperature: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """u_k^2 (n, K), and the soft argmin of s for every ridge (n, K)."""
+    count, samples, dimension = centres.shape
+    smallest, progress = np.empty((len(latent), count)), np.empty((len(latent), count))
+    squared, gap = np.empty(samples), np.empty(dimension)
+    for i in range(len(latent)):
+        for k in range(count):
+            for s in range(samples):
+                for a in range(dimension):
+                    gap[a] = latent[i, a] - centres[k, s, a]
+                squared[s] = 0.0
+                for a in range(dimension):
+                    for b in range(dimension):
+                        squared[s] += gap[a] * precisions[k, s, a, b] * gap[b]
+            smallest[i, k] = squared.min()
+            total, weighted = 0.0, 0.0
+            for s in range(samples):
+                weight = np.exp(-(squared[s] - smallest[i, k]) / temperature)
+                total += weight
+                weighted += weight * s
+            progress[i, k] = weighted / (total * (samples - 1))
+    return smallest, progress

@@ -1,0 +1,107 @@
+"""Transport: carrying decoded poses to a query, so that a path begins and ends where it was asked to.
+
+A pose at progress tau in [0, 1] between start and goal is moved by the displacement
+
+    D = (1 - tau) d0 + tau d1 + c
+
+of a translation [m] and a rotation vector [rad, base frame], x + D_x and exp(D_r) q: the offsets d0 of the start and d1
+of the goal, and a correction c of the decoder that is known along the demonstrations (zero where none is).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Offsets:
+    """What carries decoded poses to a query.
+
+    Attributes
+    ----------
+    start, goal : (6,) offsets d0 and d1: translation [m] and rotation vector [rad], base frame.
+    start_progress, goal_progress : progress of the latent points that are carried onto start and goal.
+    corrections : (K, S, 6) corrections c_k along K ridges at S equally spaced values of progress; K may be 0.
+    """
+
+    start: np.ndarray
+    goal: np.ndarray
+    start_progress: float
+    goal_progress: float
+    corrections: np.ndarray
+
+    @classmethod
+    def none(cls, ridges: int = 0) -> Offsets:
+        """Leaves every pose of a graph with so many ridges where it is."""
+        return cls(np.zeros(6), np.zeros(6), 0.0, 1.0, np.zeros((ridges, 2, 6)))
+
+    def blend(self, progress: np.ndarray) -> np.ndarray:
+        """tau (n,) in [0, 1]: 0 at the start's progress, 1 at the goal's, linear between."""
+        span = self.goal_progress - self.start_progress
+        if abs(span) < 1e-6:
+            return np.ones_like(progress)
+        return np.clip((progress - self.start_progress) / span, 0.0, 1.0)
+
+    def displacements(self, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        """D (..., 6) at progress (...) and shares (..., K) of the ridges."""
+        tau = self.blend(progress)[..., None]
+        moved = (1.0 - tau) * self.start + tau * self.goal
+        if len(self.corrections):
+            moved += corrections_at(self.corrections, progress, shares)
+        return moved
+
+
+def corrections_at(corrections: np.ndarray, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """c (..., 6) = sum_k shares_k c_k(progress), linear between the samples of corrections (K, S, 6)."""
+    flat = _interpolated(corrections, progress.reshape(-1), shares.reshape(-1, len(corrections)))
+    return flat.reshape(*progress.shape, 6)
+
+
+@numba.njit(cache=True, nogil=True)
+def _interpolated(corrections: np.ndarray, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    count, samples = corrections.shape[:2]
+    result = np.zeros((len(progress), 6))
+    for i in range(len(progress)):
+        at = min(max(progress[i], 0.0), 1.0) * (samples - 1)
+        left = min(int(at), samples - 2)
+        fraction = at - left
+        for k in range(count):
+            for j in range(6):
+                between = (1.0 - fraction) * corrections[k, left, j] + fraction * corrections[k, left + 1, j]
+                result[i, j] += shares[i, k] * between
+    return result
+
+
+def carried(
+    positions: np.ndarray, quaternions: np.ndarray, displacements: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Copies of poses (n, 3), (n, 4), moved by displacements (n, 6)."""
+    moved, turned = np.array(positions, order="C"), np.array(quaternions, order="C")
+    _carry_all(moved, turned, displacements)
+    return moved, turned
+
+
+@numba.njit(cache=True, nogil=True)
+def carry(position: np.ndarray, quaternion: np.ndarray, displacement: np.ndarray) -> None:
+    """In place: x + D_x and exp(D_r) q, for a displacement D (6,)."""
+    for j in range(3):
+        position[j] += displacement[j]
+    x, y, z = displacement[3], displacement[4], displacement[5]
+    angle = math.sqrt(x * x + y * y + z * z)
+    scale = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
+    a, b, c, d = math.cos(0.5 * angle), scale * x, scale * y, scale * z
+    w, i, j, k = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    quaternion[0] = a * w - b * i - c * j - d * k
+    quaternion[1] = a * i + b * w + c * k - d * j
+    quaternion[2] = a * j - b * k + c * w + d * i
+    quaternion[3] = a * k + b * j - c * i + d * w
+
+
+@numba.njit(cache=True, nogil=True)
+def _carry_all(positions: np.ndarray, quaternions: np.ndarray, displacements: np.ndarray) -> None:
+    for i in range(len(displacements)):
+        carry(positions[i], quaternions[i], displacements[i])

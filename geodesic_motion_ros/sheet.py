@@ -1,0 +1,128 @@
+"""CanonicalSheet: what a skill that was learned from canonical demonstrations knows of them besides their codes.
+
+Start and goal offsets were taken out of the demonstrations before the training (`demonstrations.canonical`); the
+planner carries the decoded nodes to a query with the query's own offsets. Here stands how far offsets were
+demonstrated, where the ridges of the modes run, and what the demonstrations predict for a query.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from geodesic_motion_ros.errors import SkillError
+from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
+from geodesic_motion_ros.graph.ridge import Ridges
+from geodesic_motion_ros.quaternions import continuous_signs, mean_rotation, rotate_by, rotation_vector_between
+from geodesic_motion_ros.regression import regression_weights
+
+#: What a turn of one radian counts against a distance where offsets are compared [m].
+METRES_PER_RADIAN = 0.1
+
+
+@dataclass(frozen=True)
+class CanonicalSheet:
+    """Canonical demonstrations (N) at S equally spaced fractions of their arcs, as their codes are.
+
+    Attributes
+    ----------
+    positions, quaternions : (N, S, 3) [m], (N, S, 4) canonical poses.
+    start_offsets, goal_offsets : (N, 6) translation [m] and rotation vector [rad] that were taken out.
+    modes : (N,) number of each demonstration's mode, from 0.
+    penalty : of the regression on start and goal offsets; inf: the mean.
+    """
+
+    positions: np.ndarray
+    quaternions: np.ndarray
+    start_offsets: np.ndarray
+    goal_offsets: np.ndarray
+    modes: np.ndarray
+    penalty: float
+
+    def check(self, count: int, samples: int) -> None:
+        """Refuse arrays that do not belong to codes of `count` demonstrations with `samples` each (SkillError)."""
+        shapes = {
+            "positions": (count, samples, 3), "quaternions": (count, samples, 4),
+            "start_offsets": (count, 6), "goal_offsets": (count, 6), "modes": (count,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != shape or not np.all(np.isfinite(array)):
+                raise SkillError(f"canonical {name} must be finite with shape {shape}, has shape {array.shape}")
+        if set(self.modes.tolist()) != set(range(len(set(self.modes.tolist())))):
+            raise SkillError(f"modes must be numbered from 0 without gaps, are {sorted(set(self.modes.tolist()))}")
+        if not self.penalty > 0.0:
+            raise SkillError(f"regression_penalty is {self.penalty}, must be positive, or .inf for no regression")
+
+    @property
+    def has_ridges(self) -> bool:
+        """Whether there are enough demonstrations to speak of a mean and a spread: two at least."""
+        return len(self.positions) > 1
+
+    @property
+    def regresses(self) -> bool:
+        """Whether start and goal choose between the demonstrations: in one mode, where that was found to help."""
+        return math.isfinite(self.penalty) and not np.any(self.modes)
+
+    def features(self) -> np.ndarray:
+        """What the regression knows of each demonstration, (N, 12): its offsets, rotations in metres."""
+        return offset_features(self.start_offsets, self.goal_offsets)
+
+    def weights(self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool) -> np.ndarray:
+        """Weights (K, N) of the demonstrations in every mode for a query's offsets (6,), (6,); each row sums to 1.
+
+        Unconditioned, or where the sheet does not regress, all demonstrations of a mode weigh the same.
+        """
+        if conditioned and self.regresses:
+            query = offset_features(start_offset, goal_offset)
+            return regression_weights(self.features(), query, self.penalty)[None]
+        own = (self.modes == np.arange(self.modes.max() + 1)[:, None]).astype(float)
+        return own / own.sum(axis=1, keepdims=True)
+
+    def mean_curves(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted means of the canonical demonstrations: positions (K, S, 3), quaternions (K, S, 4)."""
+        return blended_curves(self.positions, self.quaternions, weights)
+
+    def corrections(self, decoder: TaskSpaceDecoder, ridges: Ridges, weights: np.ndarray) -> np.ndarray:
+        """What the decoder lacks on the ridges to be the demonstrations' weighted means, (K, S, 6)."""
+        positions, quaternions = self.mean_curves(weights)
+        count, samples, dimension = ridges.centres.shape
+        decoded = decoder.decode(ridges.centres.reshape(-1, dimension))
+        turns = rotation_vector_between(decoded.quaternions.reshape(count, samples, 4), quaternions)
+        return np.concatenate([positions - decoded.positions.reshape(count, samples, 3), turns], axis=-1)
+
+
+def blended_curves(
+    positions: np.ndarray, quaternions: np.ndarray, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted means of curves (N, T, 3), (N, T, 4), for weights (B, N) with rows that sum to 1: (B, T, 3), (B, T, 4).
+
+    Rotations are averaged as rotation vectors about the mean rotation of all curves.
+    """
+    middle = mean_rotation(quaternions)
+    turns = rotation_vector_between(np.broadcast_to(middle, quaternions.shape), quaternions)
+    mean_turns = np.einsum("bn,ntj->btj", weights, turns)
+    about = np.broadcast_to(continuous_signs(middle), (len(weights), *middle.shape))
+    return np.einsum("bn,ntj->btj", weights, positions), rotate_by(mean_turns, about)
+
+
+def offset_features(start_offsets: np.ndarray, goal_offsets: np.ndarray) -> np.ndarray:
+    """Both offsets (..., 6) side by side with rotations in metres, (..., 12)."""
+    scale = np.repeat([1.0, METRES_PER_RADIAN], 3)
+    return np.concatenate([scale * start_offsets, scale * goal_offsets], axis=-1)
+
+
+def beyond_demonstrated(offset: np.ndarray, demonstrated: np.ndarray) -> np.ndarray:
+    """What of an offset (6,) lies outside the convex hull of demonstrated ones (N, 6), as an offset (6,).
+
+    The nearest point of the hull is found by non-negative least squares, rotations counted in metres.
+    """
+    scale = np.repeat([1.0, METRES_PER_RADIAN], 3)
+    # A heavy row keeps the weights' sum at 1.
+    heavy = 1e3
+    matrix = np.vstack([(scale * demonstrated).T, np.full(len(demonstrated), heavy)])
+    weights, _ = nnls(matrix, np.append(scale * offset, heavy))
+    return offset - weights @ demonstrated / weights.sum()
