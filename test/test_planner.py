@@ -204,6 +204,41 @@ def test_a_stream_blocked_in_motion_comes_to_rest_along_its_path_without_overlap
     assert max(offset) < 0.005
 
 
+def gap_to_curve(curve: np.ndarray, point: np.ndarray) -> float:
+    """Distance [m] from a point (3,) to a polyline (n, 3)."""
+    begin, step = curve[:-1], np.diff(curve, axis=0)
+    share = np.sum((point - begin) * step, axis=1) / np.maximum(np.sum(step**2, axis=1), 1e-18)
+    return float(np.linalg.norm(begin + np.clip(share, 0.0, 1.0)[:, None] * step - point, axis=1).min())
+
+
+def test_a_new_goal_without_a_way_stops_the_moving_arm_along_the_old_reference(planner):
+    ticks = stream(planner)
+    for _ in range(100):
+        _, follower, plan = next(ticks)
+    follower.advance(PERIOD)
+    old = plan.reference
+    assert follower.speed == pytest.approx(planner.settings.speed)
+    # The new goal is where the arm came from, now covered: accepted as a goal, but there is no way to it.
+    start = planner.skill.start_pose
+    assert planner.set_goal(start[:3], start[3:]).ok
+    planner.set_obstacles(start[None, :3], [0.03])
+    speeds, gaps = [follower.speed], []
+    while follower.speed > 0.0:
+        plan = planner.tick(follower.position, follower.quaternion, follower.speed)
+        assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH, plan.verdict
+        assert plan.reference is not None, f"no ramp at {follower.speed} m/s"
+        follower.accept(plan.reference)
+        follower.advance(PERIOD)
+        # A ramp may leave out the sample nearest to where it begins: a corner cut by less than a tenth of a millimetre.
+        gaps.append(gap_to_curve(old.positions, follower.position))
+        speeds.append(follower.speed)
+    assert np.min(np.diff(speeds)) >= -planner.settings.acceleration * PERIOD * 1.01
+    assert max(gaps) < 1e-4
+    resting = planner.tick(follower.position, follower.quaternion, follower.speed)
+    assert resting.reference is None
+    assert resting.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+
+
 def test_a_stop_on_request_brakes_as_hard_as_allowed_and_rests(planner):
     ticks = stream(planner)
     for _ in range(100):
