@@ -74,8 +74,8 @@ class Obstacles:
 class ReactivePlanner:
     """Plans on one skill: set a goal, set obstacles, tick.
 
-    `tick` serves one stream of poses and is called by one thread; `plan` answers on its own, from any thread.
-    Obstacles are replaced as a whole, so every step sees one consistent set.
+    `tick` serves one stream of poses; it, `stop`, and what sets or clears the goal are called by one thread. `plan`
+    answers on its own, from any thread. Obstacles are replaced as a whole, so every step sees one consistent set.
     """
 
     def __init__(self, skill: Skill, settings: PlannerSettings | None = None) -> None:
@@ -117,12 +117,12 @@ class ReactivePlanner:
 
         BAD_INPUT names the first obstacle that is not finite or has no positive radius; then the old ones stay.
         """
-        centres = np.array(centres, dtype=float).reshape(-1, 3)
-        radii = np.array(radii, dtype=float).reshape(-1)
-        if len(centres) != len(radii):
-            return Verdict(
-                VerdictCode.BAD_INPUT, f"{len(centres)} obstacle centres and {len(radii)} radii: one radius each"
-            )
+        centres, radii = np.array(centres, dtype=float), np.array(radii, dtype=float)
+        if centres.size == radii.size == 0:
+            centres, radii = np.empty((0, 3)), np.empty(0)
+        if radii.ndim != 1 or centres.shape != (len(radii), 3):
+            reason = f"obstacle centres have shape {centres.shape} and radii {radii.shape}: expected (o, 3) and (o,)"
+            return Verdict(VerdictCode.BAD_INPUT, reason)
         good = np.all(np.isfinite(centres), axis=1) & np.isfinite(radii) & (radii > 0.0)
         if not np.all(good):
             i = int(np.argmin(good))

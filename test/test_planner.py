@@ -346,7 +346,9 @@ def test_without_a_goal_there_is_no_reference(planner):
         ([[0, 0, 0]], [0.0], "positive"),
         ([[0, 0, 0]], [-0.1], "positive"),
         ([[0, 0, 0]], [np.inf], "obstacle 0"),
-        ([[0, 0, 0]], [0.1, 0.1], "one radius each"),
+        ([[0, 0, 0]], [0.1, 0.1], "expected (o, 3)"),
+        ([[0, 0], [0, 0], [0, 0]], [0.1, 0.1], "expected (o, 3)"),
+        ([0, 0, 0], [0.1], "expected (o, 3)"),
     ],
 )
 def test_bad_obstacles_are_refused_as_a_whole_and_named(planner, centres, radii, words):
@@ -363,7 +365,10 @@ def test_bad_obstacles_are_refused_as_a_whole_and_named(planner, centres, radii,
     [
         ({"tool_radii": (0.1, 0.1)}, "one radius per point"),
         ({"tool_radii": (-0.1,)}, "negative"),
+        ({"tool_radii": (np.nan,)}, "finite"),
         ({"speed": 0.0}, "speed"),
+        ({"speed": -1}, "speed"),
+        ({"obstacle_margin": -1}, "finite and 0 or positive"),
         ({"ambient_strength": np.nan}, "ambient_strength"),
         ({"tool_points": ((0.0, 0.0),)}, "triples"),
     ],
