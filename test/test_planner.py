@@ -251,6 +251,26 @@ def test_a_stop_on_request_brakes_as_hard_as_allowed_and_rests(planner):
     assert planner.stop(follower.position, follower.quaternion, 0.0) is None
 
 
+def test_a_long_stop_goes_forward_all_the_way(fan_skill):
+    """Two seconds and 0.2 m of braking: more than the stream needs to find its pose on a reference."""
+    planner = ReactivePlanner(fan_skill, PlannerSettings(acceleration=0.1))
+    ticks = stream(planner)
+    for _ in range(210):
+        _, follower, _ = next(ticks)
+    assert follower.speed > 0.95 * planner.settings.speed
+    positions, speeds = [follower.position], [follower.speed]
+    while follower.speed > 0.0:
+        halt = planner.stop(follower.position, follower.quaternion, follower.speed)
+        assert halt is not None, f"no ramp at {follower.speed} m/s"
+        follower.accept(halt)
+        follower.advance(PERIOD)
+        positions.append(follower.position)
+        speeds.append(follower.speed)
+    assert np.min(np.diff(speeds)) >= -planner.settings.acceleration * PERIOD * 1.01
+    steps = np.diff(positions, axis=0)
+    assert np.all(np.sum(steps[1:] * steps[:-1], axis=1) >= 0.0)
+
+
 def test_a_stop_that_would_touch_an_obstacle_is_not_taken(planner):
     ticks = stream(planner)
     for _ in range(100):
