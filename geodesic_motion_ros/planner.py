@@ -41,7 +41,8 @@ _MARGIN_MULTIPLES = (1.0, 2.5)
 _SMOOTHING_WIDTHS = (1.5, 0.7, 0.0)
 #: A path may enter the graph this many grid steps from the start.
 _ENTRY_STEPS = 3
-#: A stream's pose is looked for on the first seconds of its reference only: a task may pass the same place again.
+#: A stream's pose is looked for on the first seconds of its reference only, or as many as a stop takes: a task may pass
+#: the same place again.
 _LOCATE_WITHIN = 0.5
 #: How far a rotation counts against a distance when a pose is looked for on a curve.
 _METRES_PER_RADIAN = 0.1
@@ -76,8 +77,8 @@ class Obstacles:
 class ReactivePlanner:
     """Plans on one skill: set a goal, set obstacles, tick.
 
-    `tick` serves one stream of poses and is called by one thread; `plan` answers on its own, from any thread.
-    Obstacles are replaced as a whole, so every step sees one consistent set.
+    `tick` serves one stream of poses; it, `stop`, and what sets or clears the goal are called by one thread. `plan`
+    answers on its own, from any thread. Obstacles are replaced as a whole, so every step sees one consistent set.
     """
 
     def __init__(self, skill: Skill, settings: PlannerSettings | None = None) -> None:
@@ -119,12 +120,12 @@ class ReactivePlanner:
 
         BAD_INPUT names the first obstacle that is not finite or has no positive radius; then the old ones stay.
         """
-        centres = np.array(centres, dtype=float).reshape(-1, 3)
-        radii = np.array(radii, dtype=float).reshape(-1)
-        if len(centres) != len(radii):
-            return Verdict(
-                VerdictCode.BAD_INPUT, f"{len(centres)} obstacle centres and {len(radii)} radii: one radius each"
-            )
+        centres, radii = np.array(centres, dtype=float), np.array(radii, dtype=float)
+        if centres.size == radii.size == 0:
+            centres, radii = np.empty((0, 3)), np.empty(0)
+        if radii.ndim != 1 or centres.shape != (len(radii), 3):
+            reason = f"obstacle centres have shape {centres.shape} and radii {radii.shape}: expected (o, 3) and (o,)"
+            return Verdict(VerdictCode.BAD_INPUT, reason)
         good = np.all(np.isfinite(centres), axis=1) & np.isfinite(radii) & (radii > 0.0)
         if not np.all(good):
             i = int(np.argmin(good))
@@ -236,10 +237,11 @@ class ReactivePlanner:
         latent = reference.latent
         return latent[i] + share * (latent[i + 1] - latent[i]) if self._near(distance, angle) else None
 
-    @staticmethod
-    def _foot(reference: TaskSpaceReference, pose: Pose) -> tuple[int, float, float, float]:
+    def _foot(self, reference: TaskSpaceReference, pose: Pose) -> tuple[int, float, float, float]:
         """Where a pose is closest to the beginning of a reference: segment, share of it, distance [m], angle [rad]."""
-        near = min(len(reference.times), int(np.searchsorted(reference.times, _LOCATE_WITHIN)) + 2)
+        # A stop from full speed takes speed / acceleration, all of it along one reference.
+        within = max(_LOCATE_WITHIN, self.settings.speed / self.settings.acceleration)
+        near = min(len(reference.times), int(np.searchsorted(reference.times, within)) + 2)
         begin, step = reference.positions[: near - 1], np.diff(reference.positions[:near], axis=0)
         along = np.sum((pose.position - begin) * step, axis=1)
         share = np.clip(along / np.maximum(np.sum(step**2, axis=1), 1e-18), 0.0, 1.0)

@@ -55,13 +55,15 @@ class PlannerSettings:
             )
         if np.shape(self.tool_points)[1:] != (3,) or not np.all(np.isfinite(self.tool_points)):
             raise PlanningError("tool_points must be finite (x, y, z) triples in the tool frame [m]")
-        if min(self.tool_radii) < 0.0:
-            raise PlanningError(f"tool radii {self.tool_radii} must not be negative [m]")
+        if not all(math.isfinite(radius) and radius >= 0.0 for radius in self.tool_radii):
+            raise PlanningError(f"tool radii {self.tool_radii} must be finite and not negative [m]")
         may_be_zero = ("obstacle_margin", "ambient_strength", "ridge_strength", "reanchor_distance", "reanchor_angle")
         for setting in fields(self):
             value = getattr(self, setting.name)
-            if not isinstance(value, float):
+            # A whole number is a number too; the grid judges its own settings.
+            if isinstance(value, bool) or not isinstance(value, int | float):
                 continue
             allowed = value >= 0.0 if setting.name in may_be_zero else value > 0.0
             if not (allowed and math.isfinite(value)):
-                raise PlanningError(f"setting {setting.name} is {value}, must be finite and positive")
+                wanted = "0 or positive" if setting.name in may_be_zero else "positive"
+                raise PlanningError(f"setting {setting.name} is {value}, must be finite and {wanted}")

@@ -204,6 +204,41 @@ def test_a_stream_blocked_in_motion_comes_to_rest_along_its_path_without_overlap
     assert max(offset) < 0.005
 
 
+def gap_to_curve(curve: np.ndarray, point: np.ndarray) -> float:
+    """Distance [m] from a point (3,) to a polyline (n, 3)."""
+    begin, step = curve[:-1], np.diff(curve, axis=0)
+    share = np.sum((point - begin) * step, axis=1) / np.maximum(np.sum(step**2, axis=1), 1e-18)
+    return float(np.linalg.norm(begin + np.clip(share, 0.0, 1.0)[:, None] * step - point, axis=1).min())
+
+
+def test_a_new_goal_without_a_way_stops_the_moving_arm_along_the_old_reference(planner):
+    ticks = stream(planner)
+    for _ in range(100):
+        _, follower, plan = next(ticks)
+    follower.advance(PERIOD)
+    old = plan.reference
+    assert follower.speed == pytest.approx(planner.settings.speed)
+    # The new goal is where the arm came from, now covered: accepted as a goal, but there is no way to it.
+    start = planner.skill.start_pose
+    assert planner.set_goal(start[:3], start[3:]).ok
+    planner.set_obstacles(start[None, :3], [0.03])
+    speeds, gaps = [follower.speed], []
+    while follower.speed > 0.0:
+        plan = planner.tick(follower.position, follower.quaternion, follower.speed)
+        assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH, plan.verdict
+        assert plan.reference is not None, f"no ramp at {follower.speed} m/s"
+        follower.accept(plan.reference)
+        follower.advance(PERIOD)
+        # A ramp may leave out the sample nearest to where it begins: a corner cut by less than a tenth of a millimetre.
+        gaps.append(gap_to_curve(old.positions, follower.position))
+        speeds.append(follower.speed)
+    assert np.min(np.diff(speeds)) >= -planner.settings.acceleration * PERIOD * 1.01
+    assert max(gaps) < 1e-4
+    resting = planner.tick(follower.position, follower.quaternion, follower.speed)
+    assert resting.reference is None
+    assert resting.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+
+
 def test_a_stop_on_request_brakes_as_hard_as_allowed_and_rests(planner):
     ticks = stream(planner)
     for _ in range(100):
@@ -214,6 +249,26 @@ def test_a_stop_on_request_brakes_as_hard_as_allowed_and_rests(planner):
     assert halt.duration == pytest.approx(planner.settings.speed / planner.settings.acceleration, rel=1e-3)
     assert halt.rate(halt.duration) == 0.0
     assert planner.stop(follower.position, follower.quaternion, 0.0) is None
+
+
+def test_a_long_stop_goes_forward_all_the_way(fan_skill):
+    """Two seconds and 0.2 m of braking: more than the stream needs to find its pose on a reference."""
+    planner = ReactivePlanner(fan_skill, PlannerSettings(acceleration=0.1))
+    ticks = stream(planner)
+    for _ in range(210):
+        _, follower, _ = next(ticks)
+    assert follower.speed > 0.95 * planner.settings.speed
+    positions, speeds = [follower.position], [follower.speed]
+    while follower.speed > 0.0:
+        halt = planner.stop(follower.position, follower.quaternion, follower.speed)
+        assert halt is not None, f"no ramp at {follower.speed} m/s"
+        follower.accept(halt)
+        follower.advance(PERIOD)
+        positions.append(follower.position)
+        speeds.append(follower.speed)
+    assert np.min(np.diff(speeds)) >= -planner.settings.acceleration * PERIOD * 1.01
+    steps = np.diff(positions, axis=0)
+    assert np.all(np.sum(steps[1:] * steps[:-1], axis=1) >= 0.0)
 
 
 def test_a_stop_that_would_touch_an_obstacle_is_not_taken(planner):
@@ -311,7 +366,9 @@ def test_without_a_goal_there_is_no_reference(planner):
         ([[0, 0, 0]], [0.0], "positive"),
         ([[0, 0, 0]], [-0.1], "positive"),
         ([[0, 0, 0]], [np.inf], "obstacle 0"),
-        ([[0, 0, 0]], [0.1, 0.1], "one radius each"),
+        ([[0, 0, 0]], [0.1, 0.1], "expected (o, 3)"),
+        ([[0, 0], [0, 0], [0, 0]], [0.1, 0.1], "expected (o, 3)"),
+        ([0, 0, 0], [0.1], "expected (o, 3)"),
     ],
 )
 def test_bad_obstacles_are_refused_as_a_whole_and_named(planner, centres, radii, words):
@@ -328,7 +385,10 @@ def test_bad_obstacles_are_refused_as_a_whole_and_named(planner, centres, radii,
     [
         ({"tool_radii": (0.1, 0.1)}, "one radius per point"),
         ({"tool_radii": (-0.1,)}, "negative"),
+        ({"tool_radii": (np.nan,)}, "finite"),
         ({"speed": 0.0}, "speed"),
+        ({"speed": -1}, "speed"),
+        ({"obstacle_margin": -1}, "finite and 0 or positive"),
         ({"ambient_strength": np.nan}, "ambient_strength"),
         ({"tool_points": ((0.0, 0.0),)}, "triples"),
     ],

@@ -42,9 +42,8 @@ def read_demonstrations(
         `.csv`: a header, then one row a sample; column `demonstration` says which one it belongs to, the
         others are those of `columns`, in any order; `t` may always be among them.
     units : "m", "cm" or "mm", of the positions.
-    columns : names of the columns, separated by commas, in the order of the file: `px,py,pz,qw,qx,qy,qz`,
-    with `t`
-        [s] where the file has times. `px,py,pz` alone: no orientation. `px,py` alone: planar, at z = 0.
+    columns : names of the columns, separated by commas, in the order of the file: `px,py,pz,qw,qx,qy,qz`, with `t` [s]
+        where the file has times. `px,py,pz` alone: no orientation. `px,py` alone: planar, at z = 0.
     rate_hz : samples a second of files that have no times.
 
     Returns

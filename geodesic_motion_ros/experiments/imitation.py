@@ -35,7 +35,6 @@ unanswered          predictions for which the planner found no path; they count 
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -54,6 +53,7 @@ from geodesic_motion_ros.demonstrations.similarity import COMPARED_POINTS, compa
 from geodesic_motion_ros.errors import DemonstrationError, ParameterError
 from geodesic_motion_ros.experiments.baselines import PREDICTORS, Prediction, require_peers
 from geodesic_motion_ros.experiments.crossing import Crossing, measure_crossings
+from geodesic_motion_ros.experiments.tables import text_table, write_json
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.graph.transport import carried
@@ -166,16 +166,12 @@ class ImitationReport:
 
     def write_json(self, path: str | Path) -> None:
         """Write `as_dict` to a file, creating its folder."""
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        Path(path).write_text(json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
+        write_json(path, self.as_dict())
 
     def table(self) -> str:
         """The table as plain text, a dash where a value has no meaning."""
         head = ["row", *(column.replace("_", " ") for column in COLUMNS)]
-        body = [[row, *(_cell(self.rows[row][column]) for column in COLUMNS)] for row in ROWS]
-        widths = [max(len(line[i]) for line in [head, *body]) for i in range(len(head))]
-        lines = ["  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]) for line in [head, *body]]
-        lines.insert(1, "-" * len(lines[0]))
+        body = [[row, *(self.rows[row][column] for column in COLUMNS)] for row in ROWS]
         folds = "/".join(",".join(map(str, fold)) for fold in self.folds)
         notes = [
             f"{row}: {values['unanswered']} prediction(s) without an answer, not in the means"
@@ -190,7 +186,8 @@ class ImitationReport:
                 f"crossing to the cluster of -q: {ratio:.3g} times the energy within (median), flagged "
                 f"{flagged} of {len(self.crossings)}"
             )
-        return "\n".join([f"{self.task}: held out {folds}, seeds {', '.join(map(str, self.seeds))}", *lines, *notes])
+        title = f"{self.task}: held out {folds}, seeds {', '.join(map(str, self.seeds))}"
+        return "\n".join([title, text_table(head, body), *notes])
 
 
     def _in_words(self) -> list[str]:
@@ -502,7 +499,3 @@ def _mean(values: list[float]) -> float | None:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _cell(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"

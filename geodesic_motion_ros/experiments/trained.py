@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +47,7 @@ def trained_on_folds(
 
     Parameters
     ----------
-    folder : cache of skill folders, named by a digest of the poses, the settings and the code that trains.
+    folder : cache of skill folders, named by a digest of the poses, the settings and what the training code does.
     settings : TrainingSettings, whose seed is replaced; None: the defaults.
 
     Raises
@@ -90,12 +90,30 @@ def _digest(demonstrations: Demonstrations, settings: object) -> str:
     for item in demonstrations:
         for array in (item.positions, item.quaternions):
             digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(_source_digest())
+    digest.update(training_code())
     return digest.hexdigest()[:16]
 
 
-@cache
-def _source_digest() -> bytes:
-    """Of the code that trains: another version of it would learn another skill."""
-    sources = sorted((Path(__file__).resolve().parents[1] / "manifold").glob("*.py"))
-    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).digest()
+def training_code() -> bytes:
+    """Digest of the module that trains and of all of this package that it imports: another version learns otherwise."""
+    package = Path(__file__).resolve().parents[1]
+    waiting, meanings = [package / "manifold" / "training.py"], {}
+    while waiting:
+        file = waiting.pop()
+        if file in meanings:
+            continue
+        source = file.read_text()
+        meanings[file] = meaning(source)
+        modules = [node.module or "" for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)]
+        own = [module.split(".")[1:] for module in modules if module.startswith(f"{package.name}.")]
+        waiting += [package.joinpath(*parts).with_suffix(".py") for parts in own]
+    return hashlib.sha256("".join(meanings[file] for file in sorted(meanings)).encode()).digest()
+
+
+def meaning(source: str) -> str:
+    """Python source as its syntax tree without docstrings: the same text whatever comments, docstrings and layout."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return ast.dump(tree)

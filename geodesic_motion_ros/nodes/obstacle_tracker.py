@@ -42,7 +42,6 @@ class _Track:
     centre: tuple[float, float, float]
     radius: float
     stamp: float
-    received: float
     expires: float
     deleted: bool = False
 
@@ -95,7 +94,7 @@ class ObstacleTracker:
         if _overtaken(tracks.get(key), stamp):
             return False
         expires = now + lifetime if lifetime > 0.0 else math.inf
-        tracks[key] = _Track(tuple(float(c) for c in centre), float(radius), stamp, now, expires)
+        tracks[key] = _Track(tuple(float(c) for c in centre), float(radius), stamp, expires)
         self._next_expiry = min(self._next_expiry, expires)
         self._changed()
         return True
@@ -127,7 +126,7 @@ class ObstacleTracker:
         """Exchange all spheres of a source, as a point cloud does: (n, 3) centres of one radius [m]."""
         self.hear(source, now)
         self._tracks[source] = {
-            ("", index): _Track(tuple(centre), float(radius), 0.0, now, math.inf)
+            ("", index): _Track(tuple(centre), float(radius), 0.0, math.inf)
             for index, centre in enumerate(np.asarray(centres, dtype=float).tolist())
         }
         self._changed()

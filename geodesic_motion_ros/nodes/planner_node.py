@@ -7,7 +7,6 @@ The control loop has a thread of its own on the steady clock. Callbacks only che
 from __future__ import annotations
 
 import sys
-import threading
 import time
 import traceback
 from collections.abc import Mapping
@@ -15,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from nav_msgs.srv import GetPlan
-from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from geodesic_motion_ros.errors import ParameterError, PlanningError, SkillError
@@ -27,7 +25,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.planning_cycle import CycleInputs, CycleOutput, PlanningCycle
-from geodesic_motion_ros.nodes.running import run_node
+from geodesic_motion_ros.nodes.running import LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.view_thread import ViewThread
 from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
@@ -41,9 +39,8 @@ _SETTINGS = (
 )  # fmt: skip
 
 
-class PlannerNode(Node):
-    """The planner as a ROS 2 node. `start` begins the loop, `stop` ends its threads; an executor spins the
-    callbacks.
+class PlannerNode(LoopingNode):
+    """The planner as a ROS 2 node.
 
     Raises
     ------
@@ -53,19 +50,12 @@ class PlannerNode(Node):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("planner", **node_options)
-        try:
-            self._build()
-        except BaseException:
-            self.destroy_node()
-            raise
 
     def _build(self) -> None:
-        self.failure = threading.Event()
         self._options = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
         skill = Skill.load(self._options["skill"])
         self._robot = _robot_of(skill)
         self._planner = ReactivePlanner(skill, _settings(self._options.values))
-        self._warm_up()
         values = self._options
         self._cycle = PlanningCycle(
             self._planner,
@@ -98,17 +88,6 @@ class PlannerNode(Node):
         if self._view_thread is not None:
             self._view_thread.stop()
 
-    def _warm_up(self) -> None:
-        """Plan once along the skill, past an obstacle out of the way: compiled code is loaded before the
-        loop begins.
-        """
-        skill = self._planner.skill
-        far = skill.goal_pose[:3] + 100.0
-        self._planner.set_obstacles(far[None], np.array([0.01]))
-        self._planner.plan(skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:])
-        self._planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
-        self._robot.forward(self._robot.ready)
-
     # ------------------------------------------------------------ control loop
 
     def _tick(self, periods: int) -> None:
@@ -139,10 +118,6 @@ class PlannerNode(Node):
             self.get_logger().info(text)
         else:
             self.get_logger().warning(text)
-
-    def _died(self, error: BaseException) -> None:
-        self.get_logger().fatal("the control loop ended: " + "".join(traceback.format_exception(error)))
-        self.failure.set()
 
     # ---------------------------------------------------------------- pictures
 

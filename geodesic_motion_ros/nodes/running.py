@@ -9,14 +9,17 @@ import os
 import signal
 import sys
 import threading
+import traceback
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from types import FrameType
-from typing import Protocol
+from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
@@ -27,16 +30,37 @@ _SWITCH_INTERVAL = 0.00005
 _NICENESS = -10
 
 
-class LoopingNode(Protocol):
-    """A ROS node with threads of its own."""
+class LoopingNode(Node, ABC):
+    """A ROS node with threads of its own. `start` begins them, `stop` ends them; an executor spins the callbacks.
 
-    failure: threading.Event
+    `failure` is set when a thread has died that the node cannot do without.
+    """
 
-    def start(self) -> None: ...
+    def __init__(self, name: str, **node_options: Any) -> None:
+        super().__init__(name, **node_options)
+        self.failure = threading.Event()
+        try:
+            self._build()
+        except BaseException:
+            self.destroy_node()
+            raise
 
-    def stop(self) -> None: ...
+    @abstractmethod
+    def _build(self) -> None:
+        """Declare parameters and make everything that may fail; nothing runs yet."""
 
-    def destroy_node(self) -> None: ...
+    @abstractmethod
+    def start(self) -> None:
+        """Begin the threads."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """End the threads; harmless when they have ended or never began."""
+
+    def _died(self, error: BaseException) -> None:
+        """Called by the loop that an exception has ended."""
+        self.get_logger().fatal("the loop ended: " + "".join(traceback.format_exception(error)))
+        self.failure.set()
 
 
 class StopRequest:

@@ -78,9 +78,8 @@ class SteadyLoop:
 
     Parameters
     ----------
-    tick : is told how many periods have passed since the last call (1, or more after misses). An exception
-        ends
-        the loop and is handed to `failed`.
+    tick : is told how many periods have passed since the last call (1, or more after misses). An exception ends the
+        loop and is handed to `failed`.
     rate_hz : ticks a second.
     failed : called once, from the loop's thread, with the exception that ended the loop.
     window : number of ticks the statistics look back on.

@@ -10,7 +10,6 @@ import queue
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotDoneInTime
@@ -19,7 +18,6 @@ from typing import Any
 import numpy as np
 import yaml
 from geometry_msgs.msg import PointStamped, PoseStamped
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64, UInt32
@@ -39,7 +37,7 @@ from geodesic_motion_ros.nodes.messages import (
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.refusals import Refusals
-from geodesic_motion_ros.nodes.running import run_node
+from geodesic_motion_ros.nodes.running import LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.scenes import Scene, scene_named
@@ -54,9 +52,8 @@ _OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
 _IMAGE_SIZE = (320, 240)
 
 
-class TwinNode(Node):
-    """The digital twin as a ROS 2 node. `start` begins physics, `stop` ends it; an executor spins the
-    callbacks.
+class TwinNode(LoopingNode):
+    """The digital twin as a ROS 2 node.
 
     `~/contacts` counts the physics steps with contact between arm and obstacles since the last reset, so
     that no contact is lost between messages; `~/clearance` is the smallest distance [m] since the message
@@ -69,14 +66,8 @@ class TwinNode(Node):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("twin", **node_options)
-        try:
-            self._build()
-        except BaseException:
-            self.destroy_node()
-            raise
 
     def _build(self) -> None:
-        self.failure = threading.Event()
         self._options = NodeParameters(self, TWIN, _check)
         values = self._options
         self._frame: str = values["base_frame"]
@@ -198,10 +189,6 @@ class TwinNode(Node):
 
     def _publish_image(self) -> None:
         self._image.publish(image_message(self._world.render(*_IMAGE_SIZE), self.get_clock().now().to_msg()))
-
-    def _died(self, error: BaseException) -> None:
-        self.get_logger().fatal("physics ended: " + "".join(traceback.format_exception(error)))
-        self.failure.set()
 
     # ---------------------------------------------------------------- callbacks
 

@@ -102,7 +102,7 @@ class Robot:
                 f"joint positions have shape {positions.shape}: expected ({len(self.joint_names)},) "
                 f"for {', '.join(self.joint_names)}"
             )
-        inside = (positions >= self.lower) & (positions <= self.upper)
+        inside = np.isfinite(positions) & (positions >= self.lower) & (positions <= self.upper)
         if not inside.all():
             worst = int(np.flatnonzero(~inside)[0])
             raise RobotError(

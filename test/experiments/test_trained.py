@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import DemonstrationError, ParameterError
-from geodesic_motion_ros.experiments.trained import trained_on_folds
+from geodesic_motion_ros.experiments.trained import meaning, trained_on_folds, training_code
 from geodesic_motion_ros.manifold.training import TrainingSettings
 
 IN_NO_TIME = TrainingSettings(steps=60, kernels=20, hidden=(32, 16))
@@ -39,3 +41,28 @@ def test_nothing_to_train_and_wrong_folds_are_refused(demonstrations, tmp_path) 
     with pytest.raises(DemonstrationError, match="cannot hold out demonstration 9"):
         run(demonstrations, tmp_path, folds=((0,), (9,)))
     assert not list(tmp_path.iterdir())
+
+
+def test_the_meaning_of_code_changes_with_what_it_does_and_not_with_what_it_says() -> None:
+    source = (
+        '"""Module."""\n\nLIMIT = 2.0\n\n\nclass A:\n    """A class."""\n\n    def f(self):\n        return LIMIT\n'
+    )
+    said = source.replace("A class.", "Something else.").replace('"""Module."""\n', "# a comment\n")
+    assert meaning(said) == meaning(source)
+    assert meaning(source.replace("2.0", "3.0")) != meaning(source)
+    assert meaning(source.replace("return LIMIT", "return -LIMIT")) != meaning(source)
+
+
+def test_code_that_the_training_imports_counts_as_training_code(monkeypatch) -> None:
+    """The skill's threshold comes out of the graph, so a change of the graph is a change of the training."""
+    read = Path.read_text
+    changed = "latent_graph.py"
+
+    def edited(path: Path, *arguments: object) -> str:
+        return read(path, *arguments) + ("\nEDITED = True\n" if path.name == changed else "")
+
+    before = training_code()
+    monkeypatch.setattr(Path, "read_text", edited)
+    assert training_code() != before
+    changed = "shortest_path.py"
+    assert training_code() == before

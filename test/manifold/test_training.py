@@ -52,25 +52,28 @@ def test_demonstrations_are_reconstructed(request, demonstrations, model):
     positions, quaternions = poses_of(demonstrations)
     codes = TaskSpaceEncoder.from_arrays(skill.encoder_arrays).encode(positions, quaternions)
     decoded = skill.decoder.decode(codes.reshape(-1, 2))
-    assert np.mean(np.linalg.norm(decoded.positions - positions.reshape(-1, 3), axis=1)) < 0.02
-    assert np.degrees(np.mean(angle_between(decoded.quaternions, quaternions.reshape(-1, 4)))) < 5.0
+    assert np.mean(np.linalg.norm(decoded.positions - positions.reshape(-1, 3), axis=1)) < 0.012
+    assert np.degrees(np.mean(angle_between(decoded.quaternions, quaternions.reshape(-1, 4)))) < 2.0
 
 
 def test_sigma_and_kappa_say_how_far_off_the_means_are(demonstrations, skill):
-    """Standardised residuals near one on the demonstrations: the maximum of the likelihood, not just any number."""
+    """Standardised residuals of the order of one on the demonstrations: the likelihood's maximum, not just any number.
+
+    Somewhat below one: it was fitted on noisy codes, these are their means.
+    """
     positions, quaternions = poses_of(demonstrations)
     codes = TaskSpaceEncoder.from_arrays(skill.encoder_arrays).encode(positions, quaternions)
     decoded = skill.decoder.decode(codes.reshape(-1, 2))
     standardised = (decoded.positions - positions.reshape(-1, 3)) / decoded.sigma
-    assert 0.3 < np.sqrt(np.mean(standardised**2)) < 1.5
+    assert 0.4 < np.sqrt(np.mean(standardised**2)) < 1.0
     half_angle = 0.5 * angle_between(decoded.quaternions, quaternions.reshape(-1, 4)) / decoded.spread
-    assert 0.3 < np.sqrt(np.mean(half_angle**2) / 3.0) < 1.5
+    assert 0.4 < np.sqrt(np.mean(half_angle**2) / 3.0) < 1.0
 
 
 def test_uncertainty_grows_away_from_the_demonstrations(skill):
     on = skill.decoder.decode(skill.codes.reshape(-1, 2))
     far = skill.decoder.decode(np.array([[30.0, 30.0]]))
-    assert np.median(on.sigma) < 0.03
+    assert np.median(on.sigma) < 0.01
     np.testing.assert_allclose(far.sigma, 1.0)
     assert far.kappa[0] < 0.02 < np.median(on.kappa)
 
@@ -83,23 +86,23 @@ def test_two_clusters_keep_the_signs_apart_and_the_mixture_does_not_care(skill, 
         codes = encoder.encode(positions, -quaternions).reshape(-1, 2)
         return np.sum(skill.decoder.decode(codes).quaternions * -quaternions.reshape(-1, 4), axis=1)
 
-    assert np.all(signed_dot(skill) > 0.8)
-    assert np.all(np.abs(signed_dot(sign_blind_skill)) > 0.8)
+    assert np.all(signed_dot(skill) > 0.99)
+    assert np.all(np.abs(signed_dot(sign_blind_skill)) > 0.99)
     first, second = np.split(skill.codes, 2)
     gap = np.linalg.norm(first[:, None, :, None] - second[None, :, None, :], axis=-1).min()
     assert gap > 0.0
 
 
 def test_joint_schedule_learns_too(demonstrations):
-    settings = replace(TINY, schedule="joint", steps=600, hidden=(40, 20), kernels=60, learning_rate=4e-3, batch=64)
+    settings = replace(TINY, schedule="joint", steps=1500, hidden=(40, 20), kernels=60, learning_rate=4e-3, batch=64)
     positions, quaternions = training_poses(demonstrations, 40, 0.1)
     vae = train_model(positions, quaternions, settings)
     with torch.no_grad():
         codes, _ = vae.encoder(torch.tensor(positions), torch.tensor(quaternions))
         decoded = vae.decoder.to_numpy().decode(codes.numpy())
     error = np.mean(np.linalg.norm(decoded.positions - positions, axis=1))
-    assert error < 0.6 * np.mean(np.linalg.norm(positions - positions.mean(axis=0), axis=1))
-    assert np.all(decoded.sigma < 1.0)
+    assert error < 0.04 * np.mean(np.linalg.norm(positions - positions.mean(axis=0), axis=1))
+    assert np.all(decoded.sigma < 0.02)
 
 
 def test_poses_are_spread_over_turns_as_well_as_over_ways():

@@ -151,6 +151,16 @@ def test_joint_positions_that_do_not_fit_are_named(robot: Robot, positions: np.n
         robot.checked(positions)
 
 
+def test_an_endless_position_is_refused_where_a_joint_has_no_limits(tmp_path: Path) -> None:
+    path = tmp_path / "wheel.urdf"
+    path.write_text(SLIDER.replace('type="revolute"', 'type="continuous"'))
+    wheel = Robot.from_urdf(path, "base", "tool")
+    assert np.isinf(wheel.upper[0])
+    np.testing.assert_array_equal(wheel.checked(np.array([100.0, 0.1])), [100.0, 0.1])
+    with pytest.raises(RobotError, match=wheel.joint_names[0]):
+        wheel.checked(np.array([np.inf, 0.1]))
+
+
 def test_checked_positions_are_a_copy(robot: Robot) -> None:
     positions = robot.ready.copy()
     robot.checked(positions)[0] = 1.0
