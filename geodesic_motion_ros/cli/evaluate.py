@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, add_recording, indices, read_recording, writable
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+    from geodesic_motion_ros.experiments.imitation import Progress, Sheet
+    from geodesic_motion_ros.skill import Skill
 
 _DESCRIPTION = """\
 Trains on every fold with every seed and predicts the demonstrations that were held out from their start and goal
@@ -44,6 +51,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--sheets", type=_sheets, default="canonical,raw", metavar="SHEETS",
         help="that are trained on; the first is that of the row geodesic",
     )  # fmt: skip
+    parser.add_argument(
+        "--skills", type=Path, default=Path("out/experiments/skills"), metavar="FOLDER",
+        help="where trained skills are kept; taken from there when data, settings and training code are the same",
+    )  # fmt: skip
     parser.add_argument("--seeds", type=indices, default="0", metavar="SEEDS", help="one training each: 0,1,2")
     add_json(parser)
     parser.set_defaults(run=run)
@@ -59,6 +70,8 @@ def _sheets(text: str) -> tuple[str, ...]:
 def run(arguments: argparse.Namespace) -> None:
     """Measure, print the table, write the file."""
     from geodesic_motion_ros.experiments.imitation import all_folds, default_folds, evaluate, parse_folds
+    from geodesic_motion_ros.experiments.trained import trained_once
+    from geodesic_motion_ros.manifold.training import TrainingSettings
 
     demonstrations = read_recording(arguments, arguments.demos)
     count = len(demonstrations)
@@ -67,9 +80,12 @@ def run(arguments: argparse.Namespace) -> None:
     else:
         folds = parse_folds(arguments.folds, count) if arguments.folds else default_folds(count)
     writable(arguments.json)
-    report = evaluate(
-        demonstrations, folds, arguments.seeds, task=arguments.demos.stem, sheets=arguments.sheets
-    )
+    task = arguments.demos.stem
+
+    def train(shown: Demonstrations, seed: int, sheet: Sheet, progress: Progress) -> Skill:
+        return trained_once(task, shown, TrainingSettings(seed=seed, sheet=sheet), arguments.skills, progress)
+
+    report = evaluate(demonstrations, folds, arguments.seeds, train, task, sheets=arguments.sheets)
     print(report.table())
     if arguments.json is not None:
         report.write_json(arguments.json)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from tqdm import tqdm
@@ -15,6 +16,9 @@ from tqdm import tqdm
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import ParameterError, SkillError
 from geodesic_motion_ros.skill import Skill
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.manifold.training import TrainingSettings
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ def trained_on_folds(
     folds: Sequence[tuple[int, ...]],
     seeds: Sequence[int],
     folder: Path,
-    settings: object | None = None,
+    settings: TrainingSettings | None = None,
     show_progress: bool = True,
 ) -> Iterator[Trained]:
     """One skill per fold and seed, from the cache where the very same training was done before.
@@ -54,7 +58,7 @@ def trained_on_folds(
     ------
     ParameterError : no folds or no seeds. DemonstrationError : folds that do not fit.
     """
-    from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+    from geodesic_motion_ros.manifold.training import TrainingSettings
 
     if not folds or not seeds:
         raise ParameterError("nothing to train: give at least one fold and one seed")
@@ -63,16 +67,29 @@ def trained_on_folds(
     with tqdm(total=len(splits) * len(seeds), desc=task, unit="skill", disable=not show_progress) as bar:
         for fold, shown, held_out in splits:
             for seed in seeds:
-                chosen = replace(base, seed=seed)
-                kept = folder / f"{task}-{_digest(shown, chosen)}"
-                skill = _cached(kept)
-                if skill is None:
-                    bar.set_postfix_str(f"training, seed {seed}")
-                    skill = train_task_space_skill(shown, chosen, name=f"{task} without {fold}")
-                    skill.save(kept)
+                bar.set_postfix_str(f"training, seed {seed}")
+                skill = trained_once(task, shown, replace(base, seed=seed), folder)
                 bar.set_postfix_str(f"without {','.join(map(str, fold))}, seed {seed}")
                 yield Trained(task, tuple(fold), seed, skill, shown, held_out)
                 bar.update()
+
+
+def trained_once(
+    task: str,
+    shown: Demonstrations,
+    settings: TrainingSettings,
+    folder: Path,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Skill:
+    """A skill out of the cache, or trained, called progress(stage, step, steps), and put there."""
+    from geodesic_motion_ros.manifold.training import train_task_space_skill
+
+    kept = folder / f"{task}-{_digest(shown, settings)}"
+    skill = _cached(kept)
+    if skill is None:
+        skill = train_task_space_skill(shown, settings, name=task, progress=progress)
+        skill.save(kept)
+    return skill
 
 
 def _cached(folder: Path) -> Skill | None:
@@ -85,7 +102,7 @@ def _cached(folder: Path) -> Skill | None:
         return None
 
 
-def _digest(demonstrations: Demonstrations, settings: object) -> str:
+def _digest(demonstrations: Demonstrations, settings: TrainingSettings) -> str:
     digest = hashlib.sha256(json.dumps(asdict(settings), sort_keys=True).encode())
     for item in demonstrations:
         for array in (item.positions, item.quaternions):
