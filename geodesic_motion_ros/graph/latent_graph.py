@@ -103,7 +103,8 @@ class LatentGraph:
             self.edges, positions, quaternions, samples.positions, samples.quaternions, inner,
             middle, np.atleast_2d(np.cov(points.T, bias=True)),
         )  # fmt: skip
-        factor = np.ones(len(self.edges)) if conformal is None else conformal[self.edges].mean(axis=1)
+        first, second = self.edges.T
+        factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
         return TransportedGraph(
             edges=self.edges,
             points=points,

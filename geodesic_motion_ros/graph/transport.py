@@ -48,24 +48,32 @@ class Offsets:
 
     def displacements(self, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """D (..., 6) at progress (...) and shares (..., K) of the ridges."""
-        tau = self.blend(progress)[..., None]
-        moved = (1.0 - tau) * self.start + tau * self.goal
-        if len(self.corrections):
-            moved += corrections_at(self.corrections, progress, shares)
-        return moved
+        tau = self.blend(progress).reshape(-1)
+        flat = shares.reshape(len(tau), self.corrections.shape[0])
+        moved = _displacements(tau, progress.reshape(-1), flat, self.start, self.goal, self.corrections)
+        return moved.reshape(*progress.shape, 6)
 
 
 def corrections_at(corrections: np.ndarray, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """c (..., 6) = sum_k shares_k c_k(progress), linear between the samples of corrections (K, S, 6)."""
-    flat = _interpolated(corrections, progress.reshape(-1), shares.reshape(-1, len(corrections)))
-    return flat.reshape(*progress.shape, 6)
+    """c (n, 6) = sum_k shares_k c_k at progress (n,), shares (n, K), linear between the samples of (K, S, 6)."""
+    nowhere = np.zeros(6)
+    return _displacements(np.zeros(len(progress)), progress, shares, nowhere, nowhere, corrections)
 
 
 @numba.njit(cache=True, nogil=True)
-def _interpolated(corrections: np.ndarray, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
+def _displacements(
+    tau: np.ndarray,
+    progress: np.ndarray,
+    shares: np.ndarray,
+    start: np.ndarray,
+    goal: np.ndarray,
+    corrections: np.ndarray,
+) -> np.ndarray:
     count, samples = corrections.shape[:2]
-    result = np.zeros((len(progress), 6))
-    for i in range(len(progress)):
+    result = np.empty((len(tau), 6))
+    for i in range(len(tau)):
+        for j in range(6):
+            result[i, j] = (1.0 - tau[i]) * start[j] + tau[i] * goal[j]
         at = min(max(progress[i], 0.0), 1.0) * (samples - 1)
         left = min(int(at), samples - 2)
         fraction = at - left

@@ -105,16 +105,20 @@ def chord_energies(
     position, quaternion = np.empty(3), np.empty(4)
     position_before, quaternion_before = np.empty(3), np.empty(4)
     rotation, rotation_before = np.empty((3, 3)), np.empty((3, 3))
+    rotations = np.empty((len(positions), 3, 3))
+    for i in range(len(positions)):
+        _rotation_matrix(quaternions[i], rotations[i])
     for e in range(len(edges)):
         position_before[:], quaternion_before[:] = positions[edges[e, 0]], quaternions[edges[e, 0]]
-        _rotation_matrix(quaternion_before, rotation_before)
+        rotation_before[:] = rotations[edges[e, 0]]
         for j in range(pieces):
             if j < pieces - 1:
                 position[:], quaternion[:] = inner_positions[e, j], inner_quaternions[e, j]
                 carry(position, quaternion, displacements[e, j])
+                _rotation_matrix(quaternion, rotation)
             else:
                 position[:], quaternion[:] = positions[edges[e, 1]], quaternions[edges[e, 1]]
-            _rotation_matrix(quaternion, rotation)
+                rotation[:] = rotations[edges[e, 1]]
             for a in range(3):
                 x = rotation[a, 0] - rotation_before[a, 0]
                 y = rotation[a, 1] - rotation_before[a, 1]
