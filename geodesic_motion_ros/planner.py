@@ -1,5 +1,8 @@
 """ReactivePlanner: goal, obstacles and the present pose -> reference and verdict, once per tick. Knows nothing of ROS.
 
+Poses and obstacles come in the base frame, and so do references leave; in between everything is in the task frame, the
+frame that the skill was shown in (`task_frame`).
+
 While the start moves along its own reference its query (the graph transported to start and goal) stays; only the search
 is repeated.
 """
@@ -30,7 +33,9 @@ from geodesic_motion_ros.reference import (
     smooth_latent,
     timed_reference,
 )
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: The smoothed curve may leave the pruned nodes by this factor of sigma before it counts as unsupported.
@@ -61,10 +66,16 @@ class Plan:
     reference: TaskSpaceReference | None
     verdict: Verdict
 
+    def in_base(self, frame: TaskFrame) -> Plan:
+        """The same plan, its reference brought from the task frame into the base frame."""
+        if self.reference is None:
+            return self
+        return replace(self, reference=self.reference.moved(frame.to_base))
+
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Spheres in the base frame: centres (o, 3), radii (o,) [m]."""
+    """Spheres: centres (o, 3), radii (o,) [m]."""
 
     centres: np.ndarray
     radii: np.ndarray
@@ -72,6 +83,20 @@ class Obstacles:
     @classmethod
     def none(cls) -> Obstacles:
         return cls(np.empty((0, 3)), np.empty(0))
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """The task frame, and the obstacles in the base frame and seen from it: replaced as a whole."""
+
+    frame: TaskFrame
+    in_base: Obstacles
+    in_task: Obstacles
+
+    @classmethod
+    def of(cls, frame: TaskFrame, in_base: Obstacles) -> _Scene:
+        centres = np.ascontiguousarray(frame.points_to_task(in_base.centres))
+        return cls(frame, in_base, Obstacles(centres, in_base.radii))
 
 
 class ReactivePlanner:
@@ -88,8 +113,10 @@ class ReactivePlanner:
         self._points = np.array(self.settings.tool_points, dtype=float)
         self._point_radii = np.array(self.settings.tool_radii, dtype=float)
         self._queries = QueryBuilder(skill, self.graph, self.settings)
-        self._obstacles = Obstacles.none()
-        self._goal: Pose | None = None
+        self.robot = Robot.named(skill.robot)
+        self._scene = _Scene.of(TaskFrame.identity(), Obstacles.none())
+        # The goal as it was given, and whether that was in the task frame, with which it moves.
+        self._goal: tuple[Pose, bool] | None = None
         self._query: Query | None = None
         # The reference being followed and the query it belongs to: an older one than _query right after a new goal.
         self._followed: tuple[Query, TaskSpaceReference] | None = None
@@ -98,25 +125,43 @@ class ReactivePlanner:
 
     # ---------------------------------------------------------------- inputs
 
-    def set_goal(self, position: np.ndarray, quaternion: np.ndarray) -> Verdict:
-        """Ask for a goal pose, (3,) [m] and (4,) in the skill's base frame.
+    def set_goal(self, position: np.ndarray, quaternion: np.ndarray, in_task_frame: bool = False) -> Verdict:
+        """Ask for a goal pose, (3,) [m] and (4,) in the base frame, or in the task frame, with which it then moves.
 
         The verdict is BAD_INPUT or GOAL_OUT_OF_SUPPORT where the goal is refused; then the old goal stays.
         """
         pose, reason = checked_pose("goal", position, quaternion)
         if pose is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
-        verdict = self._queries.goal_verdict(pose)
+        frame = self._scene.frame
+        verdict = self._goal_verdict(pose if in_task_frame else _to_task(frame, pose), frame)
         if verdict.ok:
-            self._goal, self._query = pose, None
+            self._goal, self._query = (pose, in_task_frame), None
         return verdict
+
+    def set_task_frame(self, position: np.ndarray, quaternion: np.ndarray) -> Verdict:
+        """Say where the frame that the skill was shown in stands now: (3,) [m] and (4,) in the base frame.
+
+        Goals and obstacles that were given in the base frame stay where they are. BAD_INPUT for a pose that is none;
+        then the old frame stays.
+        """
+        pose, reason = checked_pose("task frame", position, quaternion)
+        if pose is None:
+            return Verdict(VerdictCode.BAD_INPUT, reason)
+        before, frame = self._scene.frame, TaskFrame(pose.position, pose.quaternion)
+        self._scene = _Scene.of(frame, self._scene.in_base)
+        self._query = None
+        if self._followed is not None:
+            query, reference = self._followed
+            self._followed = query, reference.moved(lambda *poses: frame.to_task(*before.to_base(*poses)))
+        return Verdict(VerdictCode.OK)
 
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
         self._goal = self._query = None
 
     def set_obstacles(self, centres: np.ndarray, radii: np.ndarray) -> Verdict:
-        """Replace all obstacles by spheres, centres (o, 3) and radii (o,) [m] in the skill's base frame.
+        """Replace all obstacles by spheres, centres (o, 3) and radii (o,) [m] in the base frame.
 
         BAD_INPUT names the first obstacle that is not finite or has no positive radius; then the old ones stay.
         """
@@ -136,7 +181,8 @@ class ReactivePlanner:
             )
         # What is told twice, by two sensors or on two topics, is one obstacle.
         spheres = np.unique(np.column_stack([centres, radii]), axis=0)
-        self._obstacles = Obstacles(np.ascontiguousarray(spheres[:, :3]), np.ascontiguousarray(spheres[:, 3]))
+        obstacles = Obstacles(np.ascontiguousarray(spheres[:, :3]), np.ascontiguousarray(spheres[:, 3]))
+        self._scene = _Scene.of(self._scene.frame, obstacles)
         return Verdict(VerdictCode.OK)
 
     # ------------------------------------------------------------- planning
@@ -153,17 +199,26 @@ class ReactivePlanner:
             return _refusal(VerdictCode.BAD_INPUT, reason)
         if self._goal is None:
             return _refusal(VerdictCode.NO_GOAL, "no goal has been given")
-        obstacles = self._obstacles
+        scene = self._scene
+        plan = self._tick_in_task(_to_task(scene.frame, start), self._goal_in_task(scene.frame), scene, speed)
+        return plan.in_base(scene.frame)
+
+    def _goal_in_task(self, frame: TaskFrame) -> Pose:
+        assert self._goal is not None
+        pose, in_task_frame = self._goal
+        return pose if in_task_frame else _to_task(frame, pose)
+
+    def _tick_in_task(self, start: Pose, goal: Pose, scene: _Scene, speed: float) -> Plan:
         latent = self._locate(start)
         if latent is None:
-            query = self._next_query(start, self._goal, speed)
+            query = self._next_query(start, goal, speed)
             if isinstance(query, Verdict):
-                return Plan(self._braking(start, obstacles, speed), query)
+                return Plan(self._braking(start, scene.in_task, speed), query)
             self._query, latent = query, query.start_latent
         assert self._query is not None
-        plan = self._solve(self._query, start, latent, obstacles, speed)
+        plan = self._solve(self._query, start, latent, scene, speed)
         if plan.reference is None:
-            return Plan(self._braking(start, obstacles, speed), plan.verdict)
+            return Plan(self._braking(start, scene.in_task, speed), plan.verdict)
         self._followed = self._query, plan.reference
         return plan
 
@@ -173,7 +228,11 @@ class ReactivePlanner:
         None at rest, before the first reference, and where the way of the stop is not free: stay where you are.
         """
         start, _ = checked_pose("state", position, quaternion)
-        return None if start is None else self._braking(start, self._obstacles, speed)
+        if start is None:
+            return None
+        scene = self._scene
+        reference = self._braking(_to_task(scene.frame, start), scene.in_task, speed)
+        return None if reference is None else reference.moved(scene.frame.to_base)
 
     def plan(
         self,
@@ -187,13 +246,30 @@ class ReactivePlanner:
         goal, goal_reason = checked_pose("goal", goal_position, goal_quaternion)
         if start is None or goal is None:
             return _refusal(VerdictCode.BAD_INPUT, start_reason or goal_reason)
-        verdict = self._queries.goal_verdict(goal)
+        scene = self._scene
+        start, goal = _to_task(scene.frame, start), _to_task(scene.frame, goal)
+        verdict = self._goal_verdict(goal, scene.frame)
         if not verdict.ok:
             return Plan(None, verdict)
         query = self._queries.build(start, goal)
         if isinstance(query, Verdict):
             return Plan(None, query)
-        return self._solve(query, start, query.start_latent, self._obstacles, 0.0)
+        return self._solve(query, start, query.start_latent, scene, 0.0).in_base(scene.frame)
+
+    def _goal_verdict(self, goal: Pose, frame: TaskFrame) -> Verdict:
+        """Whether a goal (task frame) is within the arm's reach and within what was demonstrated."""
+        beyond = self._beyond_reach(goal.position[None], frame)
+        if beyond:
+            return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, f"the goal is {beyond}")
+        return self._queries.goal_verdict(goal)
+
+    def _beyond_reach(self, positions: np.ndarray, frame: TaskFrame) -> str:
+        """How far tool positions (n, 3) of the task frame lie from the shoulder where the arm cannot reach, or ''."""
+        distance = float(np.linalg.norm(frame.points_to_base(positions) - self.robot.shoulder, axis=1).max())
+        if distance <= self.robot.reach:
+            return ""
+        reach = self.robot.reach
+        return f"{distance:.2f} m from the shoulder; the tool of the {self.skill.robot} reaches {reach:.2f} m"
 
     def query(
         self,
@@ -202,7 +278,7 @@ class ReactivePlanner:
         goal_position: np.ndarray,
         goal_quaternion: np.ndarray,
     ) -> Query | None:
-        """The graph transported to a start and goal, to look at; None where `plan` would refuse them."""
+        """The graph transported to a start and goal (task frame), to look at; None where `plan` would refuse them."""
         start, _ = checked_pose("start", start_position, start_quaternion)
         goal, _ = checked_pose("goal", goal_position, goal_quaternion)
         built = None if start is None or goal is None else self._queries.build(start, goal)
@@ -255,9 +331,9 @@ class ReactivePlanner:
 
     # --------------------------------------------------------------- solve
 
-    def _solve(self, query: Query, start: Pose, start_latent: np.ndarray, obstacles: Obstacles, speed: float) -> Plan:
+    def _solve(self, query: Query, start: Pose, start_latent: np.ndarray, scene: _Scene, speed: float) -> Plan:
         """Reweight once; then search, smooth, decode, certify and time until an attempt is certified."""
-        settings = self.settings
+        settings, obstacles = self.settings, scene.in_task
         avoided = obstacles if settings.avoidance else Obstacles.none()
         ends = self._end_clearance(query, start, avoided)
         if isinstance(ends, Plan):
@@ -281,7 +357,7 @@ class ReactivePlanner:
             if isinstance(found, Plan):
                 return found
             for width in _SMOOTHING_WIDTHS:
-                plan = self._certified(query, start, *found, obstacles, width, speed)
+                plan = self._certified(query, start, *found, scene, width, speed)
                 if plan.reference is not None:
                     return plan
         return plan
@@ -376,7 +452,7 @@ class ReactivePlanner:
         start: Pose,
         polyline: np.ndarray,
         energy: float,
-        obstacles: Obstacles,
+        scene: _Scene,
         width: float,
         speed: float,
     ) -> Plan:
@@ -395,7 +471,10 @@ class ReactivePlanner:
         positions, quaternions = correct_ends(
             positions, quaternions, (start.position, start.quaternion), (query.goal.position, query.goal.quaternion)
         )
-        clearance = self._clearance(positions, quaternions, obstacles)
+        beyond = self._beyond_reach(positions, scene.frame)
+        if beyond:
+            return _refusal(VerdictCode.NO_FEASIBLE_PATH, f"the way leads {beyond}", query)
+        clearance = self._clearance(positions, quaternions, scene.in_task)
         found = self._path_verdict(query, float(np.max(rms_sigma(decoded.sigma))), energy, float(np.min(clearance)))
         verdict = replace(found, end_correction=correction)
         if not verdict.ok:
@@ -422,6 +501,10 @@ class ReactivePlanner:
         else:
             return Verdict(VerdictCode.OK, **found)
         return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **found)
+
+
+def _to_task(frame: TaskFrame, pose: Pose) -> Pose:
+    return Pose(*frame.to_task(pose.position, pose.quaternion))
 
 
 def _refusal(code: VerdictCode, reason: str, query: Query | None = None, clearance: float = math.nan) -> Plan:

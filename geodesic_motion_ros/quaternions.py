@@ -54,6 +54,25 @@ def rotate_by(rotation_vectors: np.ndarray, quaternions: np.ndarray) -> np.ndarr
     return np.where(flip, -rotated, rotated)
 
 
+def inverse(quaternion: np.ndarray) -> np.ndarray:
+    """Inverse rotation of a unit quaternion (..., 4)."""
+    return quaternion * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Hamilton product p q (..., 4): first q, then p. Continuous in both: no sign is chosen."""
+    scalars = first[..., :1] * second[..., :1] - np.sum(first[..., 1:] * second[..., 1:], axis=-1, keepdims=True)
+    vectors = first[..., :1] * second[..., 1:] + second[..., :1] * first[..., 1:]
+    return np.concatenate([scalars, vectors + np.cross(first[..., 1:], second[..., 1:])], axis=-1)
+
+
+def rotate(quaternion: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """R(q) v for a unit quaternion (4,) and vectors (..., 3)."""
+    axis = np.broadcast_to(quaternion[1:], vectors.shape)
+    once = 2.0 * np.cross(axis, vectors)
+    return vectors + quaternion[0] * once + np.cross(axis, once)
+
+
 def slerp(first: np.ndarray, second: np.ndarray, fractions: np.ndarray) -> np.ndarray:
     """Great-circle interpolation from first (4,) to second (4,) the short way; (n, 4) for fractions (n,)."""
     vector = rotation_vector_between(first, second)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -130,6 +131,13 @@ class TaskSpaceReference:
     def duration(self) -> float:
         """Time [s] until rest."""
         return float(self.times[-1])
+
+    def moved(
+        self, move: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+    ) -> TaskSpaceReference:
+        """The same reference with its poses (n, 3), (n, 4) moved by a rigid motion: times and clearances stay."""
+        positions, quaternions = move(self.positions, self.quaternions)
+        return replace(self, positions=positions, quaternions=quaternions)
 
     def sample(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and quaternion (4,) at `time` [s], held at both ends."""

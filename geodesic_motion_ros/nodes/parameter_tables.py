@@ -46,6 +46,28 @@ PLANNER = (
         10.0,
     ),
     Parameter(
+        "task_frame",
+        [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+        "Where the frame that the skill was shown in stands in base_frame, until `task_frame` is heard: x, y, z [m], "
+        "quaternion w, x, y, z",
+        "",
+        -10.0,
+        10.0,
+    ),
+    Parameter(
+        "ridge_strength",
+        1.0,
+        "How strongly paths are drawn to where the demonstrations run on average; 0.0 leaves the plain metric",
+        "",
+        0.0,
+        100.0,
+    ),
+    Parameter(
+        "query_conditioning",
+        True,
+        "Let start and goal choose between the demonstrations, in skills where that was found to help",
+    ),
+    Parameter(
         "maximum_offset",
         0.05,
         "Largest distance of start and goal from what was demonstrated",

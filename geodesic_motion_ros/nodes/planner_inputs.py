@@ -38,6 +38,10 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 EDITS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
+#: Goals with this frame id are relative to the task frame, and move with it.
+TASK_FRAME = "task_frame"
+
+
 class PlannerInputs:
     """The subscriptions of the planner and what they have brought.
 
@@ -55,9 +59,13 @@ class PlannerInputs:
         self._joints_taken = 0.0
         self._goal: tuple[np.ndarray, np.ndarray] | Verdict | None = None
         self._goal_number = 0
+        self._goal_in_task_frame = False
+        origin = np.array(parameters["task_frame"])
+        self._task_frame = origin[:3], origin[3:]
         self._hold = False
         self._subscribe(JointState, "joint_states", self._on_joint_states, NEWEST)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, QoSProfile(depth=1))
+        self._subscribe(PoseStamped, "task_frame", self._on_task_frame, QoSProfile(depth=1))
         self._subscribe(MarkerArray, "obstacles", self._on_obstacles, EDITS)
         self._subscribe(Marker, "obstacle_marker", self._on_marker, EDITS)
         self._subscribe(PointStamped, "obstacle_point", self._on_point, NEWEST)
@@ -69,12 +77,13 @@ class PlannerInputs:
         with self._lock:
             joints, taken = self._joints, self._joints_taken
             goal, number, hold = self._goal, self._goal_number, self._hold
+            task_frame, relative = self._task_frame, self._goal_in_task_frame
             obstacles = self._tracker.current(now)
             silent = self._tracker.silent(now, self._parameters["obstacle_timeout"])
         if self._parameters["obstacle_silence_policy"] == "keep":
             silent = {}
         measured = None if joints is None else self._robot.forward(joints)
-        return CycleInputs(measured, now - taken, goal, number, obstacles, silent, hold)
+        return CycleInputs(measured, now - taken, goal, number, obstacles, silent, hold, task_frame, relative)
 
     def ages(self) -> dict[str, float]:
         """Seconds since each input that has spoken was last heard; of joint states since they were taken."""
@@ -116,17 +125,25 @@ class PlannerInputs:
         return max(0.0, 1e-9 * self._node.get_clock().now().nanoseconds - stamp)
 
     def _on_goal(self, message: PoseStamped) -> None:
+        in_task_frame = message.header.frame_id == TASK_FRAME
         try:
-            goal: tuple[np.ndarray, np.ndarray] | Verdict = read_pose(message, self._frame)
+            goal: tuple[np.ndarray, np.ndarray] | Verdict = read_pose(
+                message, TASK_FRAME if in_task_frame else self._frame
+            )
         except MessageRefused as error:
-            self._set_goal(Verdict(VerdictCode.BAD_INPUT, f"goal_pose: {error}"))
+            self._set_goal(Verdict(VerdictCode.BAD_INPUT, f"goal_pose: {error}"), False)
             raise
-        self._set_goal(goal)
+        self._set_goal(goal, in_task_frame)
 
-    def _set_goal(self, goal: tuple[np.ndarray, np.ndarray] | Verdict) -> None:
+    def _set_goal(self, goal: tuple[np.ndarray, np.ndarray] | Verdict, in_task_frame: bool) -> None:
         with self._lock:
-            self._goal = goal
+            self._goal, self._goal_in_task_frame = goal, in_task_frame
             self._goal_number += 1
+
+    def _on_task_frame(self, message: PoseStamped) -> None:
+        frame = read_pose(message, self._frame)
+        with self._lock:
+            self._task_frame = frame
 
     def _on_obstacles(self, message: MarkerArray) -> None:
         updates = []

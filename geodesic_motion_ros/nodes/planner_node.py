@@ -29,13 +29,12 @@ from geodesic_motion_ros.nodes.running import LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.view_thread import ViewThread
 from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
-from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 _SETTINGS = (
     "avoidance", "obstacle_margin", "ambient_strength", "ambient_width_ratio", "maximum_offset",
-    "maximum_offset_angle", "speed", "angular_speed", "acceleration",
+    "maximum_offset_angle", "ridge_strength", "query_conditioning", "speed", "angular_speed", "acceleration",
 )  # fmt: skip
 
 
@@ -54,8 +53,16 @@ class PlannerNode(LoopingNode):
     def _build(self) -> None:
         self._options = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
         skill = Skill.load(self._options["skill"])
-        self._robot = _robot_of(skill)
         self._planner = ReactivePlanner(skill, _settings(self._options.values))
+        self._robot = self._planner.robot
+        if skill.tool_frame != self._robot.tool_link:
+            raise SkillError(
+                f"skill {skill.name} moves the frame {skill.tool_frame!r}, this node drives {self._robot.tool_link!r}"
+            )
+        if self._options["base_frame"] != skill.base_frame:
+            self.get_logger().warning(
+                f"base_frame {self._options['base_frame']!r} is taken for the skill's {skill.base_frame!r}"
+            )
         values = self._options
         self._cycle = PlanningCycle(
             self._planner,
@@ -227,16 +234,12 @@ def _settings(values: Mapping[str, Value]) -> PlannerSettings:
 
 
 def _check_settings(values: Mapping[str, Value]) -> None:
+    if np.linalg.norm(values["task_frame"][3:]) < 1e-6:
+        raise ParameterError("parameter task_frame ends with a zero quaternion: no rotation is 1.0, 0.0, 0.0, 0.0")
     try:
         _settings(values)
     except PlanningError as error:
         raise ParameterError(f"parameters do not go together: {error}") from error
-
-
-def _robot_of(skill: Skill) -> Robot:
-    if skill.robot != "panda":
-        raise SkillError(f"skill {skill.name} is for the robot {skill.robot!r}, this node drives: 'panda'")
-    return Robot.panda()
 
 
 def main(args: list[str] | None = None) -> int:

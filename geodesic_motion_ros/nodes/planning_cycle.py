@@ -33,6 +33,8 @@ class CycleInputs:
     goal : the newest goal asked for, or the verdict with which its message was refused; None before the
         first.
     goal_number : grows with every goal asked for.
+    task_frame : where the frame that the skill was shown in stands now, position (3,) [m] and quaternion (4,).
+    goal_in_task_frame : whether the goal was given in that frame.
     obstacles : the spheres that exist now.
     silent_sources : obstacle topics that have fallen silent, with their ages [s]; empty where that does
         not matter.
@@ -46,6 +48,8 @@ class CycleInputs:
     obstacles: ObstacleSet
     silent_sources: dict[str, float] = field(default_factory=dict)
     hold: bool = False
+    task_frame: Pose | None = None
+    goal_in_task_frame: bool = False
 
 
 @dataclass(frozen=True)
@@ -94,9 +98,11 @@ class PlanningCycle:
         self._goal_verdict = Verdict(VerdictCode.NO_GOAL, "no goal has been given")
         self._has_goal = False
         self._obstacles_version = -1
+        self._task_frame: Pose | None = None
 
     def run(self, inputs: CycleInputs, period: float) -> CycleOutput:
         """One cycle; the commanded pose moves on by `period` [s]."""
+        self._take_task_frame(inputs.task_frame)
         self._take_goal(inputs)
         obstacles_taken = self._take_obstacles(inputs.obstacles)
         verdict = self._ready(inputs)
@@ -123,12 +129,18 @@ class PlanningCycle:
         to_goal = reference if verdict.ok else None
         return CycleOutput(commanded, verdict, self._goal_verdict, to_goal, self.follower.speed)
 
+    def _take_task_frame(self, frame: Pose | None) -> None:
+        if frame is None or frame is self._task_frame:
+            return
+        self._task_frame = frame
+        self.planner.set_task_frame(*frame)
+
     def _take_goal(self, inputs: CycleInputs) -> None:
         if inputs.goal is None or inputs.goal_number == self._goal_number:
             return
         self._goal_number = inputs.goal_number
         refused = isinstance(inputs.goal, Verdict)
-        self._goal_verdict = inputs.goal if refused else self.planner.set_goal(*inputs.goal)
+        self._goal_verdict = inputs.goal if refused else self.planner.set_goal(*inputs.goal, inputs.goal_in_task_frame)
         self._has_goal = self._has_goal or self._goal_verdict.ok
 
     def _ready(self, inputs: CycleInputs) -> Verdict:

@@ -78,6 +78,14 @@ class Robot:
         )
 
     @classmethod
+    def named(cls, name: str) -> Robot:
+        """A robot that this package ships, by the name that skills give it; RobotError lists them for another name."""
+        known = {"panda": cls.panda}
+        if name not in known:
+            raise RobotError(f"robot {name!r} is not known here; known: {', '.join(map(repr, known))}")
+        return known[name]()
+
+    @classmethod
     def from_urdf(
         cls, path: str | Path, base_link: str, tool_link: str, limits_path: str | Path | None = None
     ) -> Robot:

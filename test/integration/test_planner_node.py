@@ -297,7 +297,7 @@ class TestPlanService:
     def test_is_empty_when_there_is_no_way(self, ready, skill, make_pose):
         ready.send_spheres(WALL)
         ready.wait(lambda: len(ready.planner._inputs.snapshot().obstacles.radii), "the obstacle")
-        ready.wait(lambda: len(ready.planner._planner._obstacles.radii), "the obstacle in the planner")
+        ready.wait(lambda: len(ready.planner._planner._scene.in_base.radii), "the obstacle in the planner")
         assert not ready.call(GetPlan, "plan", self.request(make_pose, skill.start_pose, skill.goal_pose)).plan.poses
 
     def test_is_empty_for_another_frame(self, ready, skill, make_pose):
