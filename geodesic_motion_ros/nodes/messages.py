@@ -24,10 +24,15 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.nodes.cubes import doubled, occupied_cubes
 from geodesic_motion_ros.nodes.obstacle_tracker import Key
+from geodesic_motion_ros.robot.kinematics import Robot
 
 # Nothing a robot arm has to do with is further away [m] or has turned further [rad] than this.
 LARGEST_COORDINATE = 1000.0
+
+# Encoders and a controller's overshoot may show a joint this much [rad] beyond its limit.
+LIMIT_TOLERANCE = 0.02
 
 _FLOATS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
@@ -71,6 +76,17 @@ def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.
     for name, value in zip(joint_names, vector, strict=True):
         _check_number(float(value), f"joint {name}", "rad")
     return vector
+
+
+def check_limits(joints: np.ndarray, robot: Robot) -> None:
+    """Refuse joint positions (n,) [rad] that the robot cannot have, naming the joints and their limits."""
+    outside = (joints < robot.lower - LIMIT_TOLERANCE) | (joints > robot.upper + LIMIT_TOLERANCE)
+    if np.any(outside):
+        beyond = ", ".join(
+            f"{robot.joint_names[i]} at {joints[i]:.3f} (limits {robot.lower[i]:.3f} to {robot.upper[i]:.3f})"
+            for i in np.flatnonzero(outside)
+        )
+        raise MessageRefused(f"joints beyond their limits [rad]: {beyond}; is this another robot, or degrees?")
 
 
 @dataclass(frozen=True)
@@ -134,14 +150,15 @@ def read_cloud(message: PointCloud2, base_frame: str, voxel: float, most: int) -
     """
     check_frame(message.header, base_frame)
     points = _cloud_points(message)
-    points = points[np.all(np.isfinite(points), axis=1)]
+    finite = np.isfinite(points.sum(axis=1))  # a sum with NaN or inf in it is not finite
+    points = points if finite.all() else points[finite]
     if len(points) and np.max(np.abs(points)) > LARGEST_COORDINATE:
         raise MessageRefused(f"cloud: a coordinate exceeds {LARGEST_COORDINATE:g} m; metres are expected")
     edge = voxel
-    cubes = np.unique(np.floor(points / edge), axis=0)
+    cubes = occupied_cubes(points, edge)
     while len(cubes) > most:
         edge *= 2.0
-        cubes = np.unique(np.floor(points / edge), axis=0)
+        cubes = doubled(cubes)
     return (cubes + 0.5) * edge, 0.5 * math.sqrt(3.0) * edge
 
 

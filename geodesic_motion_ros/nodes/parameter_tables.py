@@ -96,9 +96,18 @@ PLANNER = (
         read_only=False,
     ),
     Parameter(
+        "resume_timeout",
+        1.0,
+        "When joint states return after a longer silence than this the goal is dropped; before, the motion resumes",
+        "s",
+        0.01,
+        60.0,
+        read_only=False,
+    ),
+    Parameter(
         "tracking_tolerance",
         0.05,
-        "The reference starts again where the arm is when it is further off than this",
+        "An arm further than this from where it was sent is lost: the goal is dropped, and the arm must come to rest",
         "m",
         0.001,
         1.0,
@@ -164,6 +173,13 @@ PLANNER = (
 
 TWIN = (
     _BASE_FRAME,
+    Parameter(
+        "skill",
+        "panda_pouring",
+        "Start where this skill begins: its folder, or the name of a shipped one; empty, or with other "
+        "initial_joint_positions than the default: start there",
+        read_only=False,
+    ),
     Parameter("physics_rate", 240.0, "Physics steps per second of real time", "Hz", 100.0, 1000.0),
     Parameter("state_rate", 120.0, "How often `joint_states` and `ee_pose` are published", "Hz", 100.0, 1000.0),
     Parameter("obstacle_rate", 60.0, "How often obstacles and `~/clearance` are published", "Hz", 1.0, 240.0),
@@ -179,7 +195,7 @@ TWIN = (
     Parameter(
         "initial_joint_positions",
         [round(angle, 4) for angle in PANDA_READY],
-        "Where the arm starts, and goes at `~/reset`",
+        "Where the arm starts, and goes at `~/reset`; the default, the ready pose, only with an empty `skill`",
         "rad",
         -4.0,
         4.0,

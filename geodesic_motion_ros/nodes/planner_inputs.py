@@ -18,6 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from geodesic_motion_ros.nodes.messages import (
     MarkerUpdate,
     MessageRefused,
+    check_limits,
     read_cloud,
     read_joint_positions,
     read_marker,
@@ -63,6 +64,7 @@ class PlannerInputs:
         origin = np.array(parameters["task_frame"])
         self._task_frame = origin[:3], origin[3:]
         self._hold = False
+        self._publishers: tuple[str, ...] = ()
         self._subscribe(JointState, "joint_states", self._on_joint_states, NEWEST)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, QoSProfile(depth=1))
         self._subscribe(PoseStamped, "task_frame", self._on_task_frame, QoSProfile(depth=1))
@@ -77,13 +79,15 @@ class PlannerInputs:
         with self._lock:
             joints, taken = self._joints, self._joints_taken
             goal, number, hold = self._goal, self._goal_number, self._hold
-            task_frame, relative = self._task_frame, self._goal_in_task_frame
+            task_frame, relative, publishers = self._task_frame, self._goal_in_task_frame, self._publishers
             obstacles = self._tracker.current(now)
             silent = self._tracker.silent(now, self._parameters["obstacle_timeout"])
         if self._parameters["obstacle_silence_policy"] == "keep":
             silent = {}
         measured = None if joints is None else self._robot.forward(joints)
-        return CycleInputs(measured, now - taken, goal, number, obstacles, silent, hold, task_frame, relative)
+        return CycleInputs(
+            measured, now - taken, goal, number, obstacles, silent, hold, task_frame, relative, publishers
+        )
 
     def ages(self) -> dict[str, float]:
         """Seconds since each input that has spoken was last heard; of joint states since they were taken."""
@@ -97,6 +101,11 @@ class PlannerInputs:
     def request_hold(self, hold: bool) -> None:
         with self._lock:
             self._hold = hold
+
+    def set_publishers(self, names: tuple[str, ...]) -> None:
+        """Say which nodes publish `target_pose`."""
+        with self._lock:
+            self._publishers = names
 
     def clear_obstacles(self) -> int:
         """Forget all obstacles and what was expected of their topics; returns how many there were."""
@@ -114,6 +123,7 @@ class PlannerInputs:
 
     def _on_joint_states(self, message: JointState) -> None:
         joints = read_joint_positions(message, self._robot.joint_names)
+        check_limits(joints, self._robot)
         taken = time.monotonic() - self._transit(seconds(message.header.stamp))
         with self._lock:
             self._joints, self._joints_taken = joints, taken
@@ -178,12 +188,14 @@ class PlannerInputs:
             self._tracker.put("obstacle_point", ("", 0), centre, radius, time.monotonic(), 0.0, stamp)
 
     def _on_cloud(self, message: PointCloud2) -> None:
-        centres, cover = read_cloud(
-            message,
-            self._frame,
-            self._parameters["obstacle_cloud_voxel"],
-            self._parameters["obstacle_cloud_most"],
-        )
+        voxel, most = self._parameters["obstacle_cloud_voxel"], self._parameters["obstacle_cloud_most"]
+        centres, cover = read_cloud(message, self._frame, voxel, most)
         radius = self._parameters["obstacle_cloud_radius"] + cover
+        if cover > voxel:  # half the diagonal of a cube is less than its edge: the cubes were doubled
+            self._node.get_logger().warning(
+                f"obstacle_cloud: the points fill more than {most} cubes of {voxel:g} m: {len(centres)} spheres of "
+                f"radius {radius:.2f} m stand for them (obstacle_cloud_most, obstacle_cloud_voxel; or filter the cloud)",
+                throttle_duration_sec=5.0,
+            )
         with self._lock:
             self._tracker.replace("obstacle_cloud", centres, radius, time.monotonic())

@@ -67,6 +67,7 @@ class PlannerNode(LoopingNode):
         self._cycle = PlanningCycle(
             self._planner,
             values["state_timeout"],
+            values["resume_timeout"],
             values["tracking_tolerance"],
             values["tracking_tolerance_angle"],
         )
@@ -79,6 +80,7 @@ class PlannerNode(LoopingNode):
         self._view_thread = self._make_view(skill)
         self.create_timer(1.0 / values["path_rate"], self._show_path)
         self.create_timer(1.0, self._show_health)
+        self.create_timer(1.0, self._look_for_rivals)
         self.create_service(GetPlan, "plan", self._on_plan)
         self.create_service(SetBool, "~/hold", self._on_hold)
         self.create_service(Trigger, "~/clear_obstacles", self._on_clear_obstacles)
@@ -173,6 +175,9 @@ class PlannerNode(LoopingNode):
             refusals.newest(1.0),
         )
 
+    def _look_for_rivals(self) -> None:
+        self._inputs.set_publishers(self._outputs.publishers_of_target())
+
     # ---------------------------------------------------------------- services
 
     def _on_plan(self, request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
@@ -201,6 +206,7 @@ class PlannerNode(LoopingNode):
 
     def _parameters_changed(self, values: Mapping[str, Value]) -> None:
         self._cycle.state_timeout = values["state_timeout"]
+        self._cycle.resume_timeout = values["resume_timeout"]
         self._cycle.tracking_tolerance = values["tracking_tolerance"]
         self._cycle.tracking_tolerance_angle = values["tracking_tolerance_angle"]
 

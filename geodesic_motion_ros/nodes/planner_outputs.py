@@ -30,6 +30,7 @@ from geodesic_motion_ros.nodes.messages import (
 )
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.planning_cycle import CycleOutput
+from geodesic_motion_ros.nodes.publishers import publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
 from geodesic_motion_ros.reference import TaskSpaceReference
@@ -45,6 +46,11 @@ _LEVELS = {
     VerdictCode.GOAL_OUT_OF_SUPPORT: DiagnosticStatus.WARN,
     VerdictCode.DEADLINE_MISSED: DiagnosticStatus.WARN,
 }
+#: What the verdict says of start and goal: lengths [m] and angles [rad].
+_END_FIGURES = (
+    "start_offset", "goal_offset", "start_offset_angle", "goal_offset_angle",
+    "start_beyond", "goal_beyond", "start_beyond_angle", "goal_beyond_angle", "end_correction",
+)  # fmt: skip
 _PATH_COLOUR = (0.95, 0.85, 0.25, 1.0)
 _OBSTACLE_COLOUR = (0.88, 0.28, 0.24, 0.55)
 _TOOL_COLOUR = (0.25, 0.55, 0.85, 0.45)
@@ -71,6 +77,10 @@ class PlannerOutputs:
         fill_pose(self._target_message.pose, position, quaternion)
         self._target.publish(self._target_message)
 
+    def publishers_of_target(self) -> tuple[str, ...]:
+        """Names of all nodes that publish on the topic of `target`, this one among them."""
+        return publishers_of(self._node, self._target.topic_name)
+
     def status(self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop) -> None:
         """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it."""
         verdict, newest = output.verdict, refusals.newest(within=1.0)
@@ -83,8 +93,7 @@ class PlannerOutputs:
             "clearance": verdict.clearance,
             "energy_per_edge": verdict.energy_per_edge,
             "in_support": verdict.in_support,
-            "start_offset": verdict.start_offset,
-            "goal_offset": verdict.goal_offset,
+            **{name: getattr(verdict, name) for name in _END_FIGURES},
             "goal_code": output.goal_verdict.code.name,
             "goal_reason": output.goal_verdict.reason,
             "refused_input": newest,

@@ -1,8 +1,9 @@
 """One cycle of the planner node, without ROS: judge the inputs, tick the planner, move the commanded pose on.
 
-What is commanded never jumps. The commanded pose moves only along a certified reference or stands still, with
-one exception: when the measured pose is further than a tolerance from it (the arm was moved, blocked, or
-restarted), it is set to the measured pose, which is where the arm already is.
+What is commanded never jumps. The commanded pose moves only along a certified reference or stands still. When the
+measured pose is further than a tolerance from it (the arm was moved, blocked, or restarted) or was unknown for long,
+the goal is dropped, and nothing is commanded until the arm has rested for a moment: then the commanded pose is where
+the arm already is, and the next goal sets it moving again.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from geodesic_motion_ros.reference import ReferenceFollower, TaskSpaceReference
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 Pose = tuple[np.ndarray, np.ndarray]
+
+#: An arm that was lost rests when it has stayed this long [s] within this distance [m] and angle [rad].
+REST_TIME, REST_DISTANCE, REST_ANGLE = 0.5, 0.005, 0.02
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,7 @@ class CycleInputs:
     silent_sources : obstacle topics that have fallen silent, with their ages [s]; empty where that does
         not matter.
     hold : whether a hold was asked for.
+    publishers : names of the nodes that publish `target_pose`; more than one and the arm must not move.
     """
 
     measured: Pose | None
@@ -50,6 +55,7 @@ class CycleInputs:
     hold: bool = False
     task_frame: Pose | None = None
     goal_in_task_frame: bool = False
+    publishers: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class CycleOutput:
 
     Attributes
     ----------
-    commanded : pose to be at now; None before anything is known.
+    commanded : pose to be at now; None before anything is known, and while an arm that was lost does not rest.
     verdict : of this cycle; goal_verdict : of the newest goal asked for. When that is a refusal, the motion still
         serves the goal before.
     reference : the way to the goal, with an OK verdict only.
@@ -72,12 +78,32 @@ class CycleOutput:
     speed: float
 
 
+@dataclass
+class _Lost:
+    """An arm that was found elsewhere than commanded: why, and since when [s] it has rested near which pose."""
+
+    verdict: Verdict
+    near: Pose
+    rested: float = 0.0
+
+    def rests(self, measured: Pose, period: float) -> bool:
+        """Look at the arm a period [s] later; whether it has rested for long enough."""
+        moved = float(np.linalg.norm(measured[0] - self.near[0]))
+        if moved > REST_DISTANCE or float(angle_between(measured[1], self.near[1])) > REST_ANGLE:
+            self.near, self.rested = measured, 0.0
+        else:
+            self.rested += period
+        return self.rested >= REST_TIME
+
+
 class PlanningCycle:
     """The stream of commanded poses of one arm.
 
     Parameters
     ----------
     state_timeout : [s] a joint state older than this stops the arm.
+    resume_timeout : [s] when the state returns after less than this, the motion resumes; after more, the goal is
+        dropped.
     tracking_tolerance, tracking_tolerance_angle : [m], [rad] largest distance between measured and
         commanded pose.
     """
@@ -86,17 +112,21 @@ class PlanningCycle:
         self,
         planner: ReactivePlanner,
         state_timeout: float,
+        resume_timeout: float,
         tracking_tolerance: float,
         tracking_tolerance_angle: float,
     ) -> None:
         self.planner = planner
         self.follower = ReferenceFollower(planner.settings.speed)
         self.state_timeout = state_timeout
+        self.resume_timeout = resume_timeout
         self.tracking_tolerance = tracking_tolerance
         self.tracking_tolerance_angle = tracking_tolerance_angle
         self._goal_number = 0
         self._goal_verdict = Verdict(VerdictCode.NO_GOAL, "no goal has been given")
         self._has_goal = False
+        self._missing = False  # whether joint states have been missing for longer than resume_timeout
+        self._lost: _Lost | None = None
         self._obstacles_version = -1
         self._task_frame: Pose | None = None
 
@@ -105,7 +135,7 @@ class PlanningCycle:
         self._take_task_frame(inputs.task_frame)
         self._take_goal(inputs)
         obstacles_taken = self._take_obstacles(inputs.obstacles)
-        verdict = self._ready(inputs)
+        verdict = self._ready(inputs, period)
         if verdict.ok:
             verdict = obstacles_taken
         now = self.follower.position, self.follower.quaternion, self.follower.speed
@@ -125,7 +155,8 @@ class PlanningCycle:
             self.follower.hold()
         else:
             self.follower.accept(reference)
-        commanded = self.follower.advance(period) if self.follower.ready else None
+        known = self.follower.ready and self._lost is None
+        commanded = self.follower.advance(period) if known else None
         to_goal = reference if verdict.ok else None
         return CycleOutput(commanded, verdict, self._goal_verdict, to_goal, self.follower.speed)
 
@@ -143,14 +174,18 @@ class PlanningCycle:
         self._goal_verdict = inputs.goal if refused else self.planner.set_goal(*inputs.goal, inputs.goal_in_task_frame)
         self._has_goal = self._has_goal or self._goal_verdict.ok
 
-    def _ready(self, inputs: CycleInputs) -> Verdict:
+    def _drop_goal(self, why: str) -> None:
+        """Forget the goal: where something unexpected has happened, an arm must not set out again by itself."""
+        if self._has_goal:
+            self._has_goal = False
+            self._goal_verdict = Verdict(VerdictCode.NO_GOAL, f"goal dropped: {why}; send the goal again")
+            self.planner.clear_goal()
+
+    def _ready(self, inputs: CycleInputs, period: float) -> Verdict:
         """OK when a plan may be asked for; the reason otherwise, the gravest first."""
-        stale = self._stale_state(inputs)
-        if stale is not None:
-            return stale
-        moved = self._follow_measured(inputs.measured)
-        if moved is not None:
-            return moved
+        judged = self._stale_state(inputs) or self._follow_measured(inputs.measured, period) or self._rivals(inputs)
+        if judged is not None:
+            return judged
         if inputs.hold:
             return Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
         if inputs.silent_sources:
@@ -163,30 +198,59 @@ class PlanningCycle:
     def _stale_state(self, inputs: CycleInputs) -> Verdict | None:
         if inputs.measured is None:
             return Verdict(VerdictCode.STALE_STATE, "joint_states: none has arrived yet")
-        if inputs.state_age > self.state_timeout:
-            age, allowed = inputs.state_age, self.state_timeout
-            reason = f"joint_states: the newest is {age:.3f} s old, allowed are {allowed:g} s"
-            return Verdict(VerdictCode.STALE_STATE, reason)
-        return None
+        age, allowed = inputs.state_age, self.state_timeout
+        if age <= allowed:
+            return None
+        if age > self.resume_timeout:
+            self._missing = True
+            self._drop_goal(f"joint_states were missing for more than {self.resume_timeout:g} s")
+        return Verdict(
+            VerdictCode.STALE_STATE, f"joint_states: the newest is {age:.3f} s old, allowed are {allowed:g} s"
+        )
 
-    def _follow_measured(self, measured: Pose | None) -> Verdict | None:
-        """Begin at the measured pose, and again where the arm is not where it was sent."""
+    def _follow_measured(self, measured: Pose | None, period: float) -> Verdict | None:
+        """Begin at the measured pose, and again where an arm that was lost has come to rest."""
         assert measured is not None  # _stale_state came first
         if not self.follower.ready:
-            self.follower.reset(*measured)
-            return None
+            self._begin_at(measured)
+        elif self._lost is not None:
+            if not self._lost.rests(measured, period):
+                return self._lost.verdict
+            self._begin_at(measured)
+        else:
+            self._lost = self._loss(measured)
+            if self._lost is not None:
+                self.follower.hold()
+                return self._lost.verdict
+        return None
+
+    def _begin_at(self, measured: Pose) -> None:
+        self.follower.reset(*measured)
+        self._lost, self._missing = None, False
+
+    def _loss(self, measured: Pose) -> _Lost | None:
+        """Why the commanded pose is no longer to be trusted, and drop the goal; None while the arm follows."""
         distance = float(np.linalg.norm(measured[0] - self.follower.position))
         angle = float(angle_between(measured[1], self.follower.quaternion))
-        if distance <= self.tracking_tolerance and angle <= self.tracking_tolerance_angle:
+        if distance > self.tracking_tolerance or angle > self.tracking_tolerance_angle:
+            where = f"{1000 * distance:.0f} mm and {math.degrees(angle):.1f} deg from where it was sent"
+            limit, limit_angle = 1000 * self.tracking_tolerance, math.degrees(self.tracking_tolerance_angle)
+            self._drop_goal(f"the arm was {where}")
+            said = f"the arm is {where} (allowed by tracking_tolerance: {limit:.0f} mm, {limit_angle:.1f} deg)"
+        elif self._missing:
+            said = "the arm is back after a long silence"
+        else:
             return None
-        self.follower.reset(*measured)
-        limit, limit_angle = 1000 * self.tracking_tolerance, math.degrees(self.tracking_tolerance_angle)
-        return Verdict(
-            VerdictCode.BAD_INPUT,
-            f"joint_states: the arm is {1000 * distance:.0f} mm and {math.degrees(angle):.1f} deg from where "
-            f"it was sent (allowed by tracking_tolerance: {limit:.0f} mm, {limit_angle:.1f} deg): "
-            "starting again from where it is",
-        )
+        reason = f"joint_states: {said}: nothing is commanded until it has rested for {REST_TIME:g} s"
+        return _Lost(Verdict(VerdictCode.BAD_INPUT, reason), measured)
+
+    def _rivals(self, inputs: CycleInputs) -> Verdict | None:
+        """More than one node that commands the arm: which of them it followed would be chance."""
+        if len(inputs.publishers) <= 1:
+            return None
+        names = " and ".join(inputs.publishers)
+        self._drop_goal(f"target_pose had more than one publisher, {names}")
+        return Verdict(VerdictCode.BAD_INPUT, f"target_pose is published by {names}: only one may command the arm")
 
     def _take_obstacles(self, obstacles: ObstacleSet) -> Verdict:
         if obstacles.version == self._obstacles_version:

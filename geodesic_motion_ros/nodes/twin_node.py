@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotDoneInTime
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from std_msgs.msg import Float64, UInt32
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError, RobotError
+from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError, RobotError, SkillError
 from geodesic_motion_ros.nodes.messages import (
     MarkerScene,
     image_message,
@@ -36,12 +37,15 @@ from geodesic_motion_ros.nodes.messages import (
 )
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
+from geodesic_motion_ros.nodes.publishers import publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.running import LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
+from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.scenes import Scene, scene_named
 from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.skill import Skill
 
 # After a stall physics catches up by this many steps at most; what is more is lost, and the world is late
 # for good.
@@ -50,6 +54,8 @@ _MOST_STEPS = 24
 _PATIENCE = 2.0
 _OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
 _IMAGE_SIZE = (320, 240)
+# What `initial_joint_positions` holds where nobody has said otherwise, a parameter file with all defaults included.
+_READY = next(parameter.default for parameter in TWIN if parameter.name == "initial_joint_positions")
 
 
 class TwinNode(LoopingNode):
@@ -72,7 +78,7 @@ class TwinNode(LoopingNode):
         values = self._options
         self._frame: str = values["base_frame"]
         self._world = PandaWorld(gui=values["gui"], rate_hz=values["physics_rate"])
-        self._world.reset(np.array(values["initial_joint_positions"]))
+        self._world.reset(_initial_joints(values.values))
         self._scene, self._scene_start = Scene({}), 0.0
         self._steps = self._contacts = 0
         self._least_clearance = np.inf
@@ -105,9 +111,10 @@ class TwinNode(LoopingNode):
             (every["obstacle_rate"], self._publish_obstacles),
             (every["image_rate"], self._publish_image),
         ]
-        self.create_subscription(PoseStamped, "target_pose", self._on_target, QoSProfile(depth=1))
+        self._targets = self.create_subscription(PoseStamped, "target_pose", self._on_target, QoSProfile(depth=1))
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/spawn_obstacles", self._on_spawn)
+        self.create_timer(1.0, self._look_for_rivals)
 
     def start(self) -> None:
         """Begin physics."""
@@ -198,6 +205,14 @@ class TwinNode(LoopingNode):
             with self._command_lock:
                 self._command = command
 
+    def _look_for_rivals(self) -> None:
+        names = publishers_of(self, self._targets.topic_name)
+        if len(names) > 1:
+            self.get_logger().warning(
+                f"target_pose is published by {' and '.join(names)}: only one may command the arm",
+                throttle_duration_sec=5.0,
+            )
+
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._in_physics_thread(self._reset, response)
 
@@ -218,7 +233,7 @@ class TwinNode(LoopingNode):
         return response
 
     def _reset(self) -> str:
-        self._world.reset(np.array(self._options["initial_joint_positions"]))
+        self._world.reset(_initial_joints(self._options.values))
         self._scene_start = self._world.time
         self._contacts, self._least_clearance = 0, np.inf
         self._commanded_at = -np.inf
@@ -232,6 +247,32 @@ class TwinNode(LoopingNode):
 
 
 _RATES = ("state_rate", "obstacle_rate", "image_rate")
+
+
+def _initial_joints(values: Mapping[str, Value]) -> np.ndarray:
+    """Joint positions (7,) [rad] to start from: those given, or where the skill begins."""
+    given = values["initial_joint_positions"]
+    return start_joints(values["skill"]) if values["skill"] and given == _READY else np.array(given)
+
+
+@cache
+def start_joints(name: str) -> np.ndarray:
+    """Joint positions (7,) [rad] of a Panda at the start of a skill, a folder or a shipped name.
+
+    Raises
+    ------
+    SkillError : there is no such skill, or it is of another robot.
+    RobotError : the Panda does not reach its start.
+    """
+    skill, robot = Skill.load(name), Robot.panda()
+    if (skill.robot, skill.tool_frame) != ("panda", robot.tool_link):
+        raise SkillError(
+            f"skill {skill.name} moves the frame {skill.tool_frame!r} of a {skill.robot!r}, the twin is a 'panda' with "
+            f"{robot.tool_link!r}: start it with skill:='' to use initial_joint_positions"
+        )
+    joints = solve(robot, skill.start_pose[:3], skill.start_pose[3:])
+    joints.setflags(write=False)
+    return joints
 
 
 def _steps_between(physics_rate: float, rate: float) -> int:

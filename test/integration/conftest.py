@@ -246,6 +246,7 @@ def planner_options(skill_folder: Path) -> dict[str, Any]:
         "tracking_tolerance": 1.0,
         "tracking_tolerance_angle": 3.2,
         "state_timeout": 2.0,
+        "resume_timeout": 60.0,
         "obstacle_timeout": 3600.0,
         "latent_view_rate": 0.0,
     }

@@ -27,6 +27,7 @@ def options(skill_folder):
     return {
         "skill": str(skill_folder),
         "state_timeout": 5.0,
+        "resume_timeout": 60.0,
         "obstacle_timeout": 30.0,
         "tracking_tolerance": 0.3,
         "tracking_tolerance_angle": 1.0,

@@ -22,6 +22,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from geodesic_motion_ros.errors import ParameterError, SkillError
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.task_frame import TaskFrame
 
 BASE = "panda_link0"
 # the middle of every demonstration, and a radius [m] that blocks them all without touching the ends
@@ -81,19 +82,32 @@ class TestStates:
         moving.send_joint_states(start_joints)
         moving.wait_for_code("OK")
 
-    def test_begins_again_where_the_arm_is_when_it_was_moved(self, bench, planner_options, start_joints):
+    def test_an_arm_that_was_moved_waits_for_the_goal_to_be_sent_again(
+        self, bench, planner_options, start_joints, skill
+    ):
         bench.watch_planner()
         bench.add(PlannerNode, **planner_options | {"tracking_tolerance": 0.05})
         timer = bench.send_joint_states(start_joints)
-        bench.wait_for_code("NO_GOAL")
+        bench.send_goal(skill.goal_pose)
+        bench.wait_for_code("BAD_INPUT", "the arm is")  # it stands still, whatever it is sent
         bench.probe.destroy_timer(timer)
-        moved = start_joints + np.array([0.3, 0, 0, 0, 0, 0, 0])
+        moved = start_joints + np.array([0.03, 0, 0, 0, 0, 0, 0])
         bench.send_joint_states(moved)
-        bench.wait_for_code("BAD_INPUT", "the arm is")
-        bench.wait_for_code("NO_GOAL")
+        bench.wait_for_code("NO_GOAL", "goal dropped: the arm was")
         expected, _ = Robot.panda().forward(moved)
+        heard = len(bench.heard["target_pose"])
+        bench.wait(lambda: len(bench.heard["target_pose"]) > heard + 20, "further target poses")
         point = bench.heard["target_pose"][-1].pose.position
         np.testing.assert_allclose([point.x, point.y, point.z], expected, atol=1e-9)
+        bench.send_goal(skill.goal_pose)
+        bench.wait_for_code("OK")
+
+    def test_a_second_publisher_of_target_poses_is_named(self, moving):
+        other = moving.probe.create_publisher(PoseStamped, "target_pose", 1)
+        moving.wait_for_code("BAD_INPUT", "/planner and /probe")
+        assert moving.heard["planner/status"][-1].status[0].level == DiagnosticStatus.ERROR
+        moving.probe.destroy_publisher(other)
+        moving.wait_for_code("NO_GOAL", "goal dropped")
 
     def test_hold_and_release(self, moving):
         assert moving.call(SetBool, "planner/hold", SetBool.Request(data=True)).success
@@ -210,6 +224,7 @@ REFUSED = {
     "NaN goal": (PoseStamped, "goal_pose", goal(x=math.nan, w=1.0), "position holds nan"),
     "goal in an unknown frame": (PoseStamped, "goal_pose", goal(w=1.0, frame="map"), "frame 'map'"),
     "joint missing": (JointState, "joint_states", joints(PANDA[:-1], [0.0] * 6), "lacks panda_joint7"),
+    "joint beyond its limits": (JointState, "joint_states", joints(PANDA, [0.0] * 7), "panda_joint4 at 0.000 (limits"),
     "NaN joint": (JointState, "joint_states", joints(PANDA, [math.nan] * 7), "joint panda_joint1 holds nan"),
 }
 
@@ -278,6 +293,49 @@ def wall_markers() -> list[Marker]:
     marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = WALL[0]
     marker.scale.x = marker.scale.y = marker.scale.z = 0.4
     return [marker]
+
+
+class TestTaskFrame:
+    FRAME = TaskFrame(np.array([0.02, 0.03, 0.01]), np.array([math.cos(0.05), 0.0, 0.0, math.sin(0.05)]))
+
+    def move_frame(self, bench, make_pose) -> None:
+        frame = make_pose(np.concatenate([self.FRAME.origin, self.FRAME.quaternion]))
+        bench.publisher(PoseStamped, "task_frame").publish(frame)
+        bench.wait(lambda: not bench.planner._planner._scene.frame.is_identity, "the frame in the planner")
+
+    def test_a_plan_moves_with_the_frame(self, ready, skill, make_pose):
+        def plan(frame: TaskFrame) -> np.ndarray:
+            ends = skill.start_pose, skill.goal_pose
+            start, end = (np.concatenate(frame.to_base(pose[:3], pose[3:])) for pose in ends)
+            request = GetPlan.Request(start=make_pose(start), goal=make_pose(end))
+            points = [item.pose.position for item in ready.call(GetPlan, "plan", request).plan.poses]
+            return np.array([[point.x, point.y, point.z] for point in points])
+
+        before = plan(TaskFrame.identity())
+        assert len(before) > 10
+        self.move_frame(ready, make_pose)
+        np.testing.assert_allclose(plan(self.FRAME), self.FRAME.points_to_base(before), atol=1e-6)
+
+    def test_a_goal_given_in_the_frame_moves_with_it(self, ready, skill, make_pose):
+        ready.send_goal(skill.goal_pose, "task_frame")
+        ready.wait_for_code("OK")
+        self.move_frame(ready, make_pose)
+        expected, _ = self.FRAME.to_base(skill.goal_pose[:3], skill.goal_pose[3:])
+
+        def there() -> bool:
+            point = ready.heard["target_pose"][-1].pose.position
+            return float(np.linalg.norm(np.array([point.x, point.y, point.z]) - expected)) < 1e-3
+
+        ready.wait(there, "the commanded pose at the moved goal")
+        assert ready.status()["code"] == "OK"
+
+    def test_a_bad_frame_is_refused_and_the_old_one_stays(self, moving):
+        before = moving.planner._inputs.snapshot().task_frame
+        moving.publisher(PoseStamped, "task_frame").publish(goal(x=0.1, w=0.0))
+        moving.wait(lambda: "zero quaternion" in moving.status()["refused_input"], "the refusal of the frame")
+        after = moving.planner._inputs.snapshot().task_frame
+        np.testing.assert_array_equal(after[0], before[0])
+        assert moving.status()["code"] == "OK"
 
 
 class TestPlanService:
@@ -355,7 +413,7 @@ class TestParameters:
             ("speed", 1, "write 1.0, not 1"),
             ("rate", math.nan, "from 10 to 1000"),
             ("tool_spheres", [0.0, 0.0, 0.04], "rows of 4"),
-            ("tool_spheres", [0.0, 0.0, 0.0, -0.04], "must not be negative"),
+            ("tool_spheres", [0.0, 0.0, 0.0, -0.04], "not negative"),
             ("obstacle_silence_policy", "pray", "one of hold, keep"),
             ("sped", 0.1, "did you mean speed?"),
         ],

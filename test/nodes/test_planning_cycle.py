@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
-from geodesic_motion_ros.nodes.planning_cycle import CycleInputs, PlanningCycle
+from geodesic_motion_ros.nodes.planning_cycle import REST_TIME, CycleInputs, CycleOutput, PlanningCycle
 from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -30,7 +30,9 @@ def planner(flat_skill) -> ReactivePlanner:
 def cycle(planner) -> PlanningCycle:
     planner.clear_goal()
     planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
-    return PlanningCycle(planner, state_timeout=0.1, tracking_tolerance=0.05, tracking_tolerance_angle=0.3)
+    return PlanningCycle(
+        planner, state_timeout=0.1, resume_timeout=1.0, tracking_tolerance=0.05, tracking_tolerance_angle=0.3
+    )
 
 
 @pytest.fixture
@@ -132,14 +134,84 @@ def test_the_same_goal_is_not_set_twice(cycle, inputs):
     assert cycle.run(dataclasses.replace(inputs, goal_number=2), PERIOD).verdict.ok
 
 
-def test_begins_again_at_the_measured_pose_beyond_the_tolerance(cycle, inputs, start):
+def rest(cycle: PlanningCycle, inputs: CycleInputs) -> list[CycleOutput]:
+    """Cycles with an arm that stays where it was measured, a little longer than an arm that was lost has to rest."""
+    return [cycle.run(inputs, PERIOD) for _ in range(round(REST_TIME / PERIOD) + 2)]
+
+
+def test_an_arm_moved_by_hand_drops_the_goal_and_does_not_move_until_the_next(cycle, inputs, start):
     follow(cycle, inputs, 20)
-    pushed = (start[0] + np.array([0.0, 0.0, 0.06]), start[1])
-    output = cycle.run(dataclasses.replace(inputs, measured=pushed), PERIOD)
-    assert output.verdict.code is VerdictCode.BAD_INPUT
-    assert "the arm is" in output.verdict.reason
-    np.testing.assert_array_equal(output.commanded[0], pushed[0])
+    pushed = dataclasses.replace(inputs, measured=(start[0] + np.array([0.0, 0.0, 0.06]), start[1]))
+    outputs = rest(cycle, pushed)
+    assert outputs[0].verdict.code is VerdictCode.BAD_INPUT
+    assert "the arm is" in outputs[0].verdict.reason
+    assert outputs[0].commanded is None
+    assert outputs[-1].verdict.code is VerdictCode.NO_GOAL
+    assert "goal dropped: the arm was" in outputs[-1].verdict.reason
+    np.testing.assert_array_equal(outputs[-1].commanded[0], pushed.measured[0])
+    later = cycle.run(pushed, PERIOD)
+    np.testing.assert_array_equal(later.commanded[0], pushed.measured[0])
+    assert later.speed == 0.0
+    again = cycle.run(dataclasses.replace(pushed, goal_number=2), PERIOD)
+    assert again.verdict.ok
+    np.testing.assert_allclose(again.commanded[0], pushed.measured[0], atol=cycle.planner.settings.speed * PERIOD)
+
+
+def test_joint_states_that_jump_to_and_fro_are_never_chased(cycle, inputs, goal, start):
+    """Two drivers talk at once: the arm seems to be at two places in turn."""
+    follow(cycle, inputs, 20)
+    here = cycle.follower.position.copy(), cycle.follower.quaternion.copy()
+    commanded = []
+    for number in range(200):
+        seen = dataclasses.replace(inputs, measured=(goal, here)[number % 2], goal_number=1 + number // 50)
+        output = cycle.run(seen, PERIOD)
+        assert output.verdict.code is VerdictCode.BAD_INPUT
+        commanded.append(output.commanded)
+    assert commanded == [None] * 200
+
+
+def test_an_arm_that_is_led_by_hand_is_not_commanded(cycle, inputs, start):
+    follow(cycle, inputs, 20)
+    for step in range(100):
+        led = start[0] + np.array([0.0, 0.0, 0.06 + 0.0005 * step])
+        assert cycle.run(dataclasses.replace(inputs, measured=(led, start[1])), PERIOD).commanded is None
+
+
+def test_a_goal_given_while_a_lost_arm_comes_to_rest_is_kept(cycle, inputs, start):
+    follow(cycle, inputs, 20)
+    pushed = dataclasses.replace(inputs, measured=(start[0] + np.array([0.0, 0.0, 0.06]), start[1]))
+    cycle.run(pushed, PERIOD)
+    outputs = rest(cycle, dataclasses.replace(pushed, goal_number=2))
+    assert not outputs[0].verdict.ok
+    assert outputs[-1].verdict.ok
+
+
+def test_a_long_silence_of_the_arm_drops_the_goal(cycle, inputs):
+    follow(cycle, inputs, 60)
+    for age in np.arange(0.11, 1.2, PERIOD):
+        silent = dataclasses.replace(inputs, state_age=age)
+        assert cycle.run(silent, PERIOD).verdict.code is VerdictCode.STALE_STATE
+    back = dataclasses.replace(inputs, measured=(cycle.follower.position.copy(), cycle.follower.quaternion.copy()))
+    outputs = rest(cycle, back)
+    assert outputs[0].commanded is None
+    assert outputs[-1].verdict.code is VerdictCode.NO_GOAL
+    assert "missing for more than 1 s" in outputs[-1].verdict.reason
+    np.testing.assert_array_equal(outputs[-1].commanded[0], back.measured[0])
+    assert cycle.run(dataclasses.replace(back, goal_number=2), PERIOD).verdict.ok
+
+
+def test_a_second_commander_stops_the_arm_and_drops_the_goal(cycle, inputs):
+    follow(cycle, inputs, 60)
+    for _ in range(60):
+        arm = (cycle.follower.position, cycle.follower.quaternion)
+        output = cycle.run(dataclasses.replace(inputs, measured=arm, publishers=("/left", "/right")), PERIOD)
+        assert output.verdict.code is VerdictCode.BAD_INPUT
+        assert "/left and /right" in output.verdict.reason
     assert output.speed == 0.0
+    arm = (cycle.follower.position, cycle.follower.quaternion)
+    alone = cycle.run(dataclasses.replace(inputs, measured=arm, publishers=("/left",)), PERIOD)
+    assert alone.verdict.code is VerdictCode.NO_GOAL
+    assert "goal dropped: target_pose had more than one publisher" in alone.verdict.reason
 
 
 def test_small_tracking_errors_do_not_disturb_the_stream(cycle, inputs):

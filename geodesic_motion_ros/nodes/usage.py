@@ -1,0 +1,44 @@
+"""What a node says to --help, and to arguments that it does not know."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+from rclpy.utilities import remove_ros_args
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.nodes.parameters import Parameter, Value
+
+_LONGEST_VALUE = 40
+
+
+def wants_help(name: str, arguments: Sequence[str]) -> bool:
+    """Whether a command line (without the program) asks for help; ParameterError names what it must not hold."""
+    others = remove_ros_args(args=[name, *arguments])[1:]
+    if {"-h", "--help"} & set(others):
+        return True
+    if others:
+        raise ParameterError(
+            f"{' '.join(others)}: there are no such arguments; parameters go as --ros-args -p NAME:=VALUE, see --help"
+        )
+    return False
+
+
+def usage(name: str, table: Sequence[Parameter]) -> str:
+    """How to start a node, and all of its parameters."""
+    lines = [
+        f"usage: {name} [--ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO] [-r __ns:=NAMESPACE]]",
+        "",
+        f"parameters with their defaults (config/{name}.yaml is a file of them):",
+    ]
+    for parameter in table:
+        lines.append(f"  {parameter.name} = {_short(parameter.default)}")
+        said = f"{parameter.description}; {parameter.allowed}"
+        lines += textwrap.wrap(said, 110, initial_indent="      ", subsequent_indent="      ")
+    return "\n".join(lines)
+
+
+def _short(value: Value) -> str:
+    text = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
