@@ -18,8 +18,16 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.curves import interpolate, pose_arc_length
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.quaternions import mean_rotation, rotate_by, rotation_vector_between
 from geodesic_motion_ros.sheet import blended_curves
+
+
+#: Starts and goals may lie this share of the demonstrations' length from their mean; further apart there is no task that
+#: they have in common, only straight lines between places.
+LARGEST_SHARE = 0.5
+#: The same for orientations [rad]: rotation vectors of half a turn have no direction.
+LARGEST_TURN = 2.0
 
 
 @dataclass(frozen=True)
@@ -66,6 +74,10 @@ def canonical_form(
     ----------
     demonstrations : signs of whole demonstrations do not matter.
     rotation_length : length that a turn of one radian counts in the arc [m].
+
+    Raises
+    ------
+    DemonstrationError : a demonstration starts or ends where the others do not, so that they have no form in common.
     """
     curves = [along_arc(item, samples, rotation_length) for item in demonstrations.in_one_hemisphere()]
     positions = np.stack([curve[0] for curve in curves])
@@ -73,6 +85,9 @@ def canonical_form(
     start, goal = (mean_pose(positions[:, end], quaternions[:, end]) for end in (0, -1))
     start_offsets = offsets_between(start, positions[:, 0], quaternions[:, 0])
     goal_offsets = offsets_between(goal, positions[:, -1], quaternions[:, -1])
+    lengths = [item.length for item in demonstrations]
+    _refuse_strangers([item.name for item in demonstrations], "starts", start_offsets, lengths)
+    _refuse_strangers([item.name for item in demonstrations], "ends", goal_offsets, lengths)
     s = np.linspace(0.0, 1.0, samples)[:, None]
     blend = (1.0 - s) * start_offsets[:, None] + s * goal_offsets[:, None]
     return CanonicalDemonstrations(
@@ -82,6 +97,24 @@ def canonical_form(
         goal_offsets,
         start,
         goal,
+    )
+
+
+def _refuse_strangers(names: list[str], verb: str, offsets: np.ndarray, lengths: list[float]) -> None:
+    """Offsets (N, 6) of starts or goals are refused beyond LARGEST_SHARE of the way and beyond LARGEST_TURN."""
+    distances, turns = np.linalg.norm(offsets[:, :3], axis=1), np.linalg.norm(offsets[:, 3:], axis=1)
+    allowed = LARGEST_SHARE * float(np.median(lengths))
+    strange = (distances > allowed) | (turns > LARGEST_TURN)
+    if not np.any(strange):
+        return
+    told = ", ".join(
+        f"{name} {1e3 * distance:.0f} mm and {np.degrees(turn):.0f} deg"
+        for name, distance, turn in zip(names, distances, turns, strict=True)
+    )
+    raise DemonstrationError(
+        f"demonstration '{names[int(np.argmax(strange))]}' {verb} where the others do not: from the mean it is "
+        f"further than {1e3 * allowed:.0f} mm ({LARGEST_SHARE:g} of the way) or {np.degrees(LARGEST_TURN):.0f} deg. "
+        f"One skill is learned from demonstrations of one task; these are {told} from their mean"
     )
 
 

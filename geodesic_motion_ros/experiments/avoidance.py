@@ -8,15 +8,17 @@ half free   at least half of them pass the sphere: there is a way that people we
 some free   fewer than half, but one at least
 none free   all of them run into the sphere: nobody showed a way, and the planner should say so
 
-They are looked at in two placements. `recorded`: where people moved, which is what the manifold has learned. `carried`:
-with their ends moved to the present start and goal, both offsets fading linearly in arc length. Carried, all of them
-pass through the same two points, so the bundle is narrower than the manifold, on which a path may change over to a
-free lane: `none free` among carried demonstrations does not mean that there is no way.
+They are looked at in two placements. `carried`: with their ends moved to the present start and goal, both offsets
+fading linearly in arc length, which is what a canonical sheet carried to a query is made of. `recorded`: where people
+moved, which is what the raw sheet has learned; to a path from another start they say less, since a sphere on that path
+may leave them free only because none of them came there. On both sheets a path may change over from one demonstration
+to another: `none free` does not always mean that there is no way.
 
 Spheres that cover the start or the goal are left out: being refused there proves nothing.
 
 Returned references are not believed: clearance is measured anew on the reference interpolated to CHECK_STEP, with
-nothing of the planner's own certificate. `through` counts references that touch the obstacle.
+nothing of the planner's own certificate. `through` counts references that touch the obstacle, `off support` those with
+a latent point whose rms sigma exceeds the skill's limit.
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.imitation import EVERY_END
 from geodesic_motion_ros.experiments.tables import text_table
 from geodesic_motion_ros.experiments.trained import Trained
+from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import to_rotation
@@ -48,7 +51,7 @@ INTERIOR = (0.25, 0.75)
 Freedom = Literal["half free", "some free", "none free"]
 FREEDOMS: tuple[Freedom, ...] = ("half free", "some free", "none free")
 Placement = Literal["recorded", "carried"]
-PLACEMENTS: tuple[Placement, ...] = ("recorded", "carried")
+PLACEMENTS: tuple[Placement, ...] = ("carried", "recorded")
 
 
 @dataclass(frozen=True)
@@ -90,6 +93,7 @@ class Scene:
     free_share : share of the training demonstrations that stay clear, per placement.
     code, reason : the verdict. answered : whether there was a reference.
     certified : clearance [m] the planner promises; measured : the same on the dense check; NaN without a reference.
+    off_support : whether the reference leaves the skill's support.
     """
 
     task: str
@@ -104,6 +108,7 @@ class Scene:
     answered: bool
     certified: float
     measured: float
+    off_support: bool
 
     def freedom(self, placement: Placement) -> Freedom:
         """How many demonstrations stay clear, in words."""
@@ -119,7 +124,7 @@ class Scene:
 
 
 Figures = dict[str, float | int | None]
-"""scenes, answered, through, infeasible_percent, least_clearance_mm, median_clearance_mm; None without a value."""
+"""scenes, answered, through, off_support, infeasible_percent, least_clearance_mm, median_clearance_mm; or None."""
 
 
 @dataclass(frozen=True)
@@ -153,8 +158,11 @@ class AvoidanceReport:
 
     def table(self) -> str:
         """The table as plain text."""
-        head = ["spheres", "demonstrations", "scenes", "answered", "through", "infeasible %", "least mm", "median mm"]
-        parts = [(f"{task}, {1000 * radius:.0f} mm", "recorded", scenes) for (task, radius), scenes in self._groups()]
+        head = [
+            "spheres", "demonstrations", "scenes", "answered", "through", "off support", "infeasible %", "least mm",
+            "median mm",
+        ]  # fmt: skip
+        parts = [(f"{task}, {1000 * radius:.0f} mm", "carried", scenes) for (task, radius), scenes in self._groups()]
         parts += [(f"all, {placement}", placement, list(self.scenes)) for placement in PLACEMENTS]
         rows = [
             [name if kind == FREEDOMS[0] else "", kind, *figures.values()]
@@ -265,13 +273,16 @@ def _scene(
         )
         for placement, curves in shown.items()
     }
-    measured = math.nan
+    measured, off_support = math.nan, False
     if plan.reference is not None:
+        sigma, _ = planner.skill.decoder.uncertainty(plan.reference.latent)
+        off_support = bool(np.max(rms_sigma(sigma)) > planner.skill.sigma_limit)
         curve = PoseCurve(plan.reference.positions, plan.reference.quaternions)
         measured = measured_clearance(curve, centre, radius, planner.settings)
     return Scene(
         query.task, query.demonstration, query.seed, radius, tuple(centre.tolist()), fraction, free,
         plan.verdict.code.name, plan.verdict.reason, plan.reference is not None, plan.verdict.clearance, measured,
+        off_support,
     )  # fmt: skip
 
 
@@ -281,6 +292,7 @@ def _figures(scenes: Sequence[Scene]) -> Figures:
         "scenes": len(scenes),
         "answered": len(answered),
         "through": sum(scene.through for scene in scenes),
+        "off_support": sum(scene.off_support for scene in scenes),
         "infeasible_percent": 100.0 * (1.0 - len(answered) / len(scenes)) if scenes else None,
         "least_clearance_mm": min(answered, default=None),
         "median_clearance_mm": float(np.median(answered)) if answered else None,
@@ -296,7 +308,7 @@ def draw_avoidance(report: AvoidanceReport, path: Path) -> None:
     for radius in report.settings.radii:
         scenes = [scene for scene in report.scenes if scene.radius == radius]
         names = [f"{1000 * radius:.0f} mm, {kind}" for kind in FREEDOMS]
-        figures = list(report.summary("recorded", scenes).values())
+        figures = list(report.summary("carried", scenes).values())
         answered = np.array([values["answered"] for values in figures])
         refused = np.array([values["scenes"] for values in figures]) - answered
         outcomes.barh(names, answered, color="tab:green", label="answered, clear")
@@ -307,7 +319,7 @@ def draw_avoidance(report: AvoidanceReport, path: Path) -> None:
     handles, labels = outcomes.get_legend_handles_labels()
     figure.legend(handles[:3], labels[:3], loc="outside lower left", ncols=3)
     outcomes.invert_yaxis()
-    outcomes.set(xlabel="scenes", title="spheres dead-centre on the path, demonstrations as recorded")
+    outcomes.set(xlabel="scenes", title="spheres dead-centre on the path, demonstrations carried to its ends")
     clearances.axvline(0.0, color="tab:red")
     clearances.legend(title="radius")
     clearances.set(xlabel="measured clearance [mm]", ylabel="references", title="clearance on the dense check")
