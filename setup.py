@@ -59,7 +59,7 @@ setup(
     ],
     entry_points={
         "console_scripts": [
-            *(f"{name} = {NAME}.nodes.{name}_node:main" for name in EXECUTABLES),
+            *(f"{name} = {NAME}.nodes.start:{name}" for name in EXECUTABLES),
             f"geodesic-motion = {NAME}.cli:main",
         ]
     },

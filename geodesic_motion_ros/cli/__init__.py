@@ -10,7 +10,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from geodesic_motion_ros.cli import demo, evaluate, experiment, inspect, train
+from geodesic_motion_ros.cli import demo, evaluate, experiment, goal, inspect, train
 from geodesic_motion_ros.cli.arguments import HelpFormatter
 from geodesic_motion_ros.errors import GeodesicMotionError
 
@@ -27,6 +27,7 @@ examples:
   geodesic-motion evaluate --demos pouring.npy --units cm --folds 0,3,6/1,4,7/2,5,8 --json out/pouring.json
   geodesic-motion experiment geodesics --skill skills/pouring
   geodesic-motion demo
+  geodesic-motion goal skills/pouring
 
 `geodesic-motion COMMAND --help` explains a command. Exit status: 0 done, 2 something asked for is not possible (one
 line on standard error says what, and what would be), 130 interrupted.
@@ -39,7 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="geodesic-motion", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in (train, evaluate, inspect, demo, experiment):
+    for command in (train, evaluate, inspect, demo, goal, experiment):
         command.add_command(commands)
     return parser
 

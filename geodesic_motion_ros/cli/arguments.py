@@ -61,6 +61,13 @@ def indices(text: str) -> tuple[int, ...]:
         raise argparse.ArgumentTypeError(f"'{text}' is not a list of whole numbers like 0,3,6") from None
 
 
+def seed(text: str) -> int:
+    """A seed of the random generators."""
+    if not text.isdecimal() or int(text) >= 2**32:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 0 to {2**32 - 1}")
+    return int(text)
+
+
 def metres(text: str) -> tuple[float, ...]:
     """Numbers out of "0.02,0.04"."""
     try:

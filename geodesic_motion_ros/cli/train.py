@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
+import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from geodesic_motion_ros.cli.arguments import (
     HelpFormatter,
@@ -15,15 +20,21 @@ from geodesic_motion_ros.cli.arguments import (
     indices,
     pictured,
     read_recording,
+    seed,
     writable,
 )
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.errors import DemonstrationError, ParameterError
 from geodesic_motion_ros.experiments.tables import write_json
+from geodesic_motion_ros.quaternions import angle_between
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.manifold.training import TrainingSettings
     from geodesic_motion_ros.skill import Skill
+
+# A demonstration that stays within this [m], [rad] of its first pose does not move; motions smaller than this [m] look
+# like a wrong unit; an error of this share of the motion is no skill.
+_STILL_DISTANCE, _STILL_ANGLE, _SMALL, _POOR = 1e-3, 0.02, 0.02, 0.2
 
 _DESCRIPTION = """\
 Learns a skill from a handful of demonstrations of one task: a latent space with a Riemannian metric that is cheap to
@@ -67,7 +78,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def _add_training(group: argparse._ArgumentGroup) -> None:
     """Settings of the training; what is not given stays at the defaults of TrainingSettings."""
-    group.add_argument("--seed", type=int, help="of everything random; 0 without it")
+    group.add_argument("--seed", type=seed, help="of everything random; 0 without it")
     group.add_argument("--steps", type=int, help="of the optimiser; 5000 without it")
     group.add_argument("--kernels", type=int, help="radial-basis kernels of sigma and kappa; 500 without it")
     group.add_argument(
@@ -101,11 +112,15 @@ def run(arguments: argparse.Namespace) -> None:
 
     demonstrations = read_recording(arguments, arguments.demos)
     shown = demonstrations.split(arguments.held_out)[0] if arguments.held_out else demonstrations
+    refuse_motionless(shown)
     if arguments.held_out:
         require_peers()
     settings = _settings(arguments)
     _refuse_foreign(arguments.out)
+    _refuse_unwritable(arguments.out)
     writable(arguments.json)
+    extent = _extent(shown)
+    _note_the_recording(shown, extent)
     # A log that no person watches gets a line now and then.
     interval = 0.1 if sys.stderr.isatty() else 10.0
     with tqdm(desc=arguments.demos.stem, unit="step", mininterval=interval) as bar:
@@ -117,6 +132,7 @@ def run(arguments: argparse.Namespace) -> None:
     folder = skill.save(arguments.out)
     for name, value in skill.quality.items():
         print(f"{name:32} {value:.2f}" if isinstance(value, float) else f"{name:32} {value}")
+    _note_the_result(skill.quality, extent)
     print(f"wrote the skill to {folder}")
     pictured(skill, folder / "report.png")
     if arguments.json is not None:
@@ -161,6 +177,56 @@ def _refuse_foreign(folder: Path) -> None:
     """Say so before the training, not after it."""
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir()) and not (folder / "skill.yaml").is_file()):
         raise ParameterError(f"{folder} exists and is not a skill folder: choose another --out, nothing was changed")
+
+
+def _refuse_unwritable(folder: Path) -> None:
+    """Try what saving will do: a draft beside the folder."""
+    try:
+        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.absolute().parent):
+            pass
+    except OSError as error:
+        raise ParameterError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
+
+
+def refuse_motionless(demonstrations: Demonstrations) -> None:
+    """Refuse what nothing can be learned from: DemonstrationError names the demonstration that does not move."""
+    for item in demonstrations:
+        moved = float(np.linalg.norm(item.positions - item.positions[0], axis=1).max())
+        turned = float(angle_between(item.quaternions, item.quaternions[0]).max())
+        if moved < _STILL_DISTANCE and turned < _STILL_ANGLE:
+            raise DemonstrationError(
+                f"demonstration '{item.name}' does not move: {1e3 * moved:.2g} mm and {math.degrees(turned):.2g} deg "
+                "at most from its first pose; leave it out of the file"
+            )
+
+
+def _extent(demonstrations: Demonstrations) -> float:
+    """How large the motions are [m]: diagonal of the box around one of them, the median."""
+    return float(np.median([np.linalg.norm(np.ptp(item.positions, axis=0)) for item in demonstrations]))
+
+
+def _note_the_recording(demonstrations: Demonstrations, extent: float) -> None:
+    if len(demonstrations) == 1:
+        _note(
+            "one demonstration only: the skill can carry it to other starts and goals, but has no other way around an "
+            "obstacle, and start and goal choose nothing (no density of them, no regression on them)"
+        )
+    if extent < _SMALL:
+        _note(f"the motions are only {1e3 * extent:.2g} mm large: is --units right?")
+
+
+def _note_the_result(quality: Mapping[str, Any], extent: float) -> None:
+    error = quality["training_position_error_mm"]
+    if error > _POOR * 1e3 * extent:
+        _note(
+            f"a poor skill: it is {error:.1f} mm off its own demonstrations on average, which are {1e3 * extent:.0f} "
+            "mm large; give it more --steps, or demonstrations of one task only"
+        )
+
+
+def _note(text: str) -> None:
+    print(f"geodesic-motion: warning: {text}", file=sys.stderr)
 
 
 def _shown_on(bar: Any) -> Any:

@@ -7,7 +7,6 @@ with the same sphere and avoidance on. What is printed was measured by the twin 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import os
 import signal
@@ -25,6 +24,7 @@ import yaml
 from rclpy.utilities import remove_ros_args
 
 from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.experiments.tables import write_json
 from geodesic_motion_ros.nodes.demo_pictures import draw
 from geodesic_motion_ros.nodes.demo_run import DemoError, Probe, Processes, Recording, isolated_environment
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
@@ -45,8 +45,10 @@ RADIUS, SPEED, MEETING_SHARE, BESIDE = 0.035, 0.10, 0.60, 0.022
 #: [m], which is still under the palm: where a busy machine slows the arm down, the sphere is in its way all the same.
 BEFORE, EARLY, AFTER = 0.30, 0.3, 0.06
 
-#: What the demo promises.
-LEAST_RATE, LARGEST_ERROR_MM, LARGEST_ERROR_DEG = 99.0, 10.0, 3.0
+#: What the demo promises; and the rate [Hz] below which it warns that the machine is busy.
+LARGEST_ERROR_MM, LARGEST_ERROR_DEG, LEAST_RATE = 10.0, 3.0, 99.0
+#: The run without avoidance ends this long after the first contact [s].
+AFTER_CONTACT = 3.0
 
 _DESCRIPTION = """\
 A simulated Panda pours, as people have shown it: three times over real ROS 2, planner and twin in two processes.
@@ -65,7 +67,8 @@ what it writes to the folder OUT:
   strip.png, arm.gif    the arm, avoidance off above (left) and on below (right)
   RUN/*.yaml, RUN/*.log    the parameter files and logs of the two nodes of each run
 
-exit code: 0 when the demo does what it promises, 1 when it does not (it says what), 130 after Ctrl-C
+exit code: 0 when the demo does what it promises, 1 when it does not (it says what), 130 after Ctrl-C; a machine so
+busy that the planner misses its rate gets a warning
 
 To look at it in RViz, join its ROS domain: demo --domain 7, and in another terminal
   ROS_DOMAIN_ID=7 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST rviz2 -d config/geodesic_motion.rviz"""
@@ -111,7 +114,8 @@ class Demo:
             processes.start("twin", self._twin_parameters(run))
             processes.start("planner", self._planner_parameters(run))
             with Probe(processes, self._domain, self.skill.base_frame, self.goal) as probe:
-                return probe.run()
+                # An arm that has hit the obstacle is stuck there: what follows shows nothing.
+                return probe.run(math.inf if run.avoidance else AFTER_CONTACT)
 
     def _twin_parameters(self, run: Run) -> dict[str, Any]:
         scene = {"ball": describe(self.obstacle)} if run.obstacle else {}
@@ -181,11 +185,7 @@ def figures(recording: Recording, goal: np.ndarray, obstacle: bool) -> dict[str,
 
 def missed_bars(summary: Mapping[str, Any]) -> list[str]:
     """What the demo promises and did not do, as sentences; empty when it has passed."""
-    missed = [
-        f"{run.key}: the planner ran at {summary[run.key]['rate_hz']:.1f} Hz, at least {LEAST_RATE:g} are promised"
-        for run in RUNS
-        if summary[run.key]["rate_hz"] < LEAST_RATE
-    ]
+    missed = []
     off, on = summary["avoidance_off"], summary["avoidance_on"]
     if off["contacts"] == 0 and off["min_clearance_mm"] >= 0.0:
         missed.append("avoidance_off: the arm did not touch the obstacle, so this scene proves nothing")
@@ -199,6 +199,17 @@ def missed_bars(summary: Mapping[str, Any]) -> list[str]:
                 f"{LARGEST_ERROR_MM:g} mm and {LARGEST_ERROR_DEG:g} deg"
             )
     return missed
+
+
+def slow_runs(summary: Mapping[str, Any]) -> list[str]:
+    """Runs in which the planner did not reach its rate, as sentences: the machine is to blame rather than the demo."""
+    load, cores = os.getloadavg()[0], os.cpu_count()
+    return [
+        f"{run.key}: the planner ran at {summary[run.key]['rate_hz']:.1f} Hz instead of 100; "
+        f"the machine's load is {load:.1f} on {cores} cores"
+        for run in RUNS
+        if summary[run.key]["rate_hz"] < LEAST_RATE
+    ]
 
 
 def table(summary: Mapping[str, Any]) -> str:
@@ -242,12 +253,15 @@ def perform(out: Path, gui: bool, domain: int, pictures: bool) -> int:
         say(f"  {_outcome(summary[run.key])}")
     missed = missed_bars(summary)
     summary["passed"] = not missed
-    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    summary["warnings"] = slow = slow_runs(summary)
+    write_json(out / "summary.json", summary)
     if pictures:
         say("drawing the pictures")
         draw(demo.planner, demo.obstacle.radius, recordings, out)
     say(f"done; figures{' and pictures' if pictures else ''} in {out}")
     print(f"\n{table(summary)}\n")
+    for sentence in slow:
+        print(f"warning: {sentence}", file=sys.stderr)
     for sentence in missed:
         print(f"NOT as promised: {sentence}", file=sys.stderr)
     return 1 if missed else 0

@@ -19,6 +19,8 @@ _STRIP_FRAMES, _STRIP_SIZE = 5, (340, 330)
 _GIF_SIZE, _GIF_RATE, _GIF_FRAMES = (320, 300), 10.0, 60
 # Recorded instants that are planned again, to know where the motion was in latent space [1/s].
 _REPLAY_RATE = 20.0
+# The tool's way is measured in steps of this time [s]; shorter ones than this [m] are trembling.
+_STEP_TIME, _STEP_LEAST = 0.1, 0.001
 _BLUE_RGB, _VERMILION_RGB = (0.0, 0.447, 0.698), (0.835, 0.369, 0.0)
 
 
@@ -83,19 +85,29 @@ def _replay(planner: ReactivePlanner, recording: Recording, radius: float) -> np
 
 
 def _draw_strip(path: Path, world: PandaWorld, recordings: Mapping[str, Recording], radius: float) -> None:
-    """The arm, a row per run, at even shares of each run's own time: a busy machine slows runs down differently."""
+    """The arm, a row per run, at even shares of each run's own motion: time in which it stands shows nothing new."""
     width, height = _STRIP_SIZE
     picture = Image.new("RGB", (_STRIP_FRAMES * width, len(_ROWS) * height))
     for row, (key, title) in enumerate(_ROWS):
         recording = recordings[key]
-        end = recording.arrived if np.isfinite(recording.arrived) else recording.joint_times[-1]
-        for column in range(_STRIP_FRAMES):
-            time = (column + 0.5) / _STRIP_FRAMES * end
+        for column, time in enumerate(instants_of_motion(recording, _STRIP_FRAMES)):
             corner = (column * width, row * height)
             picture.paste(Image.fromarray(_frame(world, recording, radius, time, _STRIP_SIZE, 2)), corner)
             text = f"{time:.1f} s" if column else f"{title}, {time:.1f} s"
             _label(picture, (corner[0] + 8, corner[1] + 8), text)
     picture.quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+def instants_of_motion(recording: Recording, count: int) -> np.ndarray:
+    """Times (count,) [s] of a recording, from its first to its last movement, the tool's way between them the same."""
+    times = np.arange(recording.pose_times[0], recording.pose_times[-1], _STEP_TIME)
+    positions = np.array([_at(recording.pose_times, recording.positions, time) for time in times])
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    way = np.concatenate([[0.0], np.cumsum(np.where(steps < _STEP_LEAST, 0.0, steps))])
+    if way[-1] == 0.0:
+        return np.linspace(times[0], times[-1], count)
+    moving, first = np.unique(way, return_index=True)
+    return np.interp(np.linspace(0.0, way[-1], count), moving, times[first])
 
 
 def _draw_animation(path: Path, world: PandaWorld, recordings: Mapping[str, Recording], radius: float) -> None:

@@ -49,7 +49,7 @@ class Recording:
     obstacle_times (k,), obstacles (k, 3) [m] : centres of the moving sphere.
     ticks : one (stamp, tick, duration of the tick before [ms], misses, code) per status of the planner.
     min_clearance : smallest distance [m] from the arm's real geometry to the obstacle, inf without one.
-    contacts : physics steps in which arm and obstacle touched.
+    contacts : physics steps in which arm and obstacle touched. touched : seconds from goal to the first, or inf.
     arrived : seconds from goal to arrival, nan if it never did.
     """
 
@@ -63,6 +63,7 @@ class Recording:
     ticks: list[tuple[float, int, float, int, str]] = field(default_factory=list)
     min_clearance: float = math.inf
     contacts: int = 0
+    touched: float = math.inf
     arrived: float = math.nan
 
 
@@ -145,8 +146,11 @@ class Probe:
         self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
 
-    def run(self) -> Recording:
-        """Wait for both nodes, let the obstacle loose, send the goal, record until the arm has arrived."""
+    def run(self, after_contact: float = math.inf) -> Recording:
+        """Wait for both nodes, let the obstacle loose, send the goal, record until the arm has arrived.
+
+        The recording ends `after_contact` seconds after arm and obstacle have touched for the first time.
+        """
         # NO_GOAL: the planner runs, and hears the arm
         self._wait(
             lambda: self._code == "NO_GOAL" and self._spawn.service_is_ready() and self._goals.get_subscription_count(),
@@ -160,7 +164,14 @@ class Probe:
         stamp = self._node.get_clock().now().to_msg()
         self._goals.publish(pose_message(self._goal[:3], self._goal[3:], self._frame, stamp))
         deadline = time.monotonic() + MOTION_PATIENCE
-        self._spin(lambda: not math.isnan(self.recording.arrived) or time.monotonic() > deadline)
+        record = self.recording
+        self._spin(
+            lambda: (
+                not math.isnan(record.arrived)
+                or self._now() - self._began > record.touched + after_contact
+                or time.monotonic() > deadline
+            )
+        )
         return self.recording
 
     def _wait(self, condition: Callable[[], Any], patience: float, what: str) -> None:
@@ -226,6 +237,8 @@ class Probe:
     def _on_contacts(self, message: UInt32) -> None:
         if self._began < math.inf:
             self.recording.contacts = message.data
+            if message.data:
+                self.recording.touched = min(self.recording.touched, self._now() - self._began)
 
 
 def isolated_environment(domain: int) -> dict[str, str]:

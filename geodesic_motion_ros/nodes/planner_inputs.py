@@ -194,7 +194,7 @@ class PlannerInputs:
         if cover > voxel:  # half the diagonal of a cube is less than its edge: the cubes were doubled
             self._node.get_logger().warning(
                 f"obstacle_cloud: the points fill more than {most} cubes of {voxel:g} m: {len(centres)} spheres of "
-                f"radius {radius:.2f} m stand for them (obstacle_cloud_most, obstacle_cloud_voxel; or filter the cloud)",
+                f"radius {radius:.2f} m stand for them (see obstacle_cloud_most, or filter the cloud)",
                 throttle_duration_sec=5.0,
             )
         with self._lock:

@@ -8,13 +8,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from geodesic_motion_ros.cli import build_parser, main
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 READ = ("--demos", "{reach}", "--units", "cm")
-COMMANDS = ("train", "evaluate", "inspect", "demo", "experiment")
+COMMANDS = ("train", "evaluate", "inspect", "demo", "goal", "experiment")
 
 
 def module(*arguments: str) -> list[str]:
@@ -28,7 +29,7 @@ def test_help_names_every_command_and_gives_examples() -> None:
     assert "geodesic-motion train --demos" in done.stdout
 
 
-@pytest.mark.parametrize("command", ["train", "evaluate", "inspect", "experiment"])
+@pytest.mark.parametrize("command", ["train", "evaluate", "inspect", "goal", "experiment"])
 def test_help_of_a_command_gives_an_example_that_its_parser_understands(command, capsys) -> None:
     with pytest.raises(SystemExit) as left:
         main([command, "--help"])
@@ -59,6 +60,9 @@ def test_help_loads_no_heavy_library() -> None:
         (["train", "--demos", "{tmp}/none.npy", "--units", "cm", "--out", "{tmp}/skill"], "none.npy: cannot be read"),
         (["train", "--demos", "{reach}", "--units", "m", "--out", "{tmp}/skill"], "did you mean --units cm?"),
         (["train", *READ, "--out", "{full}"], "choose another --out"),
+        (["train", *READ, "--out", "{reach}/deep/skill"], "choose another --out"),
+        (["train", "--demos", "{still}", "--units", "cm", "--out", "{tmp}/s"], "demonstration 'still_1' does not move"),
+        (["goal", "no_such_skill"], "no skill 'no_such_skill'"),
         (["train", *READ, "--out", "{tmp}/s", "--steps", "0"], "must be positive"),
         (["train", *READ, "--out", "{tmp}/s", "--held-out", "4"], "numbered 0 to 3"),
         (["evaluate", *READ, "--folds", "0/9"], "there is no demonstration 9"),
@@ -72,7 +76,10 @@ def test_what_cannot_be_done_is_said_in_one_line(arguments, said, recording, tmp
     full = tmp_path / "full"
     full.mkdir()
     (full / "letter.txt").write_text("keep me")
-    places = {"tmp": tmp_path, "reach": recording, "full": full}
+    still = np.load(recording)
+    still[1] = still[1, 0]
+    np.save(tmp_path / "still.npy", still)
+    places = {"tmp": tmp_path, "reach": recording, "full": full, "still": tmp_path / "still.npy"}
     assert main([argument.format(**places) for argument in arguments]) == 2
     err = capsys.readouterr().err
     lines = [line for line in err.splitlines() if line.startswith("geodesic-motion: ")]
@@ -82,7 +89,13 @@ def test_what_cannot_be_done_is_said_in_one_line(arguments, said, recording, tmp
     assert (full / "letter.txt").read_text() == "keep me"
 
 
-@pytest.mark.parametrize("arguments", [[], ["fly"], ["train"], ["evaluate", "--demos", "x.npy", "--units", "inch"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [], ["fly"], ["train"], ["train", *READ, "--out", "s", "--seed", "-1"],
+        ["evaluate", "--demos", "x.npy", "--units", "inch"],
+    ],
+)  # fmt: skip
 def test_a_wrong_command_line_ends_with_status_2(arguments, capsys) -> None:
     with pytest.raises(SystemExit) as left:
         main(arguments)

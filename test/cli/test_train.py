@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from geodesic_motion_ros.cli import main
@@ -58,3 +59,20 @@ def test_inspect_shows_what_the_skill_holds(trained, tmp_path, capsys) -> None:
     assert content["thresholds"]["sigma_limit"] == pytest.approx(5.0 * content["thresholds"]["sigma_support"])
     for name in ("demonstrations", "nodes", "energy_per_edge", "held_out_dtw_mm", "CC0-1.0"):
         assert name in shown
+
+
+def test_a_single_small_and_badly_learned_demonstration_is_remarked_on(recording, tmp_path, capsys) -> None:
+    small = np.load(recording)[:1]
+    small[..., :3] = 40.0 + 0.01 * (small[..., :3] - 40.0)  # half a centimetre in all
+    np.save(tmp_path / "small.npy", small)
+    arguments = ["train", "--demos", str(tmp_path / "small.npy"), "--units", "cm", "--out", str(tmp_path / "skill")]
+    assert main([*arguments, "--steps", "1", "--kernels", "10"]) == 0
+    said = capsys.readouterr().err
+    assert "one demonstration only" in said
+    assert "mm large: is --units right?" in said
+    assert "a poor skill" in said
+
+
+def test_a_good_recording_is_not_remarked_on(trained, recording, tmp_path, capsys) -> None:
+    assert main(["train", "--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "s"), *BRIEFLY]) == 0
+    assert "warning" not in capsys.readouterr().err

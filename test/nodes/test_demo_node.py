@@ -16,6 +16,7 @@ import pytest
 
 from geodesic_motion_ros.certificate import segment_distance
 from geodesic_motion_ros.nodes import demo_node
+from geodesic_motion_ros.nodes.demo_pictures import instants_of_motion
 from geodesic_motion_ros.nodes.demo_run import DemoError, Processes, Recording, isolated_environment
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.reference import TaskSpaceReference
@@ -86,7 +87,6 @@ def test_all_bars_are_met_by_a_good_summary() -> None:
 @pytest.mark.parametrize(
     ("run", "change", "complaint"),
     [
-        ("no_obstacle", {"rate_hz": 98.0}, "98.0 Hz"),
         ("avoidance_off", {"contacts": 0, "min_clearance_mm": 5.0}, "proves nothing"),
         ("avoidance_on", {"contacts": 1}, "contact in 1 steps"),
         ("avoidance_on", {"min_clearance_mm": -0.1}, "clearance -0.1 mm"),
@@ -101,6 +101,26 @@ def test_every_bar_is_named_when_it_is_missed(run: str, change: dict, complaint:
     assert len(missed) == 1
     assert missed[0].startswith(run)
     assert complaint in missed[0]
+
+
+def test_a_busy_machine_is_warned_of_and_fails_nothing() -> None:
+    summary = good_summary()
+    assert demo_node.slow_runs(summary) == []
+    summary["no_obstacle"]["rate_hz"] = 98.0
+    (warning,) = demo_node.slow_runs(summary)
+    assert warning.startswith("no_obstacle: the planner ran at 98.0 Hz")
+    assert "load" in warning
+    assert demo_node.missed_bars(summary) == []
+
+
+def test_instants_of_motion_leave_out_where_the_arm_stands() -> None:
+    """A second of standing, two of motion, three of trembling: five pictures show start and motion."""
+    times = np.arange(0.0, 6.0, 0.01)
+    ways = np.clip(times - 1.0, 0.0, 2.0) * 0.1 + 1e-4 * np.sin(40.0 * times)
+    recording = Recording(pose_times=times.tolist(), positions=[np.array([way, 0.0, 0.0]) for way in ways])
+    instants = instants_of_motion(recording, 5)
+    assert instants[0] == 0.0
+    np.testing.assert_allclose(instants[1:], [1.5, 2.0, 2.5, 3.0], atol=0.11)
 
 
 def test_negative_clearance_is_a_hit_without_contact_points() -> None:
@@ -149,15 +169,14 @@ def test_the_demo_hits_without_avoidance_and_passes_with_it(tmp_path: Path) -> N
     output, errors = process.communicate(timeout=280.0)
     summary = json.loads((tmp_path / "summary.json").read_text())
     runs = [run.key for run in demo_node.RUNS]
-    assert set(summary) == {"skill", "passed", *runs}, errors
+    assert set(summary) == {"skill", "passed", "warnings", *runs}, errors
     assert all(set(summary[run]) >= KEYS for run in runs)
     assert summary["no_obstacle"]["min_clearance_mm"] is None
     assert summary["avoidance_off"]["contacts"] > 0 or summary["avoidance_off"]["min_clearance_mm"] < 0.0
     assert summary["avoidance_on"]["contacts"] == 0
     assert summary["avoidance_on"]["min_clearance_mm"] > 0.0
-    # a busy machine may not reach the rate; every other promise holds on any machine
-    assert all("Hz" in sentence for sentence in demo_node.missed_bars(summary)), errors
-    assert process.returncode == (0 if summary["passed"] else 1)
+    assert summary["passed"], errors
+    assert process.returncode == 0
     assert all(run.title in output for run in demo_node.RUNS)
     assert {"latent.png", "paths.png", "strip.png", "arm.gif"} <= {file.name for file in tmp_path.iterdir()}
 

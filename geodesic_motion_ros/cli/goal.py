@@ -1,0 +1,51 @@
+"""`goal`: send an arm where a skill ends."""
+
+from __future__ import annotations
+
+import argparse
+
+from geodesic_motion_ros.cli.arguments import HelpFormatter
+from geodesic_motion_ros.errors import GeodesicMotionError
+
+_DESCRIPTION = """\
+Sends the goal of a skill to a planner that runs, once, and prints what the planner says; the arm goes. For those who
+have no `ros2` command line: for those who have, it prints the command that does the same.
+"""
+_EPILOG = """\
+examples:
+  geodesic-motion goal panda_pouring
+  geodesic-motion goal panda_pouring --move 0 0.02 0
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser of the command line."""
+    parser = commands.add_parser(
+        "goal", help="send the goal of a skill to a running planner",
+        description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("skill", help="skill folder, or the name of a shipped skill")
+    parser.add_argument(
+        "--move", type=float, nargs=3, metavar=("X", "Y", "Z"), default=(0.0, 0.0, 0.0),
+        help="this far from the skill's goal [m]",
+    )  # fmt: skip
+    parser.add_argument("--print", action="store_true", dest="only_print", help="only print the command, send nothing")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Print the goal, send it, print the answer."""
+    from geodesic_motion_ros.skill import Skill
+
+    try:
+        from geodesic_motion_ros.nodes.goal_sender import by_hand, send_goal
+    except ModuleNotFoundError as error:
+        if error.name and error.name.startswith("geodesic_motion_ros"):
+            raise
+        raise GeodesicMotionError(f"a goal needs {error.name}, which is not installed: source your ROS 2") from error
+    skill = Skill.load(arguments.skill)
+    goal = skill.goal_pose.copy()
+    goal[:3] += arguments.move
+    print(by_hand(goal, skill.base_frame))
+    if not arguments.only_print:
+        print(f"the planner says {send_goal(goal, skill.base_frame)}")
