@@ -17,32 +17,40 @@ from geodesic_motion_ros.cli.arguments import (
     read_recording,
     writable,
 )
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.demonstrations.writers import save_demonstrations
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.experiments.trained import Trained
+    from geodesic_motion_ros.manifold.training import TrainingSettings
 
 _DESCRIPTION = """\
 geodesics  ways to a shortest path on one skill: gradient descent, graphs of 50x50 and 100x100 nodes; lengths, times
 avoidance  spheres dead-centre on the planned path of held-out demonstrations: clear, or rightly declared infeasible?
 crossing   what it costs to change between the clusters of q and -q, and whether the planner's graph forbids it
+goals      simulated demonstrations between places that vary: held-out ones predicted from start and goal
+modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
 
-Table, figure and JSON go to out/experiments/NAME/. The last two train one skill per fold and seed, once: skills are
-kept in out/experiments/skills and taken from there when data, settings and training code are the same.
+Table, figure and JSON go to out/experiments/NAME/. All but the first train skills, each once: they are kept in
+out/experiments/skills and taken from there when data, settings and training code are the same. The last two make their
+demonstrations themselves, with an arm in PyBullet; one skill per seed, two minutes each.
 """
 _EPILOG = """\
 examples:
   geodesic-motion experiment geodesics --skill panda_pouring
   geodesic-motion experiment avoidance --demos pouring.npy bottle2shelf.npy --units cm --folds 0,3,6/1,4,7/2,5,8
   geodesic-motion experiment crossing --demos pouring.npy --units cm
+  geodesic-motion experiment goals --shown 20
+  geodesic-motion experiment modes --save two_ways.npz
 """
 
 
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command and its experiments to the parser of the command line."""
     parser = commands.add_parser(
-        "experiment", help="measure what the method is claimed to do: geodesics, avoidance, crossing",
+        "experiment", help="measure what the method is claimed to do: geodesics, avoidance, crossing, goals, modes",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     names = parser.add_subparsers(dest="experiment", metavar="NAME", required=True)
@@ -70,7 +78,27 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         trains.add_argument("--folds", metavar="FOLDS", help="to hold out, 0,3,6/1,4,7; without it three folds")
         trains.add_argument("--seeds", type=indices, default="0", metavar="SEEDS", help="one training each")
         trains.add_argument("--steps", type=int, help="of the training; TrainingSettings' default without it")
-    for experiment in (geodesics, avoidance, crossing):
+
+    goals = names.add_parser("goals", help="starts and goals that vary", formatter_class=HelpFormatter)
+    goals.add_argument("--shown", type=int, default=12, help="demonstrations that a skill is learned from")
+    goals.add_argument("--held-out", type=int, default=12, help="demonstrations that are predicted")
+    goals.set_defaults(run=_goals)
+
+    modes = names.add_parser("modes", help="two ways past a pillar", formatter_class=HelpFormatter)
+    modes.add_argument("--shown", type=int, default=6, help="demonstrations of each way that a skill is learned from")
+    modes.add_argument("--cases", type=int, default=40, help="starts and goals that each skill is asked for")
+    modes.set_defaults(run=_modes)
+
+    for simulated in (goals, modes):
+        simulated.add_argument(
+            "--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="of data and training, one skill each"
+        )
+        simulated.add_argument("--steps", type=int, help="of the training; TrainingSettings' default without it")
+        simulated.add_argument(
+            "--save", type=Path, metavar="FILE.npz",
+            help="write the demonstrations of the first seed to a file to train on (units m) and measure nothing",
+        )  # fmt: skip
+    for experiment in (geodesics, avoidance, crossing, goals, modes):
         experiment.add_argument(
             "--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results"
         )
@@ -108,15 +136,56 @@ def _crossing(arguments: argparse.Namespace) -> None:
     _hand_over(arguments, folder, report.table(), report.as_dict())
 
 
+def _goals(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.goals import GoalsSettings, draw_goals, drawn, measure_goals
+
+    settings = GoalsSettings(arguments.shown, arguments.held_out, arguments.seeds)
+    if arguments.save is not None:
+        everything, fold = drawn(settings, settings.seeds[0])
+        _save(arguments.save, everything, f"the last {len(fold)} are those held out")
+        return
+    folder = _folder(arguments)
+    report = measure_goals(settings, arguments.out / "skills", _training(arguments, "canonical"))
+    draw_goals(report, folder / "goals.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _modes(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.modes import ModesSettings, draw_modes, measure_modes
+    from geodesic_motion_ros.simulation.teacher import two_mode_demonstrations
+
+    settings = ModesSettings(arguments.shown, arguments.cases, arguments.seeds)
+    if arguments.save is not None:
+        shown = two_mode_demonstrations(settings.shown, settings.seeds[0])
+        _save(arguments.save, shown, f"first {settings.shown} on the left of the pillar, then as many on its right")
+        return
+    folder = _folder(arguments)
+    report = measure_modes(settings, arguments.out / "skills", _training(arguments, "canonical"))
+    draw_modes(report, folder / "modes.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _save(path: Path, demonstrations: Demonstrations, said: str) -> None:
+    """Write demonstrations with equally many samples each, as the file wants them."""
+    longest = max(len(item) for item in demonstrations)
+    save_demonstrations(demonstrations.resampled(longest, by="time"), path)
+    print(f"wrote {len(demonstrations)} demonstrations to {path}: {said}; read them with --units m")
+
+
+def _training(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"]) -> TrainingSettings:
+    """The defaults, but for --steps."""
+    from geodesic_motion_ros.manifold.training import TrainingSettings
+
+    settings = TrainingSettings(sheet=sheet)
+    return settings if arguments.steps is None else replace(settings, steps=arguments.steps)
+
+
 def _skills(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"]) -> Iterator[Trained]:
     """The skills of every recording, fold and seed."""
     from geodesic_motion_ros.experiments.imitation import default_folds, parse_folds
     from geodesic_motion_ros.experiments.trained import trained_on_folds
-    from geodesic_motion_ros.manifold.training import TrainingSettings
 
-    settings = TrainingSettings(sheet=sheet)
-    if arguments.steps is not None:
-        settings = replace(settings, steps=arguments.steps)
+    settings = _training(arguments, sheet)
     recordings = {path.stem: read_recording(arguments, path) for path in arguments.demos}
     if len(recordings) < len(arguments.demos):
         raise ParameterError("two recordings have the same file name; the table calls tasks by it: rename one")

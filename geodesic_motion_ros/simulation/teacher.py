@@ -154,6 +154,13 @@ def draw_pouring_query(generator: np.random.Generator) -> tuple[Pose, Pose]:
     )
 
 
+def draw_passing_query(generator: np.random.Generator) -> tuple[Pose, Pose]:
+    """A start and a goal (position (3,) [m], quaternion (4,)) past the pillar, drawn uniformly from what is shown."""
+    start, goal = _passing_ends(generator)
+    turned = from_rotation(_about("z", PASS_TURN) * _DOWN)
+    return (start, turned[0]), (goal, turned[1])
+
+
 def multi_goal_motions(count: int, seed: int) -> tuple[Motion, ...]:
     """The motions of `multi_goal_demonstrations`, before the arm makes them."""
     _check_count("count", count)
@@ -266,7 +273,7 @@ def _pouring(name: str, place: np.ndarray, generator: np.random.Generator) -> Mo
 
 def _passing(name: str, group: int, generator: np.random.Generator) -> Motion:
     """From area to area in a bow around the pillar, group 0 on its left, group 1 on its right."""
-    start, goal = (middle + PASS_SPREAD * generator.uniform(-1.0, 1.0, 3) for middle in (PASS_START, PASS_GOAL))
+    start, goal = _passing_ends(generator)
     bold, early = _style(generator)
     distance = float(np.linalg.norm(goal - start))
     times, phase = _pacing(2.0 + 3.5 * distance, generator)
@@ -280,6 +287,12 @@ def _passing(name: str, group: int, generator: np.random.Generator) -> Motion:
     upright = from_rotation(_about("z", turned) * _DOWN)
     quaternions = rotate_by(_hand(phase, np.radians(1.5), generator), upright)
     return Motion(name, times, positions, continuous_signs(quaternions), (PILLAR,), group=group)
+
+
+def _passing_ends(generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Start and goal (3,) [m] of a motion past the pillar."""
+    start, goal = (middle + PASS_SPREAD * generator.uniform(-1.0, 1.0, 3) for middle in (PASS_START, PASS_GOAL))
+    return start, goal
 
 
 def _style(generator: np.random.Generator) -> np.ndarray:

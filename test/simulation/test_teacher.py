@@ -112,6 +112,16 @@ def test_drawn_queries_lie_inside_what_is_shown() -> None:
         assert teacher.CUP_REGION.contains(mouth_of(*goal))
 
 
+def test_drawn_passings_start_and_end_like_those_shown(passing: Shown) -> None:
+    generator = np.random.default_rng(11)
+    shown_ends = [(motion.positions[end], motion.quaternions[end]) for end in (0, -1) for motion in passing[0][:1]]
+    middles = (teacher.PASS_START, teacher.PASS_GOAL)
+    for _ in range(50):
+        for drawn, shown_end, middle in zip(teacher.draw_passing_query(generator), shown_ends, middles, strict=True):
+            assert np.all(np.abs(drawn[0] - middle) <= teacher.PASS_SPREAD)
+            assert angle_between(drawn[1], shown_end[1]) < 1e-6
+
+
 def test_no_two_demonstrations_of_one_way_are_alike() -> None:
     """The hidden style and the hand, not only start and goal, differ: the same place, shown twice."""
     place = np.full(6, 0.5)
