@@ -22,9 +22,8 @@ from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.quaternions import mean_rotation, rotate_by, rotation_vector_between
 from geodesic_motion_ros.sheet import blended_curves
 
-
-#: Starts and goals may lie this share of the demonstrations' length from their mean; further apart there is no task that
-#: they have in common, only straight lines between places.
+#: Starts and goals may lie this share of the demonstrations' length from their mean; further apart there is no task
+#: that they have in common, only straight lines between places.
 LARGEST_SHARE = 0.5
 #: The same for orientations [rad]: rotation vectors of half a turn have no direction.
 LARGEST_TURN = 2.0
