@@ -52,6 +52,8 @@ from geodesic_motion_ros.skill import Skill
 _MOST_STEPS = 24
 # A service waits this long [s] for the physics thread.
 _PATIENCE = 2.0
+# After a reset, target poses from before it may still be under way: none counts for this long [s].
+_DEAF = 0.3
 _OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
 _IMAGE_SIZE = (320, 240)
 # What `initial_joint_positions` holds where nobody has said otherwise, a parameter file with all defaults included.
@@ -86,7 +88,7 @@ class TwinNode(LoopingNode):
         self._mailbox: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = queue.SimpleQueue()
         self._command: tuple[np.ndarray, np.ndarray] | None = None
         self._command_lock = threading.Lock()
-        self._commanded_at = -np.inf
+        self._commanded_at = self._deaf_until = -np.inf
         self._loop = SteadyLoop(self._tick, values["physics_rate"], self._died, name="physics")
         self._make_interface()
         if values["spawn_at_start"]:
@@ -149,7 +151,7 @@ class TwinNode(LoopingNode):
         with self._command_lock:
             command, self._command = self._command, None
         now = time.monotonic()
-        if command is not None:
+        if command is not None and now >= self._deaf_until:
             self._commanded_at = now
             try:
                 self._world.set_target_pose(*command)
@@ -236,7 +238,7 @@ class TwinNode(LoopingNode):
         self._world.reset(_initial_joints(self._options.values))
         self._scene_start = self._world.time
         self._contacts, self._least_clearance = 0, np.inf
-        self._commanded_at = -np.inf
+        self._commanded_at, self._deaf_until = -np.inf, time.monotonic() + _DEAF
         return "the arm is where it started, the scene begins again, contacts count from zero"
 
     def _spawn(self) -> str:

@@ -15,7 +15,10 @@ _LONGEST_VALUE = 40
 
 def wants_help(name: str, arguments: Sequence[str]) -> bool:
     """Whether a command line (without the program) asks for help; ParameterError names what it must not hold."""
-    others = remove_ros_args(args=[name, *arguments])[1:]
+    try:
+        others = remove_ros_args(args=[name, *arguments])[1:]
+    except RuntimeError:  # a ROS argument that cannot be read; rclpy.init will say so
+        return False
     if {"-h", "--help"} & set(others):
         return True
     if others:

@@ -38,7 +38,7 @@ def test_a_skill_folder_comes_out_with_its_figures_and_its_picture(trained) -> N
 def test_an_old_skill_is_replaced_by_the_papers_form_of_it(recording, tmp_path) -> None:
     folder = tmp_path / "skill"
     arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(folder)]
-    arguments += ["--steps", "60", "--kernels", "20", "--seed", "5"]
+    arguments += ["--steps", "60", "--kernels", "20", "--seed", "5", "--sheet", "raw"]
     assert main(arguments) == 0
     assert Skill.load(folder).orientation_model == "two_cluster"
     arguments += ["--orientation-model", "sign_blind", "--sigma-weight", "1", "--kl-weight", "1", "--name", "as told"]
@@ -63,7 +63,7 @@ def test_inspect_shows_what_the_skill_holds(trained, tmp_path, capsys) -> None:
 
 def test_a_single_small_and_badly_learned_demonstration_is_remarked_on(recording, tmp_path, capsys) -> None:
     small = np.load(recording)[:1]
-    small[..., :3] = 40.0 + 0.01 * (small[..., :3] - 40.0)  # half a centimetre in all
+    small[..., :3] = 40.0 + 0.03 * (small[..., :3] - 40.0)  # less than two centimetres in all
     np.save(tmp_path / "small.npy", small)
     arguments = ["train", "--demos", str(tmp_path / "small.npy"), "--units", "cm", "--out", str(tmp_path / "skill")]
     assert main([*arguments, "--steps", "1", "--kernels", "10"]) == 0

@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped
+import yaml
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.srv import GetPlan
-from std_msgs.msg import Float64, UInt32
+from std_msgs.msg import Float64, Header, UInt32
 
+from geodesic_motion_ros.nodes.goal_sender import by_hand, send_goal
+from geodesic_motion_ros.nodes.messages import read_pose
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 
@@ -64,6 +67,15 @@ def test_the_arm_reaches_the_goal_in_one_process(bench, options, skill, start_jo
     arrive(bench, skill.goal_pose)
 
 
+def test_the_tour_planner_and_twin_as_they_start_and_the_goal_of_the_skill(bench, options, skill, skill_folder):
+    watch(bench)
+    bench.add(TwinNode, skill=str(skill_folder))
+    bench.add(PlannerNode, **options)
+    bench.wait_for_code("NO_GOAL")
+    assert send_goal(skill.goal_pose, skill.base_frame) == "OK"
+    arrive(bench, skill.goal_pose)
+
+
 @pytest.mark.parametrize("avoidance", [False, True], ids=["control: avoidance off", "avoidance on"])
 def test_a_ball_on_the_way_is_hit_without_avoidance_and_not_with_it(bench, options, skill, start_joints, avoidance):
     watch(bench)
@@ -78,6 +90,17 @@ def test_a_ball_on_the_way_is_hit_without_avoidance_and_not_with_it(bench, optio
         assert min(message.data for message in bench.heard["twin/clearance"]) > 0.0
     else:
         bench.wait(lambda: bench.heard["twin/contacts"][-1].data > 0, "contact with the ball")
+
+
+def test_the_command_for_the_ros2_command_line_holds_the_goal(skill):
+    """What `ros2 topic pub` is given is YAML of a PoseStamped."""
+    text = by_hand(skill.goal_pose, skill.base_frame)
+    content = yaml.safe_load(text.split('"')[1])
+    pose = Pose(position=Point(**content["pose"]["position"]), orientation=Quaternion(**content["pose"]["orientation"]))
+    message = PoseStamped(header=Header(**content["header"]), pose=pose)
+    position, quaternion = read_pose(message, skill.base_frame)
+    np.testing.assert_allclose(position, skill.goal_pose[:3], atol=1e-4)
+    np.testing.assert_allclose(quaternion, skill.goal_pose[3:], atol=1e-3)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])

@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped, PoseStamped
+from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64, UInt32
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.errors import ParameterError, SkillError
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -138,6 +139,33 @@ def test_reset_puts_the_arm_back(twin, skill, start_joints, make_pose):
     twin.wait(back, "the arm back at its start")
 
 
+def test_starts_where_its_skill_does(bench, skill_folder, start_joints):
+    bench.add(TwinNode, skill=str(skill_folder))
+    bench.listen(JointState, "joint_states")
+    state = bench.wait(lambda: bench.heard["joint_states"], "the state of the arm")[0]
+    np.testing.assert_allclose(state.position, start_joints, atol=0.01)
+
+
+def test_starts_at_the_ready_pose_without_a_skill(bench):
+    bench.add(TwinNode, skill="")
+    bench.listen(JointState, "joint_states")
+    state = bench.wait(lambda: bench.heard["joint_states"], "the state of the arm")[0]
+    np.testing.assert_allclose(state.position, Robot.panda().ready, atol=0.01)
+
+
+def test_a_missing_skill_is_named(bench, tmp_path):
+    with pytest.raises(SkillError, match="nowhere"):
+        bench.add(TwinNode, skill=str(tmp_path / "nowhere"))
+
+
+def test_two_commanders_are_warned_of(twin):
+    twin.listen(Log, "/rosout", 100)
+    for _ in range(2):
+        twin.probe.create_publisher(PoseStamped, "target_pose", 1)
+    said = "target_pose is published by /probe and /probe"
+    twin.wait(lambda: any(said in log.msg for log in twin.heard["/rosout"]), "the warning")
+
+
 def test_unknown_scenes_are_refused_by_name(twin):
     result = twin.twin.set_parameters([Parameter("scene", value="volcano")])[0]
     assert not result.successful
@@ -154,11 +182,11 @@ def test_start_outside_the_joint_limits_is_refused(bench):
 
 def test_rates_above_physics_are_refused(bench):
     with pytest.raises(ParameterError, match="state_rate"):
-        bench.add(TwinNode, physics_rate=200.0, state_rate=300.0)
+        bench.add(TwinNode, skill="", physics_rate=200.0, state_rate=300.0)
 
 
 def test_image_on_request(bench):
-    bench.add(TwinNode, image_rate=2.0)
+    bench.add(TwinNode, skill="", image_rate=2.0)
     bench.listen(Image, "twin/image")
     image = bench.wait(lambda: bench.heard["twin/image"], "an image")[-1]
     assert (image.height, image.width, image.encoding) == (240, 320, "rgb8")

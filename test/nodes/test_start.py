@@ -1,0 +1,34 @@
+"""The programs end cleanly when they are interrupted while their libraries load."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+# Interrupts its own process at the very moment when a library of the node is looked for.
+INTERRUPTED = """
+import os, signal, sys
+
+class Interrupter:
+    def find_spec(self, name, path=None, target=None):
+        if name == {library!r}:
+            os.kill(os.getpid(), signal.{signal})
+        return None
+
+sys.meta_path.insert(0, Interrupter())
+from geodesic_motion_ros.nodes.start import {program}
+print("loading", flush=True)
+sys.exit({program}())
+"""
+
+
+@pytest.mark.parametrize(("program", "code"), [("planner", 0), ("twin", 0), ("demo", 130)])
+@pytest.mark.parametrize("signal", ["SIGINT", "SIGTERM"])
+def test_an_interrupt_while_loading_ends_without_a_traceback(program: str, code: int, signal: str) -> None:
+    script = INTERRUPTED.format(library="scipy", signal=signal, program=program)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == code, done.stderr
+    assert done.stdout == "loading\n"
+    assert done.stderr == ""
