@@ -244,7 +244,7 @@ class QueryBuilder:
             graph=graph,
             base=base,
             to_goal=cost_field(self._graph.adjacency, base, there.node),
-            body_box=(body_points.min(axis=(0, 1)), body_points.max(axis=(0, 1))),
+            body_box=_box(body_points),
             misfits=_misfits("start", here) | _misfits("goal", there),
             task_start=task_start,
         )
@@ -269,6 +269,12 @@ class QueryBuilder:
             here.displacement - corrected[0], there.displacement - corrected[1],
             float(progress[0]), float(progress[1]), corrections,
         )  # fmt: skip
+
+
+def _box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner (3,) of points (n, K, 3); numpy is slow along short last axes."""
+    columns = np.ascontiguousarray(points.reshape(-1, 3).T)
+    return columns.min(axis=1), columns.max(axis=1)
 
 
 def _lengths(offset: np.ndarray) -> tuple[float, float]:

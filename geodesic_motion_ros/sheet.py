@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import nnls
@@ -84,7 +85,11 @@ class CanonicalSheet:
 
     def mean_curves(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weighted means of the canonical demonstrations: positions (K, S, 3), quaternions (K, S, 4)."""
-        return blended_curves(self.positions, self.quaternions, weights)
+        return np.einsum("kn,nsj->ksj", weights, self.positions), self._rotations.blended(weights)
+
+    @cached_property
+    def _rotations(self) -> RotationCurves:
+        return RotationCurves.of(self.quaternions)
 
     def corrections(self, decoder: TaskSpaceDecoder, ridges: Ridges, weights: np.ndarray) -> np.ndarray:
         """What the decoder lacks on the ridges to be the demonstrations' weighted means, (K, S, 6)."""
@@ -95,18 +100,23 @@ class CanonicalSheet:
         return np.concatenate([positions - decoded.positions.reshape(count, samples, 3), turns], axis=-1)
 
 
-def blended_curves(
-    positions: np.ndarray, quaternions: np.ndarray, weights: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted means of curves (N, T, 3), (N, T, 4), for weights (B, N) with rows that sum to 1: (B, T, 3), (B, T, 4).
+@dataclass(frozen=True)
+class RotationCurves:
+    """Curves of rotations (N, T) about their mean: middle (T, 4), and rotation vectors (N, T, 3) [rad] from it."""
 
-    Rotations are averaged as rotation vectors about the mean rotation of all curves.
-    """
-    middle = mean_rotation(quaternions)
-    turns = rotation_vector_between(np.broadcast_to(middle, quaternions.shape), quaternions)
-    mean_turns = np.einsum("bn,ntj->btj", weights, turns)
-    about = np.broadcast_to(continuous_signs(middle), (len(weights), *middle.shape))
-    return np.einsum("bn,ntj->btj", weights, positions), rotate_by(mean_turns, about)
+    middle: np.ndarray
+    turns: np.ndarray
+
+    @classmethod
+    def of(cls, quaternions: np.ndarray) -> RotationCurves:
+        """From quaternions (N, T, 4), blind to their signs."""
+        middle = continuous_signs(mean_rotation(quaternions))
+        return cls(middle, rotation_vector_between(np.broadcast_to(middle, quaternions.shape), quaternions))
+
+    def blended(self, weights: np.ndarray) -> np.ndarray:
+        """Weighted means (B, T, 4), for weights (B, N) with rows that sum to 1, of the rotation vectors."""
+        turns = np.einsum("bn,ntj->btj", weights, self.turns)
+        return rotate_by(turns, np.broadcast_to(self.middle, (len(weights), *self.middle.shape)))
 
 
 def offset_features(start_offsets: np.ndarray, goal_offsets: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from geodesic_motion_ros.demonstrations.curves import interpolate, pose_arc_leng
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.quaternions import mean_rotation, rotate_by, rotation_vector_between
-from geodesic_motion_ros.sheet import blended_curves
+from geodesic_motion_ros.sheet import RotationCurves
 
 #: Starts and goals may lie this share of the demonstrations' length from their mean; further apart there is no task
 #: that they have in common, only straight lines between places.
@@ -49,7 +49,8 @@ class CanonicalDemonstrations:
 
     def blended(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weighted means of the curves: positions (B, T, 3) and quaternions (B, T, 4), for weights (B, N)."""
-        return blended_curves(self.positions, self.quaternions, weights)
+        positions = np.einsum("bn,ntj->btj", weights, self.positions)
+        return positions, RotationCurves.of(self.quaternions).blended(weights)
 
 
 def along_arc(

@@ -62,7 +62,7 @@ class Ridges:
 
     def conformal_factors(self, latent: np.ndarray, strength: float) -> np.ndarray:
         """exp(min(strength u^2, LARGEST_EXPONENT)) >= 1 at latent points (n, d), (n,)."""
-        distances, _ = _distances(latent, self.centres, self.precisions, TEMPERATURE)
+        distances = _smallest(latent, self.centres, self.precisions)
         return np.exp(np.minimum(strength * (distances + self.penalties).min(axis=1), LARGEST_EXPONENT))
 
     def coordinates(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -70,7 +70,8 @@ class Ridges:
 
         Shares are the softmax over k of -(u_k^2 + penalty_k) / 2; they sum to 1.
         """
-        distances, progress = _distances(latent, self.centres, self.precisions, TEMPERATURE)
+        distances = _smallest(latent, self.centres, self.precisions)
+        progress = _soft_argmin(latent, self.centres, self.precisions, distances, TEMPERATURE)
         exponents = -0.5 * (distances + self.penalties)
         weights = np.exp(exponents - exponents.max(axis=1, keepdims=True))
         shares = weights / weights.sum(axis=1, keepdims=True)
@@ -78,27 +79,40 @@ class Ridges:
 
 
 @numba.njit(cache=True, nogil=True)
-def _distances(
-    latent: np.ndarray, centres: np.ndarray, precisions: np.ndarray, temperature: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """u_k^2 (n, K), and the soft argmin of s for every ridge (n, K)."""
-    count, samples, dimension = centres.shape
-    smallest, progress = np.empty((len(latent), count)), np.empty((len(latent), count))
-    squared, gap = np.empty(samples), np.empty(dimension)
+def _squared(point: np.ndarray, centre: np.ndarray, precision: np.ndarray) -> float:
+    """(z - r)^T C^-1 (z - r)."""
+    total = 0.0
+    for a in range(len(point)):
+        for b in range(len(point)):
+            total += (point[a] - centre[a]) * precision[a, b] * (point[b] - centre[b])
+    return total
+
+
+@numba.njit(cache=True, nogil=True)
+def _smallest(latent: np.ndarray, centres: np.ndarray, precisions: np.ndarray) -> np.ndarray:
+    """u_k^2 (n, K)."""
+    smallest = np.full((len(latent), len(centres)), np.inf)
     for i in range(len(latent)):
-        for k in range(count):
-            for s in range(samples):
-                for a in range(dimension):
-                    gap[a] = latent[i, a] - centres[k, s, a]
-                squared[s] = 0.0
-                for a in range(dimension):
-                    for b in range(dimension):
-                        squared[s] += gap[a] * precisions[k, s, a, b] * gap[b]
-            smallest[i, k] = squared.min()
+        for k in range(len(centres)):
+            for s in range(centres.shape[1]):
+                smallest[i, k] = min(smallest[i, k], _squared(latent[i], centres[k, s], precisions[k, s]))
+    return smallest
+
+
+@numba.njit(cache=True, nogil=True)
+def _soft_argmin(
+    latent: np.ndarray, centres: np.ndarray, precisions: np.ndarray, smallest: np.ndarray, temperature: float
+) -> np.ndarray:
+    """Soft argmin of s, (n, K), given u_k^2 (n, K)."""
+    samples = centres.shape[1]
+    progress = np.empty(smallest.shape)
+    for i in range(len(latent)):
+        for k in range(len(centres)):
             total, weighted = 0.0, 0.0
             for s in range(samples):
-                weight = np.exp(-(squared[s] - smallest[i, k]) / temperature)
+                squared = _squared(latent[i], centres[k, s], precisions[k, s])
+                weight = np.exp(-(squared - smallest[i, k]) / temperature)
                 total += weight
                 weighted += weight * s
             progress[i, k] = weighted / (total * (samples - 1))
-    return smallest, progress
+    return progress
