@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,12 +44,51 @@ def fan_of_demonstrations() -> Demonstrations:
     return Demonstrations(tuple(items))
 
 
+#: Of a skill small enough to be trained anew for every run of the tests.
+SMALL = {
+    "steps": 800, "hidden": (64, 32), "samples": 100, "kernels": 100, "precision_samples": 2,
+    "precision_iterations": 60,
+}  # fmt: skip
+
+
+def shifted(demonstration: Demonstration, start: np.ndarray, goal: np.ndarray) -> Demonstration:
+    """A demonstration with offsets (6,) of its start and goal, translation [m] and rotation vector [rad], that blend
+    linearly with the sample's number."""
+    share = np.linspace(0.0, 1.0, len(demonstration))[:, None]
+    blend = (1.0 - share) * start + share * goal
+    return replace(
+        demonstration,
+        positions=demonstration.positions + blend[:, :3],
+        quaternions=rotate_by(blend[:, 3:], demonstration.quaternions),
+    )
+
+
+def fan_with_varying_ends(seed: int = 0) -> Demonstrations:
+    """The fan, with starts and goals that vary by some centimetres and tenths of a radian."""
+    random = np.random.default_rng(seed)
+    scale = np.repeat([0.025, 0.08], 3)
+    items = [shifted(item, *random.uniform(-scale, scale, (2, 6))) for item in fan_of_demonstrations()]
+    return Demonstrations(tuple(items))
+
+
 @pytest.fixture(scope="session")
 def fan_skill() -> Skill:
-    """A skill for a Panda, really trained, small enough to be trained anew for every run of the tests."""
+    """A skill for a Panda on the raw sheet, really trained."""
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
-    settings = TrainingSettings(
-        steps=800, hidden=(64, 32), samples=100, kernels=100, precision_samples=2, precision_iterations=60
-    )
+    settings = TrainingSettings(sheet="raw", **SMALL)
     return train_task_space_skill(fan_of_demonstrations(), settings, name="fan")
+
+
+@pytest.fixture(scope="session")
+def varying_fan() -> Demonstrations:
+    """What canonical_fan_skill was learned from."""
+    return fan_with_varying_ends()
+
+
+@pytest.fixture(scope="session")
+def canonical_fan_skill(varying_fan: Demonstrations) -> Skill:
+    """A skill for a Panda on the canonical sheet, learned from demonstrations whose starts and goals vary."""
+    from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+
+    return train_task_space_skill(varying_fan, TrainingSettings(**SMALL), name="canonical fan")

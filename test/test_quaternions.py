@@ -52,3 +52,11 @@ def test_slerp_has_constant_speed_and_both_ends():
     assert quat.angle_between(curve[0], FIRST[0]) < 1e-7
     assert quat.angle_between(curve[-1], SECOND[0]) < 1e-7
     np.testing.assert_allclose(np.diff(quat.angle_between(curve[0], curve)), quat.angle_between(*curve[:2]), rtol=1e-9)
+
+
+def test_mean_rotation_of_opposite_turns_is_the_middle_whatever_the_signs():
+    rng = np.random.default_rng(5)
+    middle = quat.normalise(rng.normal(size=(4, 4)))
+    turns = rng.normal(0.0, 0.3, size=(4, 3))
+    around = np.stack([quat.rotate_by(turns, middle), -quat.rotate_by(-turns, middle)])
+    assert np.max(quat.angle_between(quat.mean_rotation(around), middle)) < 1e-7

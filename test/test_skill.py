@@ -99,7 +99,7 @@ def test_missing_files_are_named(folder, name):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"format_version": 99}, "format version 99, this release reads 1"),
+        ({"format_version": 99}, "format version 99, this release reads 2"),
         ({"format_version": None}, "no format_version"),
         ({"robot": None}, "lacks robot"),
         ({"sha256": {}}, "sha256 must list exactly"),

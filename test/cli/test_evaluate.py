@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -11,22 +12,27 @@ COLUMNS = {
     "endpoint_before_mm", "endpoint_after_mm", "off_manifold",
 }  # fmt: skip
 ROWS = {
-    "geodesic", "mean_demonstration", "nearest_demonstration", "promp", "dmp_nearest",
+    "geodesic", "geodesic_ridge", "geodesic_canonical", "geodesic_raw", "conditional_mean", "sheet_oracle",
+    "mean_demonstration", "nearest_demonstration", "promp", "dmp_nearest",
     "latent_line", "task_line", "reconstruction", "people",
 }  # fmt: skip
 
 
 def test_the_table_is_printed_and_written_as_json(recording, tmp_path, capsys, monkeypatch) -> None:
     pytest.importorskip("movement_primitives")
-    from geodesic_motion_ros.experiments import imitation
-    from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+    from geodesic_motion_ros.experiments import trained
 
-    def train_briefly(shown, seed, progress):
-        return train_task_space_skill(shown, TrainingSettings(seed=seed, steps=400, kernels=80), progress=progress)
+    thoroughly = trained.trained_once
 
-    monkeypatch.setattr(imitation, "train_task_space", train_briefly)
+    def briefly(task, shown, settings, folder, progress):
+        return thoroughly(task, shown, replace(settings, steps=400, kernels=80), folder, progress)
+
+    monkeypatch.setattr(trained, "trained_once", briefly)
     file = tmp_path / "deep" / "reach.json"
-    assert main(["evaluate", "--demos", str(recording), "--units", "cm", "--folds", "0,2", "--json", str(file)]) == 0
+    skills = tmp_path / "skills"
+    arguments = ["evaluate", "--demos", str(recording), "--units", "cm", "--folds", "0,2", "--json", str(file)]
+    assert main([*arguments, "--skills", str(skills)]) == 0
+    assert len(list(skills.iterdir())) == 2
 
     def no_constant(name):
         raise AssertionError(f"{name} is no JSON")

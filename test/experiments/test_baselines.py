@@ -9,11 +9,10 @@ from geodesic_motion_ros.demonstrations.similarity import compare
 from geodesic_motion_ros.experiments.baselines import (
     PREDICTORS,
     PeersMissingError,
-    mean_rotation,
     nearest,
     require_peers,
 )
-from geodesic_motion_ros.quaternions import angle_between, normalise, rotate_by
+from geodesic_motion_ros.quaternions import angle_between
 
 FOLDS = ([0, 3, 6], [1, 4, 7], [2, 5, 8])
 
@@ -75,14 +74,6 @@ def test_signs_of_whole_demonstrations_do_not_matter(demonstrations):
 def test_nearest_is_the_demonstration_itself(demonstrations):
     for item in demonstrations:
         assert nearest(demonstrations, item.curve.start, item.curve.goal) is item
-
-
-def test_mean_rotation_of_opposite_turns_is_the_middle_whatever_the_signs():
-    rng = np.random.default_rng(5)
-    middle = normalise(rng.normal(size=(4, 4)))
-    turns = rng.normal(0.0, 0.3, size=(4, 3))
-    around = np.stack([rotate_by(turns, middle), -rotate_by(-turns, middle)])
-    assert np.max(angle_between(mean_rotation(around), middle)) < 1e-7
 
 
 def test_a_missing_library_is_named_with_the_command_that_brings_it(monkeypatch):

@@ -14,7 +14,8 @@ from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_s
 
 @pytest.fixture(scope="module")
 def skill(demonstrations):
-    return train_task_space_skill(demonstrations, TrainingSettings(steps=600, hidden=(64, 32), kernels=150))
+    settings = TrainingSettings(sheet="raw", steps=600, hidden=(64, 32), kernels=150)
+    return train_task_space_skill(demonstrations, settings)
 
 
 def test_changing_clusters_is_dear_and_the_graph_of_the_planner_forbids_it(skill, demonstrations):

@@ -10,6 +10,7 @@ from geodesic_motion_ros.experiments.imitation import (
     COLUMNS,
     ROWS,
     ImitationReport,
+    all_folds,
     default_folds,
     evaluate,
     parse_folds,
@@ -19,8 +20,8 @@ from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_s
 HELD_OUT = (1, 4)
 
 
-def train_briefly(demonstrations, seed, progress):
-    settings = TrainingSettings(seed=seed, steps=600, hidden=(64, 32), kernels=150)
+def train_briefly(demonstrations, seed, sheet, progress):
+    settings = TrainingSettings(seed=seed, sheet=sheet, steps=600, hidden=(64, 32), kernels=150)
     return train_task_space_skill(demonstrations, settings, progress=progress)
 
 
@@ -47,7 +48,8 @@ def test_the_geodesic_answers_meets_its_ends_and_follows_the_skill(report):
     assert geodesic["unanswered"] == 0
     assert geodesic["endpoint_after_mm"] < 1e-6
     assert geodesic["endpoint_after_deg"] < 1e-4
-    assert geodesic["endpoint_before_mm"] > 0.1
+    assert geodesic["endpoint_before_mm"] < 2.0
+    assert report.rows["geodesic_raw"]["endpoint_before_mm"] > 0.1
     assert geodesic["dtw_mm"] < 0.5 * line["dtw_mm"]
     assert geodesic["to_closest_mm"] < 0.5 * line["to_closest_mm"]
 
@@ -56,7 +58,7 @@ def test_cells_without_meaning_are_null(report):
     assert report.rows["people"]["endpoint_before_mm"] is None
     assert report.rows["reconstruction"]["endpoint_after_mm"] is None
     assert report.rows["mean_demonstration"]["off_manifold"] is None
-    for row in ("geodesic", "latent_line", "reconstruction"):
+    for row in ("geodesic", "geodesic_ridge", "geodesic_raw", "latent_line", "reconstruction"):
         assert 0.0 <= report.rows[row]["off_manifold"] <= 1.0
 
 
@@ -95,7 +97,7 @@ def test_refused_geodesics_are_counted_with_the_reason_and_in_no_mean(demonstrat
         return replace(train_briefly(*arguments), energy_per_edge=1e-12)
 
     report = evaluate(demonstrations, [(3,)], [0], train_timidly, show_progress=False)
-    for row in ("geodesic", "latent_line"):
+    for row in ("geodesic", "geodesic_raw", "latent_line"):
         assert report.rows[row]["unanswered"] == 1
         assert report.rows[row]["dtw_mm"] is None
     (refused,) = [item for item in report.as_dict()["held_out"] if item["row"] == "geodesic"]
@@ -116,6 +118,35 @@ def test_positions_alone_have_no_orientation_figures(demonstrations):
     report = evaluate(flat, [(2,)], [0], train_briefly, show_progress=False)
     assert all(values["orientation_deg"] is None for values in report.rows.values())
     assert report.rows["geodesic"]["dtw_mm"] < report.rows["task_line"]["dtw_mm"]
+
+
+def test_no_path_is_nearer_than_the_sheets_own_nearest_poses(report):
+    rows = report.rows
+    for row in ("geodesic", "geodesic_ridge", "geodesic_canonical"):
+        assert rows["sheet_oracle"]["dtw_mm"] < rows[row]["dtw_mm"]
+
+
+def test_the_first_sheet_gives_the_geodesic_and_rows_of_other_sheets_are_empty(demonstrations):
+    pytest.importorskip("movement_primitives")
+    report = evaluate(demonstrations, [(3,)], [0], train_briefly, show_progress=False, sheets=["raw"])
+    assert report.rows["geodesic"]["dtw_mm"] == report.rows["geodesic_raw"]["dtw_mm"] > 0.0
+    for row in ("geodesic_ridge", "geodesic_canonical", "conditional_mean", "sheet_oracle"):
+        assert report.rows[row]["dtw_mm"] is None
+
+
+def test_the_table_says_where_the_error_comes_from(report):
+    rows = report.rows
+    (words,) = [line for line in report.table().splitlines() if line.startswith("where the geodesic's")]
+    for number in (rows["geodesic"]["dtw_mm"], rows["sheet_oracle"]["dtw_mm"], rows["conditional_mean"]["dtw_mm"]):
+        assert f"{number:.1f} mm" in words
+
+
+def test_every_split_is_there_once():
+    splits = all_folds(5)
+    assert len(splits) == len(set(splits)) == 10
+    assert all(len(set(split)) == 3 and set(split) <= set(range(5)) for split in splits)
+    with pytest.raises(DemonstrationError, match="leaves none to train on"):
+        all_folds(3)
 
 
 def test_folds_are_parsed():

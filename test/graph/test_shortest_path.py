@@ -7,7 +7,13 @@ from scipy.sparse.csgraph import dijkstra
 
 from geodesic_motion_ros.graph.ambient import ambient_factors, clearances
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
-from geodesic_motion_ros.graph.shortest_path import base_weights, cost_field, edge_weight, shortest_path
+from geodesic_motion_ros.graph.shortest_path import (
+    cost_field,
+    edge_weight,
+    shortest_free_path,
+    shortest_path,
+    touched_nodes,
+)
 
 
 class Scene:
@@ -26,7 +32,7 @@ class Scene:
         self.shares = np.sum(steps**2, axis=-1)
         self.fixed = self.random.exponential(1e-3, len(self.edges))
         self.radii = np.full(body_points, 0.02)
-        self.base = base_weights(self.fixed, self.shares)
+        self.base = np.sqrt(self.fixed + self.shares.sum(axis=1))
 
     def factors(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         centres = self.points[self.random.integers(len(self.points), size=count), 0]
@@ -43,9 +49,9 @@ class Scene:
         return dijkstra(graph.tocsr(), directed=False, indices=source)
 
     def solve(self, factors: np.ndarray, blocked: np.ndarray, source: int, target: int, heuristic: bool = True):
-        field = cost_field(self.adjacency, self.base, self.fixed, self.shares, target)
+        field = cost_field(self.adjacency, self.base, target)
         return shortest_path(
-            self.adjacency, self.base, self.fixed, self.shares, factors, blocked,
+            self.adjacency, self.base, self.fixed, self.shares, factors, touched_nodes(factors), blocked,
             field if heuristic else np.zeros(len(blocked)), source, target,
         )  # fmt: skip
 
@@ -78,7 +84,7 @@ def test_the_cost_is_that_of_dijkstra(seed, shape, neighbours):
 
 def test_the_obstacle_free_field_is_a_consistent_heuristic_under_obstacles():
     scene = Scene(3, (20, 20), 16)
-    field = cost_field(scene.adjacency, scene.base, scene.fixed, scene.shares, 7)
+    field = cost_field(scene.adjacency, scene.base, 7)
     factors, _ = scene.factors(6)
     weights = [edge_weight(scene.fixed, scene.shares, factors, e, u, v) for e, (u, v) in enumerate(scene.edges)]
     reached = np.isfinite(field[scene.edges[:, 0]])
@@ -114,3 +120,32 @@ def test_a_path_from_a_node_to_itself_is_that_node():
     scene = Scene(0, (10, 10), 8)
     nodes, edges, cost = scene.solve(np.ones((len(scene.points), 2)), np.zeros(len(scene.points), bool), 4, 4)
     assert (nodes.tolist(), len(edges), cost) == ([4], 0, 0.0)
+
+
+def test_without_obstacles_the_short_form_finds_the_same_path():
+    scene = Scene(5, (20, 20), 16)
+    nowhere, target = np.zeros(len(scene.points), dtype=bool), 11
+    field = cost_field(scene.adjacency, scene.base, target)
+    long = scene.solve(np.ones((len(nowhere), 2)), nowhere, 200, target)
+    short = shortest_free_path(scene.adjacency, scene.base, field, 200, target)
+    np.testing.assert_array_equal(short[0], long[0])
+    assert short[2] == long[2] == pytest.approx(field[200], rel=1e-12)
+
+
+def test_shares_of_edges_that_no_obstacle_touches_are_never_read():
+    scene = Scene(2, (20, 20), 16)
+    factors, blocked = scene.factors(3)
+    source, target = scene.random.choice(np.flatnonzero(~blocked), 2, replace=False)
+    expected = scene.solve(factors, blocked, source, target)
+    touched = touched_nodes(factors)
+    untouched = ~(touched[scene.edges[:, 0]] | touched[scene.edges[:, 1]])
+    assert 0 < np.count_nonzero(untouched) < len(untouched)
+    scene.shares[untouched] = np.nan
+    nodes, _, cost = scene.solve(factors, blocked, source, target)
+    np.testing.assert_array_equal(nodes, expected[0])
+    assert cost == expected[2]
+
+
+def test_touched_nodes_are_those_with_a_factor_above_one():
+    factors = np.array([[1.0, 1.0], [1.0, 1.0 + 1e-12], [3.0, 1.0]])
+    np.testing.assert_array_equal(touched_nodes(factors), [False, True, True])

@@ -14,7 +14,9 @@ from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_s
 from geodesic_motion_ros.quaternions import rotate_by
 
 #: Small enough to train in seconds, large enough to learn the task below.
-QUICK = TrainingSettings(steps=1600, samples=60, batch=128, hidden=(60, 40), kernels=120, precision_iterations=60)
+QUICK = TrainingSettings(
+    sheet="raw", steps=1600, samples=60, batch=128, hidden=(60, 40), kernels=120, precision_iterations=60
+)
 
 
 def bend(name: str, offset: np.ndarray, samples: int = 150) -> Demonstration:
@@ -38,6 +40,12 @@ def demonstrations() -> Demonstrations:
 @pytest.fixture(scope="session")
 def skill(demonstrations):
     return train_task_space_skill(demonstrations, QUICK, name="bend")
+
+
+@pytest.fixture(scope="session")
+def canonical_skill(demonstrations):
+    settings = replace(QUICK, sheet="canonical", orientation_model=None, precision_samples=2)
+    return train_task_space_skill(demonstrations, settings, name="bend")
 
 
 @pytest.fixture(scope="session")

@@ -4,17 +4,15 @@ import pytest
 
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.latent_graph import Offsets, build_latent_graph
-from geodesic_motion_ros.manifold.calibration import (
-    calibrated_energy_per_edge,
-)
+from geodesic_motion_ros.graph.latent_graph import build_latent_graph
+from geodesic_motion_ros.graph.transport import Offsets
+from geodesic_motion_ros.manifold.calibration import calibrated_energy_per_edge
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.skill import Skill
 
 
 def edge_energies(graph):
-    untouched = graph.transported(Offsets.none(), np.zeros((1, 3)))
-    return untouched.fixed + untouched.shares.sum(axis=1)
+    return graph.transported(Offsets.none(), np.zeros((1, 3))).energies()
 
 
 def test_codes_box_and_poses_belong_to_the_demonstrations(skill, demonstrations):

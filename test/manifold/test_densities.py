@@ -7,7 +7,7 @@ import torch
 
 from geodesic_motion_ros.manifold.densities import (
     antipodal_log_density,
-    divergence_from_standard_normal,
+    divergence_from_normal,
     gaussian_log_density,
     log_bessel_i1,
     log_normaliser,
@@ -98,6 +98,7 @@ def test_gaussian_and_divergence_agree_with_torch_distributions():
     expected = torch.distributions.Normal(means, sigma).log_prob(points).sum(-1)
     torch.testing.assert_close(gaussian_log_density(points, means, 1.0 / sigma), expected)
     posterior = torch.distributions.Normal(means, sigma)
-    prior = torch.distributions.Normal(torch.zeros_like(means), torch.ones_like(means))
+    variance = torch.tensor([0.04, 1.0, 2.5], dtype=torch.float64)
+    prior = torch.distributions.Normal(points, variance.sqrt())
     expected = torch.distributions.kl_divergence(posterior, prior).sum(-1)
-    torch.testing.assert_close(divergence_from_standard_normal(means, 2.0 * sigma.log()), expected)
+    torch.testing.assert_close(divergence_from_normal(means, 2.0 * sigma.log(), points, variance), expected)

@@ -15,7 +15,16 @@ from geodesic_motion_ros.manifold.training import (
 )
 from geodesic_motion_ros.quaternions import angle_between
 
-TINY = TrainingSettings(steps=30, samples=20, batch=32, hidden=(16, 8), kernels=20, precision_iterations=10)
+TINY = TrainingSettings(
+    sheet="raw", steps=30, samples=20, batch=32, hidden=(16, 8), kernels=20, precision_iterations=10
+)
+
+
+def to_learn(demonstrations, settings):
+    """Positions, quaternions and fractions of the arc, as train_model takes them."""
+    positions, quaternions = training_poses(demonstrations, settings)
+    fractions = np.linspace(0.0, 1.0, settings.samples)
+    return positions, quaternions, np.tile(fractions, len(positions) // settings.samples)
 
 
 def poses_of(demonstrations, samples=40):
@@ -24,7 +33,7 @@ def poses_of(demonstrations, samples=40):
 
 
 def test_training_is_reproducible_bit_by_bit_and_depends_on_the_seed(demonstrations):
-    poses = training_poses(demonstrations, 20, 0.1)
+    poses = to_learn(demonstrations, TINY)
     first, again = (train_model(*poses, TINY).state_dict() for _ in range(2))
     other = train_model(*poses, replace(TINY, seed=1)).state_dict()
     assert all(torch.equal(first[name], again[name]) for name in first)
@@ -34,14 +43,14 @@ def test_training_is_reproducible_bit_by_bit_and_depends_on_the_seed(demonstrati
 
 def test_training_leaves_the_callers_random_state_and_threads_alone(demonstrations):
     threads, state = torch.get_num_threads(), torch.get_rng_state()
-    train_model(*training_poses(demonstrations, 20, 0.1), TINY)
+    train_model(*to_learn(demonstrations, TINY), TINY)
     assert torch.get_num_threads() == threads
     assert torch.equal(torch.get_rng_state(), state)
 
 
 def test_progress_counts_every_stage_to_its_end(demonstrations):
     calls = []
-    train_model(*training_poses(demonstrations, 20, 0.1), TINY, lambda *call: calls.append(call))
+    train_model(*to_learn(demonstrations, TINY), TINY, lambda *call: calls.append(call))
     last = {stage: (step, steps) for stage, step, steps in calls}
     assert last == {"means": (30, 30), "sigma and kappa": (10, 10)}
 
@@ -95,8 +104,8 @@ def test_two_clusters_keep_the_signs_apart_and_the_mixture_does_not_care(skill, 
 
 def test_joint_schedule_learns_too(demonstrations):
     settings = replace(TINY, schedule="joint", steps=1500, hidden=(40, 20), kernels=60, learning_rate=4e-3, batch=64)
-    positions, quaternions = training_poses(demonstrations, 40, 0.1)
-    vae = train_model(positions, quaternions, settings)
+    positions, quaternions, fractions = to_learn(demonstrations, replace(settings, samples=40))
+    vae = train_model(positions, quaternions, fractions, settings)
     with torch.no_grad():
         codes, _ = vae.encoder(torch.tensor(positions), torch.tensor(quaternions))
         decoded = vae.decoder.to_numpy().decode(codes.numpy())
@@ -114,7 +123,7 @@ def test_poses_are_spread_over_turns_as_well_as_over_ways():
     shown = Demonstrations((Demonstration(positions, quaternions, np.arange(150) * 0.01, "turn"),))
     largest = {}
     for rotation_length in (0.0, 0.1):
-        _, resampled = training_poses(shown, 100, rotation_length)
+        _, resampled = training_poses(shown, replace(TINY, samples=100, rotation_length=rotation_length))
         largest[rotation_length] = np.degrees(angle_between(resampled[1:], resampled[:-1]).max())
     assert largest[0.0] > 100.0
     assert largest[0.1] < 10.0
@@ -146,6 +155,10 @@ def test_planar_recordings_without_orientation_give_one_cluster(demonstrations):
     ("wrong", "match"),
     [
         ({"orientation_model": "both"}, "sign_blind"),
+        ({"sheet": "canonical", "orientation_model": "two_cluster"}, "canonical sheet has no clusters"),
+        ({"sheet": "flat"}, "canonical, raw"),
+        ({"progress_deviation": 0.0}, "progress_deviation"),
+        ({"blends": -1}, "blends"),
         ({"schedule": "paper"}, "two_stage"),
         ({"hidden": (200,)}, "exactly 2"),
         ({"latent_dimension": 1}, "2 or 3"),

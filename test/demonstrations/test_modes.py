@@ -1,0 +1,59 @@
+"""Modes: one where people differ evenly, two where they go two ways, whatever the order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.demonstrations.canonical import canonical_form
+from geodesic_motion_ros.demonstrations.modes import cluster_modes
+
+S = np.linspace(0.0, 1.0, 50)[:, None]
+
+
+def bundle(random: np.random.Generator, bulge: float, count: int, noise: float = 0.015) -> np.ndarray:
+    """Curves (count, 50, 3) around one way past the middle, which differ by smooth waves."""
+    way = np.hstack([0.6 * S, bulge * np.sin(np.pi * S), 0.3 + 0.0 * S])
+    waves = np.stack([np.sin((k + 1) * np.pi * S) for k in range(3)])[:, :, 0]
+    return way + np.einsum("nka,ks->nsa", random.normal(scale=noise, size=(count, 3, 3)), waves)
+
+
+def test_a_fan_is_one_mode(varying_fan):
+    np.testing.assert_array_equal(cluster_modes(canonical_form(varying_fan, 60, 0.1).positions), 0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_is_never_split(seed):
+    random = np.random.default_rng(seed)
+    for count in (3, 5, 9, 15):
+        np.testing.assert_array_equal(cluster_modes(bundle(random, 0.1, count)), 0)
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("sizes", [(2, 2), (3, 6), (5, 5)])
+def test_two_ways_are_two_modes_in_any_order(seed, sizes):
+    random = np.random.default_rng(seed)
+    curves = np.concatenate([bundle(random, 0.15, sizes[0]), bundle(random, -0.15, sizes[1])])
+    truth = np.repeat([0, 1], sizes)
+    order = random.permutation(len(curves))
+    found = cluster_modes(curves[order])
+    assert found[0] == 0
+    assert found.max() == 1
+    assert len(set(zip(found.tolist(), truth[order].tolist(), strict=True))) == 2
+
+
+def test_three_ways_are_numbered_as_they_appear():
+    random = np.random.default_rng(0)
+    curves = np.concatenate([bundle(random, bulge, 3, 0.005) for bulge in (0.2, -0.2, 0.0)])
+    np.testing.assert_array_equal(cluster_modes(curves), [0, 0, 0, 1, 1, 1, 2, 2, 2])
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_too_few_demonstrations_are_one_mode(count):
+    curves = bundle(np.random.default_rng(0), 0.1, count)
+    curves[-1] += 5.0 * (count - 1)
+    np.testing.assert_array_equal(cluster_modes(curves), 0)
+
+
+def test_equal_curves_are_one_mode():
+    np.testing.assert_array_equal(cluster_modes(np.tile(bundle(np.random.default_rng(0), 0.1, 1), (6, 1, 1))), 0)

@@ -1,0 +1,85 @@
+"""Regression on where a motion starts and ends: exact where there is a law, silent where there is none."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.regression import PENALTIES, regression_weights, surest_penalty
+
+S = np.linspace(0.0, 1.0, 40)
+
+
+def lawful(random: np.random.Generator, count: int, features: int = 3, noise: float = 0.0):
+    """Features (count, f) and curves (count, 40, 3) that depend on them linearly."""
+    known = random.normal(scale=0.05, size=(count, features))
+    law = random.normal(size=(features, 3))
+    curves = np.sin(np.pi * S)[None, :, None] * (known @ law)[:, None]
+    return known, curves + random.normal(scale=noise, size=(count, 1, 3)) * np.sin(np.pi * S)[:, None], law
+
+
+def noise(random: np.random.Generator, count: int):
+    known = random.normal(scale=0.05, size=(count, 12))
+    waves = np.stack([np.sin((k + 1) * np.pi * S) for k in range(3)])
+    return known, np.einsum("nka,ks->nsa", random.normal(scale=0.03, size=(count, 3, 3)), waves)
+
+
+@pytest.mark.parametrize("penalty", [*PENALTIES, 1e-6, math.inf])
+def test_weights_sum_to_one(penalty):
+    random = np.random.default_rng(0)
+    for count in (1, 2, 5, 12):
+        known = random.normal(size=(count, 12))
+        weights = regression_weights(known, random.normal(size=12), penalty)
+        assert weights.shape == (count,)
+        assert weights.sum() == pytest.approx(1.0, abs=1e-9)
+
+
+def test_an_infinite_penalty_and_equal_features_and_the_mean_query_give_the_mean():
+    random = np.random.default_rng(1)
+    known = random.normal(size=(7, 12))
+    mean = np.full(7, 1.0 / 7.0)
+    np.testing.assert_allclose(regression_weights(known, random.normal(size=12), math.inf), mean)
+    np.testing.assert_allclose(regression_weights(np.ones((7, 12)), random.normal(size=12), 0.1), mean)
+    np.testing.assert_allclose(regression_weights(known, known.mean(axis=0), 0.1), mean, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_linear_law_is_recovered_with_a_small_penalty(seed):
+    random = np.random.default_rng(seed)
+    known, curves, law = lawful(random, 9)
+    query = random.normal(scale=0.05, size=3)
+    predicted = np.tensordot(regression_weights(known, query, 1e-9), curves, axes=1)
+    np.testing.assert_allclose(predicted, np.sin(np.pi * S)[:, None] * (query @ law), atol=1e-6)
+
+
+def test_a_larger_penalty_stays_closer_to_the_mean():
+    random = np.random.default_rng(2)
+    known, query = random.normal(size=(8, 12)), random.normal(size=12)
+    away = [np.linalg.norm(regression_weights(known, query, penalty) - 0.125) for penalty in PENALTIES]
+    assert np.all(np.diff(away) < 0.0)
+
+
+@pytest.mark.parametrize("count", [6, 9])
+def test_noise_has_no_penalty_but_by_chance(count):
+    """Two standard errors of so few demonstrations, and the best of six penalties: one in ten is left to chance."""
+    refused = [math.isinf(surest_penalty(*noise(np.random.default_rng(seed), count))) for seed in range(60)]
+    assert np.mean(refused) >= 0.85
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_strong_law_is_found(seed):
+    known, curves, _ = lawful(np.random.default_rng(seed), 9, noise=0.002)
+    assert surest_penalty(known, curves) in PENALTIES
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_fewer_than_four_demonstrations_say_nothing(count):
+    known, curves, _ = lawful(np.random.default_rng(0), count)
+    assert surest_penalty(known, curves) == math.inf
+
+
+def test_four_demonstrations_may_say_something():
+    known, curves, _ = lawful(np.random.default_rng(0), 4, features=1)
+    assert math.isfinite(surest_penalty(known, curves))
