@@ -301,8 +301,9 @@ def draw_goals(report: GoalsReport, path: Path) -> None:
 
     from geodesic_motion_ros.plots import BLUE, GREY, VERMILION
 
-    figure = Figure(figsize=(13.5, 5.0), layout="constrained")
-    above, aside, distances = figure.subplots(1, 3, width_ratios=(0.75, 1.0, 1.0))
+    figure = Figure(figsize=(13.0, 5.6), layout="constrained")
+    panels = figure.subplot_mosaic([["above", "distances"], ["aside", "distances"]], width_ratios=(1.5, 1.0))
+    above, aside, distances = panels["above"], panels["aside"], panels["distances"]
     for axes, across, names in ((above, (1, 0), ("y", "x")), (aside, (1, 2), ("y", "z"))):
         for positions in report.example.shown:
             axes.plot(*(100.0 * positions[:, across].T), color=GREY, linewidth=0.7, alpha=0.5, label="shown")
@@ -318,9 +319,9 @@ def draw_goals(report: GoalsReport, path: Path) -> None:
     for region, name in ((BOTTLE_REGION, "bottles"), (CUP_REGION, "cups")):
         lower, size = 100.0 * np.array(region.lower), 100.0 * (np.array(region.upper) - region.lower)
         above.add_patch(Rectangle(lower[::-1], size[1], size[0], fill=False, linestyle="--"))
-        above.text(*lower[::-1], name, va="top", fontsize=8)
-    above.set_title("from above", loc="left")
-    aside.set_title(f"from behind: {EXAMPLES} of the held-out", loc="left")
+        above.text(*lower[::-1] + 0.5, name, fontsize=8)
+    above.set_title(f"seed {report.settings.seeds[0]} from above", loc="left")
+    aside.set_title("from behind", loc="left")
     handles, labels = aside.get_legend_handles_labels()
     named = dict(zip(labels, handles, strict=True))
     figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=4)
@@ -330,8 +331,11 @@ def draw_goals(report: GoalsReport, path: Path) -> None:
         distances.plot(*zip(*both, strict=True), "o", color=BLUE, alpha=0.7)
         top = 1.1 * max(map(max, both))
         distances.plot([0.0, top], [0.0, top], "k--", linewidth=0.8)
-    distances.set(xlabel="ProMP [mm]", ylabel="geodesic [mm]", aspect="equal")
-    distances.set_title("DTW to the held-out, all seeds; below the line the geodesic is nearer", loc="left", fontsize=9)
+        distances.set(xlim=(0.0, top), ylim=(0.0, top))
+    distances.set_box_aspect(0.9)
+    distances.set(xlabel="ProMP [mm]", ylabel="geodesic [mm]")
+    distances.set_title("DTW to the held-out, all seeds", loc="left")
+    distances.text(0.98, 0.02, "geodesic nearer", transform=distances.transAxes, ha="right")
     figure.savefig(path, dpi=110)
 
 

@@ -76,7 +76,7 @@ class Answer:
 
     Attributes
     ----------
-    code, reason : the verdict. answered : whether there was a reference.
+    code, reason : the verdict, empty for what no planner returned. answered : whether there was a reference.
     side : the way that it is nearer to; distance : how far its middle half is from there, on average [m].
     between : how far the ways are from each other there [m].
     pillar : smallest distance of the tool's spheres from the pillar [m]. All of these NaN, "" without a reference.
@@ -119,14 +119,14 @@ class Blocked:
 class Case:
     """One start and goal: the answer without obstacles, then with a sphere on it (None where there was no answer).
 
-    `mean_pillar` is the distance of the tool from the pillar on the mean of all demonstrations [m].
+    `mean` is the mean of all demonstrations, judged like an answer.
     """
 
     seed: int
     number: int
     free: Answer
     blocked: Blocked | None
-    mean_pillar: float
+    mean: Answer
 
     @property
     def switched(self) -> bool:
@@ -172,20 +172,21 @@ class ModesReport:
         cases = [case for case in self.cases if seed is None or case.seed == seed]
         answers = [case.free for case in cases if case.free.answered]
         blocked = [case.blocked for case in cases if case.blocked is not None]
-        shares = [answer.distance / answer.between for answer in answers]
         clear = [1e3 * item.clearance for item in blocked if item.answer.answered]
         return {
             "cases": len(cases),
             "on_the_left": sum(answer.side == SIDES[0] for answer in answers),
             "follow_percent": _percent([case.free.follows for case in cases]),
-            "largest_share": max(shares, default=None),
+            "farthest_off_mm": 1e3 * max((answer.distance for answer in answers), default=math.nan),
+            "between_mm": 1e3 * float(np.mean([case.mean.between for case in cases])),
             "switch_percent": _percent([case.switched for case in cases]),
             "blocked_unanswered": len(blocked) - len(clear),
             "through_the_sphere": sum(not value > 0.0 for value in clear),
             "least_clearance_mm": min(clear, default=None),
             "own_way_blocked_percent": _percent([item.own_free == 0.0 for item in blocked]),
             "other_way_free_percent": _percent([item.other_free == 1.0 for item in blocked]),
-            "mean_through_pillar_percent": _percent([not case.mean_pillar > 0.0 for case in cases]),
+            "mean_follows_percent": _percent([case.mean.follows for case in cases]),
+            "mean_through_pillar_percent": _percent([not case.mean.pillar > 0.0 for case in cases]),
         }
 
     def as_dict(self) -> dict[str, Any]:
@@ -200,8 +201,8 @@ class ModesReport:
     def table(self) -> str:
         """The table as plain text, with what went wrong."""
         head = [
-            "seed", "modes found", "cases", "left", "follow one %", "at most off", "switch %", "unanswered",
-            "through", "least mm", "own blocked %", "other free %", "mean hits pillar %",
+            "seed", "modes found", "cases", "left", "follow %", "off mm", "of mm", "switch %", "unanswered", "through",
+            "least mm", "own blocked %", "other free %", "mean follows %", "mean hits pillar %",
         ]  # fmt: skip
         found = [self.found(seed) for seed in self.modes]
         rows: list[list[Cell]] = [
@@ -210,8 +211,9 @@ class ModesReport:
         ]
         rows.append(["all", f"{sum(found)} of {len(found)}", *self.summary().values()])
         notes = [
-            f"at most off: largest distance to the followed way over the distance between the ways, {NEAR} allowed",
-            "unanswered, through, least mm: with the sphere there; through and least clearance as measured",
+            f"off mm: largest distance to the nearer way, of so many mm between the ways; {NEAR} of that is allowed",
+            "unanswered to other free: with the sphere there; own blocked, other free: all demonstrations of that way",
+            "mean: of all demonstrations, carried to start and goal",
         ]
         return "\n".join([text_table(head, rows), *notes, *self._failures()])
 
@@ -291,7 +293,7 @@ def _case(
             tuple(centre.tolist()), radius, shares[own], shares[1 - own],
             _answer(second, ways, planner.settings), clearance,
         )  # fmt: skip
-    case = Case(seed, number, free, blocked, pillar_clearance(mean, planner.settings))
+    case = Case(seed, number, free, blocked, judged(mean, ways, planner.settings))
     return Drawn(case, _positions(plan), None if second is None else _positions(second), mean.positions)
 
 
@@ -309,15 +311,21 @@ def pillar_clearance(curve: PoseCurve, settings: PlannerSettings) -> float:
 
 
 def _answer(plan: Plan, ways: Sequence[PoseCurve], settings: PlannerSettings) -> Answer:
+    code, reason = plan.verdict.code.name, plan.verdict.reason
     if plan.reference is None:
-        return Answer(plan.verdict.code.name, plan.verdict.reason, False)
-    curve = _curve(plan)
+        return Answer(code, reason, False)
+    return judged(_curve(plan), ways, settings, code, reason)
+
+
+def judged(
+    curve: PoseCurve, ways: Sequence[PoseCurve], settings: PlannerSettings, code: str = "", reason: str = ""
+) -> Answer:
+    """Which of the two ways a curve is nearer to, how near, and how far from the pillar."""
     distances = [_middle_distance(curve, way) for way in ways]
     nearest = int(np.argmin(distances))
     between = 0.5 * (_middle_distance(ways[0], ways[1]) + _middle_distance(ways[1], ways[0]))
     return Answer(
-        plan.verdict.code.name, plan.verdict.reason, True, SIDES[nearest], distances[nearest], between,
-        pillar_clearance(curve, settings),
+        code, reason, True, SIDES[nearest], distances[nearest], between, pillar_clearance(curve, settings)
     )  # fmt: skip
 
 
@@ -362,54 +370,38 @@ def _in_words(answer: Answer) -> str:
 
 
 def draw_modes(report: ModesReport, path: Path) -> None:
-    """From above: the first seed's answers, one case with its sphere; and how near all answers are to their ways."""
+    """The first seed from above: all answers, one case with its sphere, all answers with spheres on the first ones."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
     from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 
-    figure = Figure(figsize=(13.5, 6.0), layout="constrained")
-    every, one, shares = figure.subplots(1, 3, width_ratios=(1.0, 1.0, 1.1))
+    figure = Figure(figsize=(10.5, 7.0), layout="constrained")
+    every, one, switched = figure.subplots(1, 3, sharex=True, sharey=True)
     example = next((item for item in report.drawn if item.case.switched), report.drawn[0])
-    for axes, items in ((every, report.drawn), (one, [example])):
+    for axes, items in ((every, report.drawn), (one, [example]), (switched, report.drawn)):
         for positions in report.shown:
             _from_above(axes, positions, GREY, "-", "shown", 0.7)
         for item in items:
-            _from_above(axes, item.mean, "black", ":", "mean of all that was shown", 1.0)
-            _from_above(axes, item.free, BLUE, "-", "geodesic", 1.6)
+            if axes is not switched:
+                _from_above(axes, item.mean, "black", ":", "mean of all that was shown", 0.9)
+                _from_above(axes, item.free, BLUE, "-", "geodesic", 0.9)
+            if axes is not every:
+                _from_above(axes, item.blocked, VERMILION, "-", "geodesic with the sphere there", 0.9)
         axes.add_patch(Circle(100.0 * np.array(PILLAR.centre[:2]), 100.0 * PILLAR.radius, color=GREEN, label="pillar"))
         axes.set(xlabel="x [cm]", ylabel="y [cm]", aspect="equal")
-    _from_above(one, example.blocked, VERMILION, "-", "geodesic with the sphere there", 2.0)
     if example.case.blocked is not None:
         centre, radius = 100.0 * np.array(example.case.blocked.centre[:2]), 100.0 * example.case.blocked.radius
         one.add_patch(Circle(centre, radius, color=ORANGE, alpha=0.8, label="sphere", zorder=3))
-        tool = 100.0 * max(report.settings.planner.tool_radii)
-        around = {"fill": False, "color": ORANGE, "linestyle": "--"}
-        one.add_patch(Circle(centre, radius + tool, label="not for the tool's middle", **around))
-    every.set_title(f"from above: {len(report.drawn)} starts and goals of seed {report.settings.seeds[0]}", loc="left")
+        reach = radius + 100.0 * max(report.settings.planner.tool_radii)
+        around = Circle(centre, reach, fill=False, color=ORANGE, linestyle="--", label="sphere and tool together")
+        one.add_patch(around)
+    every.set_title(f"seed {report.settings.seeds[0]}: {len(report.drawn)} cases", loc="left")
     one.set_title("one of them, its way blocked", loc="left")
-    for kind, colour in (("geodesic", BLUE), ("geodesic with the sphere there", VERMILION)):
-        answers = [
-            case.free if colour == BLUE else case.blocked.answer for case in report.cases if case.blocked is not None
-        ]
-        answered = [answer for answer in answers if answer.answered]
-        shares.plot(
-            [answer.distance / answer.between for answer in answered], [1e3 * answer.pillar for answer in answered],
-            "o", color=colour, alpha=0.6, label=kind,
-        )  # fmt: skip
-    means = [1e3 * case.mean_pillar for case in report.cases]
-    shares.plot([0.5] * len(means), means, "kx", label="mean of all that was shown")
-    shares.axvline(NEAR, color="black", linestyle="--", linewidth=0.8)
-    shares.axhline(0.0, color="black", linestyle="--", linewidth=0.8)
-    shares.set(
-        xlabel="distance to the nearer way over the distance between the ways", ylabel="tool to pillar [mm]",
-        xlim=(0.0, 0.55),
-    )  # fmt: skip
-    shares.set_title("all seeds; left of and above the lines a way is followed", loc="left", fontsize=10)
-    shares.legend(fontsize=8)
+    switched.set_title("all, each with its way blocked", loc="left")
     handles, labels = one.get_legend_handles_labels()
     named = dict(zip(labels, handles, strict=True))
-    figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=4)
+    figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=3)
     figure.savefig(path, dpi=110)
 
 
