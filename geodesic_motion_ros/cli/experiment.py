@@ -20,7 +20,7 @@ from geodesic_motion_ros.cli.arguments import (
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.writers import save_demonstrations
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.tables import write_json
+from geodesic_motion_ros.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.experiments.trained import Trained

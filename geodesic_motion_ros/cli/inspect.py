@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, pictured, writable
-from geodesic_motion_ros.experiments.tables import write_json
 from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.skill import Skill

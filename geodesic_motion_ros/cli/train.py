@@ -24,8 +24,8 @@ from geodesic_motion_ros.cli.arguments import (
     writable,
 )
 from geodesic_motion_ros.errors import DemonstrationError, ParameterError
-from geodesic_motion_ros.experiments.tables import write_json
 from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations

@@ -35,13 +35,13 @@ from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve, arc_lengt
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.imitation import EVERY_END
-from geodesic_motion_ros.experiments.tables import text_table
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.reference import correct_ends
+from geodesic_motion_ros.tables import text_table
 
 #: Largest distance between the poses at which a curve's clearance is measured [m].
 CHECK_STEP = 0.0005

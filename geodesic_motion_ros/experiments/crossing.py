@@ -18,13 +18,13 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.tables import text_table
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.graph.latent_graph import LatentGraph, build_latent_graph
 from geodesic_motion_ros.graph.shortest_path import shortest_free_path
 from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import text_table
 
 
 @dataclass(frozen=True)

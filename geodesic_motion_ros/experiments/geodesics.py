@@ -29,7 +29,6 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.tables import text_table
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
 from geodesic_motion_ros.graph.transport import Offsets
@@ -38,6 +37,7 @@ from geodesic_motion_ros.manifold.metric import PullbackMetric, curve_length
 from geodesic_motion_ros.manifold.task_space import DecoderNetwork
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import text_table
 
 #: Points at which the length of every curve is measured.
 DENSE = 2000

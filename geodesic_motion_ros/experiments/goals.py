@@ -27,13 +27,13 @@ from geodesic_motion_ros.demonstrations.similarity import compare
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.baselines import Prediction, promp
 from geodesic_motion_ros.experiments.imitation import EVERY_END, ImitationReport, Values, evaluate
-from geodesic_motion_ros.experiments.tables import text_table
 from geodesic_motion_ros.experiments.trained import trained_once
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION, multi_goal_demonstrations
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import text_table
 
 TASK = "pouring_anywhere"
 #: Held-out demonstrations of seed s are drawn with seed s + HELD_OUT_SEED.

@@ -53,7 +53,6 @@ from geodesic_motion_ros.demonstrations.similarity import COMPARED_POINTS, compa
 from geodesic_motion_ros.errors import DemonstrationError, ParameterError
 from geodesic_motion_ros.experiments.baselines import PREDICTORS, Prediction, require_peers
 from geodesic_motion_ros.experiments.crossing import Crossing, measure_crossings
-from geodesic_motion_ros.experiments.tables import text_table, write_json
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.graph.transport import carried
@@ -61,6 +60,7 @@ from geodesic_motion_ros.planner import Plan, PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import text_table, write_json
 
 Progress = Callable[[str, int, int], None]
 """Called as progress(stage, step, steps) while a skill is trained."""
@@ -188,7 +188,6 @@ class ImitationReport:
             )
         title = f"{self.task}: held out {folds}, seeds {', '.join(map(str, self.seeds))}"
         return "\n".join([title, text_table(head, body), *notes])
-
 
     def _in_words(self) -> list[str]:
         """Where the geodesic's distance from what people did comes from."""
@@ -338,7 +337,8 @@ class _Judge:
             mean = Prediction.between(conditional_mean(skill, *_ends(item)), *_ends(item))
             oracle = sheet_oracle(planners["geodesic_ridge"], item)
             measured.append(Measurement("conditional_mean", index, seed, self._values(mean, item)))
-            measured.append(Measurement("sheet_oracle", index, seed, self._compared(oracle, item)))
+            if oracle is not None:
+                measured.append(Measurement("sheet_oracle", index, seed, self._compared(oracle, item)))
         return measured
 
     def on_raw_sheet(
@@ -439,10 +439,14 @@ def conditional_mean(skill: Skill, start: Pose, goal: Pose) -> PoseCurve:
     return PoseCurve(*carried(positions[largest], continuous_signs(quaternions[largest]), blend))
 
 
-def sheet_oracle(planner: ReactivePlanner, held_out: Demonstration) -> PoseCurve:
-    """The nearest supported pose of the sheet, carried to a demonstration's ends, to each pose of the demonstration."""
+def sheet_oracle(planner: ReactivePlanner, held_out: Demonstration) -> PoseCurve | None:
+    """The nearest supported pose of the sheet, carried to a demonstration's ends, to each pose of the demonstration.
+
+    None where the sheet cannot be carried there.
+    """
     query = planner.query(*held_out.curve.start, *held_out.curve.goal)
-    assert query is not None
+    if query is None:
+        return None
     wanted = held_out.curve.resampled(COMPARED_POINTS)
     features = np.concatenate([query.graph.positions, METRES_PER_RADIAN * 2.0 * query.graph.quaternions], axis=1)
     tree = cKDTree(np.concatenate([features, features * [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0]]))

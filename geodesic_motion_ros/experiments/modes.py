@@ -31,7 +31,6 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.avoidance import measured_clearance, placed
 from geodesic_motion_ros.experiments.baselines import mean_demonstration
-from geodesic_motion_ros.experiments.tables import Cell, text_table
 from geodesic_motion_ros.experiments.trained import trained_once
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.manifold.training import TrainingSettings
@@ -39,6 +38,7 @@ from geodesic_motion_ros.planner import Plan, ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, SIDES, draw_passing_query, two_mode_demonstrations
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import Cell, text_table
 
 TASK = "past_a_pillar"
 #: A path follows a way within this share of the distance between the ways; half would be in between.

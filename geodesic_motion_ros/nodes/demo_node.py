@@ -24,7 +24,6 @@ import yaml
 from rclpy.utilities import remove_ros_args
 
 from geodesic_motion_ros.errors import GeodesicMotionError
-from geodesic_motion_ros.experiments.tables import write_json
 from geodesic_motion_ros.nodes.demo_pictures import draw
 from geodesic_motion_ros.nodes.demo_run import DemoError, Probe, Processes, Recording, isolated_environment
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
@@ -36,6 +35,7 @@ from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import write_json
 
 SKILL = "panda_pouring"
 #: The sphere: radius [m] and speed [m/s]; when the undisturbed motion would meet it (share of its duration); how far

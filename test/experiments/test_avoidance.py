@@ -16,10 +16,10 @@ from geodesic_motion_ros.experiments.avoidance import (
     measured_clearance,
     placed,
 )
-from geodesic_motion_ros.experiments.tables import write_json
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
+from geodesic_motion_ros.tables import write_json
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ import pytest
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.crossing import crossing_report, draw_crossings, measure_crossings
-from geodesic_motion_ros.experiments.tables import write_json
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+from geodesic_motion_ros.tables import write_json
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.geodesics import GRAPHS, compare_geodesics, draw_geodesics
-from geodesic_motion_ros.experiments.tables import write_json
+from geodesic_motion_ros.tables import write_json
 
 
 @pytest.fixture(scope="module")

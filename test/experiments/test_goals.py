@@ -20,10 +20,10 @@ from geodesic_motion_ros.experiments.goals import (
     drawn,
     measure_goals,
 )
-from geodesic_motion_ros.experiments.tables import write_json
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import write_json
 
 SETTINGS = GoalsSettings(shown=5, held_out=3, seeds=(3,))
 IN_NO_TIME = TrainingSettings(

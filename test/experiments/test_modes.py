@@ -20,11 +20,11 @@ from geodesic_motion_ros.experiments.modes import (
     measure_modes,
     pillar_clearance,
 )
-from geodesic_motion_ros.experiments.tables import write_json
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, two_mode_demonstrations
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import write_json
 
 SETTINGS = ModesSettings(shown=3, cases=4, seeds=(2,))
 IN_NO_TIME = TrainingSettings(
