@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,11 @@ import yaml
 
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.skill import Skill
+
+
+@pytest.fixture
+def canonical_folder(canonical_fan_skill, tmp_path) -> Path:
+    return canonical_fan_skill.save(tmp_path / "canonical")
 
 
 @pytest.fixture
@@ -37,6 +43,80 @@ def test_round_trip_is_exact(fan_skill, folder):
         np.testing.assert_array_equal(getattr(loaded, name), getattr(fan_skill, name))
     for name in ("name", "robot", "metric", "sigma_support", "energy_per_edge", "orientation_model", "quality"):
         assert getattr(loaded, name) == getattr(fan_skill, name)
+
+
+def test_a_canonical_skill_comes_back_bit_by_bit(canonical_fan_skill, canonical_folder):
+    for skill in (canonical_fan_skill, with_modes(canonical_fan_skill)):
+        loaded = Skill.load(skill.save(canonical_folder))
+        assert loaded.sheet == "canonical"
+        for name in ("positions", "quaternions", "start_offsets", "goal_offsets", "modes"):
+            saved, read = getattr(skill.canonical, name), getattr(loaded.canonical, name)
+            assert read.tobytes() == saved.tobytes()
+            assert read.dtype == saved.dtype
+        assert loaded.canonical.penalty == skill.canonical.penalty
+        np.testing.assert_array_equal(loaded.ridges.centres, skill.ridges.centres)
+        np.testing.assert_array_equal(loaded.ridges.precisions, skill.ridges.precisions)
+
+
+def with_modes(skill: Skill) -> Skill:
+    """The same skill with two modes and a regression."""
+    return replace(skill, canonical=replace(skill.canonical, modes=np.array([0, 1, 0, 1, 0, 1, 0]), penalty=0.3))
+
+
+def test_a_raw_skill_has_no_sheet_to_carry(fan_skill, folder):
+    loaded = Skill.load(folder)
+    assert (loaded.sheet, loaded.canonical, loaded.ridges) == ("raw", None, None)
+
+
+def rewritten(folder: Path, **changes: np.ndarray | None) -> None:
+    """Change arrays of latent.npz, or leave them out, and mend the checksum."""
+    with np.load(folder / "latent.npz") as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    arrays |= changes
+    np.savez(folder / "latent.npz", **{name: array for name, array in arrays.items() if array is not None})
+    described = yaml.safe_load((folder / "skill.yaml").read_text())
+    described["sha256"]["latent.npz"] = hashlib.sha256((folder / "latent.npz").read_bytes()).hexdigest()
+    edit(folder, sha256=described["sha256"])
+
+
+@pytest.mark.parametrize(
+    ("name", "array"),
+    [
+        ("positions", np.zeros((7, 3, 3))),
+        ("quaternions", np.full((7, 100, 4), np.nan)),
+        ("start_offsets", np.zeros((6, 6))),
+        ("goal_offsets", np.full((7, 6), np.inf)),
+        ("modes", np.array([0, 0, 2, 2, 0, 0, 0])),
+        ("modes", np.zeros(3, dtype=int)),
+        ("modes", None),
+    ],
+)
+def test_broken_arrays_of_the_sheet_are_named(canonical_folder, name, array):
+    rewritten(canonical_folder, **{f"canonical_{name}": array})
+    with pytest.raises(SkillError, match=name):
+        Skill.load(canonical_folder)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"sheet": "flat"}, "sheets of kind 'flat' are not known here; known: 'canonical', 'raw'"),
+        ({"sheet": None}, "lacks sheet"),
+        ({"regression_penalty": -1.0}, "regression_penalty is -1.0"),
+        ({"regression_penalty": "none"}, "not a readable skill"),
+        ({"regression_penalty": None}, "regression_penalty"),
+    ],
+)
+def test_broken_descriptions_of_the_sheet_are_named(canonical_folder, changes, words):
+    edit(canonical_folder, **changes)
+    with pytest.raises(SkillError, match=words):
+        Skill.load(canonical_folder)
+
+
+def test_a_skill_of_the_first_format_is_refused_with_what_to_do(canonical_folder):
+    edit(canonical_folder, format_version=1)
+    with pytest.raises(SkillError, match=r"format version 1, this release reads 2: .* train the skill again"):
+        Skill.load(canonical_folder)
 
 
 def test_what_is_on_disk_is_small_and_holds_no_pickle(folder):

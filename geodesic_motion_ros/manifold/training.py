@@ -142,7 +142,8 @@ class TrainingSettings:
             raise ParameterError(f"hidden has {len(self.hidden)} layers; the decoder format has exactly 2")
         not_positive = [
             name for name, value in asdict(self).items()
-            if isinstance(value, int | float) and name not in _MAY_BE_ZERO and not 0.0 < value < math.inf
+            if isinstance(value, int | float)
+            and not (0.0 < value < math.inf or (value == 0.0 and name in _MAY_BE_ZERO))
         ]  # fmt: skip
         if not_positive:
             raise ParameterError(f"training settings must be positive and finite: {', '.join(not_positive)}")

@@ -2,11 +2,13 @@
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.demonstrations.canonical import canonical_form
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import build_latent_graph
 from geodesic_motion_ros.graph.transport import Offsets
-from geodesic_motion_ros.manifold.calibration import calibrated_energy_per_edge
+from geodesic_motion_ros.manifold.calibration import calibrated_energy_per_edge, canonical_sheet
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.skill import Skill
 
@@ -24,6 +26,30 @@ def test_codes_box_and_poses_belong_to_the_demonstrations(skill, demonstrations)
     assert np.degrees(angle_between(skill.goal_pose[3:], demonstrations[0].quaternions[-1])) < 1.0
     decoded = skill.decoder.decode(skill.codes[:4, 0])
     assert np.all(np.sum(decoded.quaternions * skill.start_pose[3:], axis=1) > 0.9)
+
+
+def test_a_canonical_skill_keeps_what_was_taken_out(canonical_skill, demonstrations):
+    sheet = canonical_skill.canonical
+    sheet.check(4, 100)
+    starts = np.stack([item.positions[0] for item in demonstrations])
+    np.testing.assert_allclose(canonical_skill.start_pose[:3], starts.mean(axis=0))
+    np.testing.assert_allclose(sheet.start_offsets[:, :3], starts - starts.mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(sheet.positions[:, 0], np.tile(canonical_skill.start_pose[:3], (4, 1)), atol=1e-12)
+    np.testing.assert_array_equal(sheet.modes, 0)
+
+
+def test_each_of_two_modes_has_a_ridge_and_no_regression():
+    s = np.linspace(0.0, 1.0, 80)[:, None]
+    items = []
+    for number, bulge in enumerate((0.12, 0.13, 0.14, -0.12, -0.13, -0.14)):
+        positions = np.hstack([0.4 + 0.0 * s, 0.4 * (s - 0.5), 0.4 + bulge * np.sin(np.pi * s)])
+        items.append(Demonstration(positions, np.tile([0.0, 1.0, 0.0, 0.0], (80, 1)), 2.0 * s[:, 0], f"{number}"))
+    sheet = canonical_sheet(canonical_form(Demonstrations(tuple(items)), 50, 0.1))
+    np.testing.assert_array_equal(sheet.modes, [0, 0, 0, 1, 1, 1])
+    assert not sheet.regresses
+    above, below = sheet.mean_curves(sheet.weights(np.zeros(6), np.zeros(6), conditioned=True))[0]
+    assert above[25, 2] > 0.5
+    assert below[25, 2] < 0.3
 
 
 def test_support_is_the_99th_percentile_of_sigma(skill):

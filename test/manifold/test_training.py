@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 import torch
 
+from geodesic_motion_ros.demonstrations.canonical import canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.manifold.training import (
+    PRIOR_REACH,
     TrainingSettings,
+    blend_weights,
     train_model,
     train_task_space_skill,
     training_poses,
@@ -100,6 +103,63 @@ def test_two_clusters_keep_the_signs_apart_and_the_mixture_does_not_care(skill, 
     first, second = np.split(skill.codes, 2)
     gap = np.linalg.norm(first[:, None, :, None] - second[None, :, None, :], axis=-1).min()
     assert gap > 0.0
+
+
+def test_a_canonical_sheet_is_a_strip_along_the_first_axis(canonical_skill):
+    along = canonical_skill.codes[..., 0]
+    expected = PRIOR_REACH * (2.0 * np.linspace(0.0, 1.0, along.shape[1]) - 1.0)
+    assert np.abs(along - expected).max() < 1.0
+    assert np.all(along[:, 10:] > along[:, :-10])
+    assert len(canonical_skill.codes) == 4
+
+
+def test_canonical_demonstrations_are_reconstructed_without_clusters(canonical_skill):
+    sheet = canonical_skill.canonical
+    decoded = canonical_skill.decoder.decode(canonical_skill.codes.reshape(-1, 2))
+    assert np.mean(np.linalg.norm(decoded.positions - sheet.positions.reshape(-1, 3), axis=1)) < 0.012
+    assert np.degrees(np.mean(angle_between(decoded.quaternions, sheet.quaternions.reshape(-1, 4)))) < 2.0
+    # On one side of the sphere throughout, whichever that is.
+    dots = np.sum(decoded.quaternions * sheet.quaternions.reshape(-1, 4), axis=1)
+    assert np.abs(dots).min() > 0.9
+    assert np.ptp(np.sign(dots)) == 0.0
+    assert canonical_skill.orientation_model == "sign_blind"
+
+
+def test_canonical_training_is_reproducible_and_depends_on_the_seed(demonstrations):
+    canonical = replace(TINY, sheet="canonical", orientation_model=None)
+    first, again = (train_task_space_skill(demonstrations, replace(canonical, steps=200)) for _ in range(2))
+    np.testing.assert_array_equal(first.codes, again.codes)
+    other = train_task_space_skill(demonstrations, replace(canonical, steps=200, seed=3))
+    assert not np.array_equal(first.codes, other.codes)
+
+
+def test_blends_are_learned_besides_the_demonstrations_and_lie_between_them(demonstrations):
+    settings = replace(TINY, sheet="canonical", orientation_model=None, blends=3)
+    positions, quaternions = training_poses(demonstrations, settings)
+    form = canonical_form(demonstrations, settings.samples, settings.rotation_length)
+    own = positions.reshape(16, settings.samples, 3)
+    np.testing.assert_allclose(own[:4], form.positions, atol=1e-12)
+    assert np.all(own[4:] <= form.positions.max(axis=0) + 1e-12)
+    assert np.all(own[4:] >= form.positions.min(axis=0) - 1e-12)
+    np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-12)
+    alone, _ = training_poses(demonstrations, replace(settings, blends=0))
+    np.testing.assert_allclose(alone, form.positions.reshape(-1, 3), atol=1e-12)
+
+
+def test_blends_never_mix_two_modes():
+    modes = np.array([0, 1, 0, 1, 1])
+    weights = blend_weights(modes, 20, seed=0)
+    assert weights.shape == (100, 5)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0)
+    assert weights.min() >= 0.0
+    mixed = (weights[:, modes == 0].sum(axis=1) > 0.0) & (weights[:, modes == 1].sum(axis=1) > 0.0)
+    assert not np.any(mixed)
+
+
+def test_the_raw_prior_does_not_look_at_the_fractions(demonstrations):
+    positions, quaternions, fractions = to_learn(demonstrations, TINY)
+    first, other = (train_model(positions, quaternions, at, TINY).state_dict() for at in (fractions, fractions[::-1]))
+    assert all(torch.equal(first[name], other[name]) for name in first)
 
 
 def test_joint_schedule_learns_too(demonstrations):
