@@ -7,6 +7,8 @@ import math
 import numba
 import numpy as np
 
+from geodesic_motion_ros.pose_curve import PoseCurve
+
 
 @numba.njit(cache=True, nogil=True)
 def segment_distance(begin: np.ndarray, end: np.ndarray, point: np.ndarray) -> float:
@@ -49,6 +51,18 @@ def curve_clearances(
                 distance = segment_distance(points[i, k], points[i + 1, k], centres[o])
                 result[i] = min(result[i], distance - radii[o] - point_radii[k] - allowances[i, k])
     return result
+
+
+def curve_allowance(curve: PoseCurve, points: np.ndarray) -> np.ndarray:
+    """How far tool points (K, 3) leave the chords of a curve's n - 1 segments, (n - 1, K) [m].
+
+    Segments bulge out by no more than `PoseCurve.bulges`; a rotation that is off by an angle moves a tool point at
+    distance r by no more than r times that.
+    """
+    angles = np.linalg.norm(curve.chords[:, 3:], axis=1)
+    shift, turn = curve.bulges()
+    lever = np.linalg.norm(points, axis=1)
+    return rotation_allowance(angles, points) + shift[:, None] + turn[:, None] * lever
 
 
 def rotation_allowance(angles: np.ndarray, points: np.ndarray) -> np.ndarray:

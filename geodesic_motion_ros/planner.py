@@ -3,8 +3,9 @@
 Poses and obstacles come in the base frame, and so do references leave; in between everything is in the task frame, the
 frame that the skill was shown in (`task_frame`).
 
-While the start moves along its own reference its query (the graph transported to start and goal) stays; only the search
-is repeated.
+While the start moves along its own reference its query (the graph transported to start and goal) stays, and as long as
+obstacles stay too, so does the reference itself. Otherwise the search is repeated. A new way begins with the velocity
+that the tool has: it is bent to it, or, where it leads elsewhere, the tool stops along the old way first.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.certificate import curve_clearances, rotation_allowance
+from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
 from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factors, clearances
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
@@ -22,28 +23,33 @@ from geodesic_motion_ros.graph.shortest_path import shortest_path, touched_nodes
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.pose_curve import PoseCurve, distinct
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.query import Pose, Query, QueryBuilder, checked_pose
 from geodesic_motion_ros.reference import (
     TaskSpaceReference,
+    bent_to,
     correct_ends,
-    cut_curve,
-    nominal_durations,
+    initial_rate,
     resample_latent,
     smooth_latent,
+    smooth_poses,
     timed_reference,
 )
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.time_law import braking_law
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: The smoothed curve may leave the pruned nodes by this factor of sigma before it counts as unsupported.
 _CURVE_SIGMA_MULTIPLE = 1.2
 #: What is tried in one tick until a curve is certified: multiples of the obstacle margin, and for each of them
-#: smoothing widths in grid steps.
+#: smoothing widths in grid steps, of the latent path and of the poses decoded from it. The second smooths out where the
+#: decoder and the corrections along ridges have kinks, by a millimetre or two: the arm
+#: would have to brake there.
 _MARGIN_MULTIPLES = (1.0, 2.5)
-_SMOOTHING_WIDTHS = (1.5, 0.7, 0.0)
+_SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
 #: A path may enter the graph this many grid steps from the start.
 _ENTRY_STEPS = 3
 #: A stream's pose is looked for on the first seconds of its reference only, or as many as a stop takes: a task may pass
@@ -51,6 +57,12 @@ _ENTRY_STEPS = 3
 _LOCATE_WITHIN = 0.5
 #: How far a rotation counts against a distance when a pose is looked for on a curve.
 _METRES_PER_RADIAN = 0.1
+#: A pose and a speed (over full speed) are those of a reference up to these [m], [rad], [].
+_SAME_PLACE, _SAME_ANGLE, _SAME_SPEED = 1e-6, 1e-6, 1e-3
+#: A new way must take so much less time than the one being followed, or keep so much further [m] from obstacles.
+_WORTHWHILE, _SAFER = 1.03, 1e-3
+#: A new way may need so much more than the accelerations allowed because it is entered in motion.
+_STRAIN = 1.11
 #: Dense samples of the published curve per grid step.
 _SAMPLES_PER_STEP = 1.0
 
@@ -61,10 +73,14 @@ class Plan:
 
     With an OK verdict the reference leads to the goal. With any other it is a ramped, certified stop along the
     reference followed so far, or None: then the commanded pose must stay where it is.
+
+    turning : there is a way to the goal, but not one that the present motion can be bent into: this is the stop before
+        it. The verdict says so, and becomes OK by itself.
     """
 
     reference: TaskSpaceReference | None
     verdict: Verdict
+    turning: bool = False
 
     def in_base(self, frame: TaskFrame) -> Plan:
         """The same plan, its reference brought from the task frame into the base frame."""
@@ -99,6 +115,38 @@ class _Scene:
         return cls(frame, in_base, Obstacles(centres, in_base.radii))
 
 
+@dataclass(frozen=True)
+class _Followed:
+    """The reference of the stream, the query and the scene it was planned in, and its verdict.
+
+    An older query than the planner's own right after a new goal.
+    """
+
+    query: Query
+    reference: TaskSpaceReference
+    verdict: Verdict
+    scene: _Scene
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """How the stream moves as a tick begins.
+
+    Attributes
+    ----------
+    speed : over full speed.
+    velocity : (6,) [m/s], [rad/s], None at rest and where the pose is not near the reference followed.
+    rest : what is left of that reference, where pose and speed are those it has there.
+    """
+
+    speed: float
+    velocity: np.ndarray | None = None
+    rest: TaskSpaceReference | None = None
+
+
+_AT_REST = _Motion(0.0)
+
+
 class ReactivePlanner:
     """Plans on one skill: set a goal, set obstacles, tick.
 
@@ -118,8 +166,7 @@ class ReactivePlanner:
         # The goal as it was given, and whether that was in the task frame, with which it moves.
         self._goal: tuple[Pose, bool] | None = None
         self._query: Query | None = None
-        # The reference being followed and the query it belongs to: an older one than _query right after a new goal.
-        self._followed: tuple[Query, TaskSpaceReference] | None = None
+        self._followed: _Followed | None = None
         # Loads the compiled kernels, or compiles them on the first start: the first tick shall not wait for that.
         self.plan(*np.split(skill.start_pose, [3]), *np.split(skill.goal_pose, [3]))
 
@@ -152,8 +199,8 @@ class ReactivePlanner:
         self._scene = _Scene.of(frame, self._scene.in_base)
         self._query = None
         if self._followed is not None:
-            query, reference = self._followed
-            self._followed = query, reference.moved(lambda *poses: frame.to_task(*before.to_base(*poses)))
+            moved = self._followed.reference.moved(lambda *poses: frame.to_task(*before.to_base(*poses)))
+            self._followed = replace(self._followed, reference=moved)
         return Verdict(VerdictCode.OK)
 
     def clear_goal(self) -> None:
@@ -209,6 +256,10 @@ class ReactivePlanner:
         return pose if in_task_frame else _to_task(frame, pose)
 
     def _tick_in_task(self, start: Pose, goal: Pose, scene: _Scene, speed: float) -> Plan:
+        motion = self._motion(start, speed)
+        kept = self._kept(motion, scene)
+        if kept is not None:
+            return kept
         latent = self._locate(start)
         if latent is None:
             query = self._next_query(start, goal, speed)
@@ -216,11 +267,77 @@ class ReactivePlanner:
                 return Plan(self._braking(start, scene.in_task, speed), query)
             self._query, latent = query, query.start_latent
         assert self._query is not None
-        plan = self._solve(self._query, start, latent, scene, speed)
-        if plan.reference is None:
-            return Plan(self._braking(start, scene.in_task, speed), plan.verdict)
-        self._followed = self._query, plan.reference
+        plan = self._chosen(self._solve(self._query, start, latent, scene, motion), motion, scene)
+        if plan.reference is not None and plan.reference.strain > _STRAIN:
+            plan = self._stop_first(plan, start, scene, speed)
+        if not plan.verdict.ok:
+            return plan if plan.reference else replace(plan, reference=self._braking(start, scene.in_task, speed))
+        assert plan.reference is not None
+        self._followed = _Followed(self._query, plan.reference, plan.verdict, scene)
         return plan
+
+    def _motion(self, start: Pose, speed: float) -> _Motion:
+        """How the stream moves at a pose and a speed [m/s]."""
+        share_of_speed = speed / self.settings.speed
+        if self._followed is None:
+            return _Motion(share_of_speed)
+        reference = self._followed.reference
+        segment, share, distance, angle = self._foot(reference, start)
+        if not self._near(distance, angle):
+            return _Motion(share_of_speed)
+        direction = reference.curve.velocity(segment, share)
+        full = float(reference.limits.fraction(direction[:3], direction[3:]))
+        velocity = direction * share_of_speed / full if full > 0.0 and speed > 0.0 else None
+        same = abs(reference.rate_at(segment, share) * full - share_of_speed) <= _SAME_SPEED
+        same = same and distance <= _SAME_PLACE and angle <= _SAME_ANGLE
+        return _Motion(share_of_speed, velocity, reference.rest(segment, share) if same else None)
+
+    def _kept(self, motion: _Motion, scene: _Scene) -> Plan | None:
+        """The reference being followed, where nothing has changed: it is still the best way."""
+        followed = self._followed
+        if motion.rest is None or followed is None or followed.query is not self._query:
+            return None
+        before, now = followed.scene.in_task, scene.in_task
+        if not (np.array_equal(before.centres, now.centres) and np.array_equal(before.radii, now.radii)):
+            return None
+        return self._keep(motion.rest, scene)
+
+    def _keep(self, rest: TaskSpaceReference, scene: _Scene) -> Plan:
+        assert self._followed is not None
+        verdict = replace(self._followed.verdict, clearance=float(np.min(rest.clearance)))
+        self._followed = replace(self._followed, reference=rest, verdict=verdict, scene=scene)
+        return Plan(rest, verdict)
+
+    def _chosen(self, plan: Plan, motion: _Motion, scene: _Scene) -> Plan:
+        """A new plan, or the reference being followed where that leads to the same goal and the new one is no gain.
+
+        A gain is a safer way or one that takes clearly less time; a way that the present motion cannot be bent into is
+        none as long as the old one is free.
+        """
+        followed, rest = self._followed, motion.rest
+        if rest is None or followed is None or followed.query is not self._query:
+            return plan
+        if not (plan.turning or plan.verdict.ok):
+            return plan
+        rest = replace(rest, clearance=self._clearance(rest.curve, scene.in_task))
+        nearest = float(np.min(rest.clearance))
+        if plan.reference is None or plan.reference.strain > _STRAIN:
+            keep = nearest > 0.0 or not self.settings.avoidance
+        else:
+            # Close to an obstacle every bit of clearance is a gain.
+            close = nearest <= max(_MARGIN_MULTIPLES) * self.settings.obstacle_margin
+            gain = float(np.min(plan.reference.clearance)) - (0.0 if close else _SAFER)
+            no_safer = gain <= nearest or not self.settings.avoidance
+            keep = no_safer and rest.duration <= _WORTHWHILE * plan.reference.duration
+        return self._keep(rest, scene) if keep else plan
+
+    def _stop_first(self, plan: Plan, start: Pose, scene: _Scene, speed: float) -> Plan:
+        """The stop before a way that is entered too fast; that way itself where the stop is not free."""
+        braking = self._braking(start, scene.in_task, speed)
+        if braking is None:
+            return plan
+        reason = "stopping first: the way to the goal bends too much for the present speed"
+        return Plan(braking, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason), turning=True)
 
     def stop(self, position: np.ndarray, quaternion: np.ndarray, speed: float) -> TaskSpaceReference | None:
         """Ramped stop of the stream from the present commanded pose and speed [m/s], certified like any reference.
@@ -254,7 +371,7 @@ class ReactivePlanner:
         query = self._queries.build(start, goal)
         if isinstance(query, Verdict):
             return Plan(None, query)
-        return self._solve(query, start, query.start_latent, scene, 0.0).in_base(scene.frame)
+        return self._solve(query, start, query.start_latent, scene, _AT_REST).in_base(scene.frame)
 
     def _goal_verdict(self, goal: Pose, frame: TaskFrame) -> Verdict:
         """Whether a goal (task frame) is within the arm's reach and within what was demonstrated."""
@@ -289,9 +406,8 @@ class ReactivePlanner:
     def _next_query(self, start: Pose, goal: Pose, speed: float) -> Query | Verdict:
         """In motion from where the stream is on its reference, so that it goes on smoothly; anew at rest."""
         if self._followed is not None and speed > 0.0:
-            query, reference = self._followed
-            latent = self._latent_on(reference, start)
-            redirected = None if latent is None else self._queries.redirected(query, start, latent, goal)
+            latent = self._latent_on(self._followed.reference, start)
+            redirected = None if latent is None else self._queries.redirected(self._followed.query, start, latent, goal)
             if redirected is not None:
                 return redirected
         return self._queries.build(start, goal)
@@ -300,12 +416,20 @@ class ReactivePlanner:
         """Latent point of a pose on the reference being followed; None where a new query must begin."""
         if self._query is None:
             return None
-        if self._followed is None or self._followed[0] is not self._query:
+        if self._followed is None or self._followed.query is not self._query:
             anchor = self._query.start
             moved = float(np.linalg.norm(pose.position - anchor.position))
             near = self._near(moved, float(angle_between(pose.quaternion, anchor.quaternion)))
-            return self._query.start_latent if near else None
-        return self._latent_on(self._followed[1], pose)
+            return self._query.start_latent + self._passed(anchor, pose) if near else None
+        return self._latent_on(self._followed.reference, pose)
+
+    def _passed(self, begin: Pose, end: Pose) -> np.ndarray:
+        """Latent difference (d,) of two poses on the reference still followed, where both are: a stop goes on there."""
+        nowhere = np.zeros(self.graph.latent.shape[1])
+        if self._followed is None:
+            return nowhere
+        here, there = (self._latent_on(self._followed.reference, pose) for pose in (begin, end))
+        return nowhere if here is None or there is None else there - here
 
     def _latent_on(self, reference: TaskSpaceReference, pose: Pose) -> np.ndarray | None:
         """Latent point (d,) of a pose on a reference; None where the pose is not near it."""
@@ -315,23 +439,17 @@ class ReactivePlanner:
 
     def _foot(self, reference: TaskSpaceReference, pose: Pose) -> tuple[int, float, float, float]:
         """Where a pose is closest to the beginning of a reference: segment, share of it, distance [m], angle [rad]."""
-        # A stop from full speed takes speed / acceleration, all of it along one reference.
-        within = max(_LOCATE_WITHIN, self.settings.speed / self.settings.acceleration)
-        near = min(len(reference.times), int(np.searchsorted(reference.times, within)) + 2)
-        begin, step = reference.positions[: near - 1], np.diff(reference.positions[:near], axis=0)
-        along = np.sum((pose.position - begin) * step, axis=1)
-        share = np.clip(along / np.maximum(np.sum(step**2, axis=1), 1e-18), 0.0, 1.0)
-        distance = np.linalg.norm(begin + share[:, None] * step - pose.position, axis=1)
-        angle = angle_between(reference.quaternions[: near - 1], pose.quaternion)
-        i = int(np.argmin(distance + _METRES_PER_RADIAN * angle))
-        return i, float(share[i]), float(distance[i]), float(angle[i])
+        # A stop from full speed takes speed / acceleration or, in a bend, somewhat more, all of it along one reference.
+        within = max(_LOCATE_WITHIN, 1.5 * self.settings.speed / self.settings.acceleration)
+        count = min(len(reference.times) - 1, int(np.searchsorted(reference.times, within)) + 1)
+        return reference.curve.foot(pose.position, pose.quaternion, count, _METRES_PER_RADIAN)
 
     def _near(self, distance: float, angle: float) -> bool:
         return distance <= self.settings.reanchor_distance and angle <= self.settings.reanchor_angle
 
     # --------------------------------------------------------------- solve
 
-    def _solve(self, query: Query, start: Pose, start_latent: np.ndarray, scene: _Scene, speed: float) -> Plan:
+    def _solve(self, query: Query, start: Pose, start_latent: np.ndarray, scene: _Scene, motion: _Motion) -> Plan:
         """Reweight once; then search, smooth, decode, certify and time until an attempt is certified."""
         settings, obstacles = self.settings, scene.in_task
         avoided = obstacles if settings.avoidance else Obstacles.none()
@@ -356,9 +474,9 @@ class ReactivePlanner:
             found = self._search(query, start_latent, factors, free < margin)
             if isinstance(found, Plan):
                 return found
-            for width in _SMOOTHING_WIDTHS:
-                plan = self._certified(query, start, *found, scene, width, speed)
-                if plan.reference is not None:
+            for widths in _SMOOTHING_WIDTHS:
+                plan = self._certified(query, start, *found, scene, widths, motion)
+                if plan.reference is not None or plan.turning:
                     return plan
         return plan
 
@@ -418,32 +536,34 @@ class ReactivePlanner:
         settings = self.settings
         if self._followed is None or speed <= 0.0:
             return None
-        previous = self._followed[1]
-        foot, _, distance, angle = self._foot(previous, start)
+        previous = self._followed.reference
+        segment, share, distance, angle = self._foot(previous, start)
         if not self._near(distance, angle):
             return None
-        ahead = slice(foot + 1, None)
-        positions = np.concatenate([start.position[None], previous.positions[ahead]])
-        quaternions = continuous_signs(np.concatenate([start.quaternion[None], previous.quaternions[ahead]]))
-        # v^2 / (2 a), as a duration at full speed.
-        braking = speed**2 / (2.0 * settings.acceleration * settings.speed)
-        nominal = nominal_durations(positions, quaternions, settings.speed, settings.angular_speed)
-        positions, quaternions = cut_curve(positions, quaternions, nominal, braking)
-        latent = previous.latent[ahead][: len(positions) - 1]
-        clearance = self._clearance(positions, quaternions, obstacles)
-        if settings.avoidance and np.min(clearance) <= 0.0:
+        curve, at = previous.curve.from_share(segment, share)
+        if distance > _SAME_PLACE or angle > _SAME_ANGLE:
+            positions = np.concatenate([start.position[None], curve.positions[1:]])
+            quaternions = continuous_signs(np.concatenate([start.quaternion[None], curve.quaternions[1:]]))
+            curve = PoseCurve.through(positions, quaternions, settings.limits)
+        latent = previous.latent[at:]
+        braking = braking_law(curve, settings.limits, initial_rate(curve, settings.limits, speed / settings.speed))
+        if braking is not None:
+            curve, times, rates = braking
+            reference = TaskSpaceReference(
+                times, rates, curve, settings.limits, latent[: len(times)], self._clearance(curve, obstacles)
+            )
+        else:
+            clearance = self._clearance(curve, obstacles)
+            reference = timed_reference(curve, latent, clearance, settings.limits, speed / settings.speed)
+        if settings.avoidance and np.min(reference.clearance) <= 0.0:
             return None
-        return timed_reference(
-            positions, quaternions, np.concatenate([latent[:1], latent]), clearance,
-            settings.speed, settings.angular_speed, settings.acceleration, speed,
-        )  # fmt: skip
+        return reference
 
-    def _clearance(self, positions: np.ndarray, quaternions: np.ndarray, obstacles: Obstacles) -> np.ndarray:
-        """Certified clearance [m] of every stretch of a dense pose curve (n, 3), (n, 4): (n - 1,)."""
-        angles = angle_between(quaternions[1:], quaternions[:-1])
+    def _clearance(self, curve: PoseCurve, obstacles: Obstacles) -> np.ndarray:
+        """Certified clearance [m] of every segment of a curve: (n - 1,)."""
         return curve_clearances(
-            tool_points(positions, quaternions, self._points), self._point_radii,
-            rotation_allowance(angles, self._points), obstacles.centres, obstacles.radii,
+            tool_points(curve.positions, curve.quaternions, self._points), self._point_radii,
+            curve_allowance(curve, self._points), obstacles.centres, obstacles.radii,
         )  # fmt: skip
 
     def _certified(
@@ -453,17 +573,17 @@ class ReactivePlanner:
         polyline: np.ndarray,
         energy: float,
         scene: _Scene,
-        width: float,
-        speed: float,
+        widths: tuple[float, float],
+        motion: _Motion,
     ) -> Plan:
         """Smooth, decode, transport, meet the ends exactly, judge the very curve that will be published, time it."""
         settings = self.settings
         step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
-        latent = smooth_latent(resample_latent(polyline, step), width * _SAMPLES_PER_STEP)
+        latent = smooth_latent(resample_latent(polyline, step), widths[0] * _SAMPLES_PER_STEP)
         decoded = self.graph.decoder.decode(latent)
         displacements = query.offsets.displacements(*self.graph.progress_map(latent))
         positions, quaternions = carried(decoded.positions, decoded.quaternions, displacements)
-        quaternions = continuous_signs(quaternions)
+        positions, quaternions = smooth_poses(positions, continuous_signs(quaternions), widths[1] * _SAMPLES_PER_STEP)
         if quaternions[0] @ start.quaternion < 0.0:
             quaternions = -quaternions
         ends = np.stack([start.position, query.goal.position])
@@ -471,19 +591,30 @@ class ReactivePlanner:
         positions, quaternions = correct_ends(
             positions, quaternions, (start.position, start.quaternion), (query.goal.position, query.goal.quaternion)
         )
+        if motion.velocity is not None:
+            bent = bent_to(*self._drawn(positions, quaternions, latent)[:2], motion.velocity, settings.limits)
+            if bent is None:
+                reason = "stopping first: the way to the goal turns off the present motion"
+                return replace(_refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query), turning=True)
+            positions, quaternions, latent = *bent, self._drawn(positions, quaternions, latent)[2]
         beyond = self._beyond_reach(positions, scene.frame)
         if beyond:
             return _refusal(VerdictCode.NO_FEASIBLE_PATH, f"the way leads {beyond}", query)
-        clearance = self._clearance(positions, quaternions, scene.in_task)
+        positions, quaternions, latent = self._drawn(positions, quaternions, latent)
+        curve = PoseCurve.through(positions, quaternions, settings.limits, motion.velocity)
+        clearance = self._clearance(curve, scene.in_task)
         found = self._path_verdict(query, float(np.max(rms_sigma(decoded.sigma))), energy, float(np.min(clearance)))
         verdict = replace(found, end_correction=correction)
         if not verdict.ok:
             return Plan(None, verdict)
-        reference = timed_reference(
-            positions, quaternions, latent, clearance,
-            settings.speed, settings.angular_speed, settings.acceleration, speed,
-        )  # fmt: skip
-        return Plan(reference, verdict)
+        return Plan(timed_reference(curve, latent, clearance, settings.limits, motion.speed), verdict)
+
+    def _drawn(
+        self, positions: np.ndarray, quaternions: np.ndarray, latent: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The distinct poses of a curve."""
+        kept = distinct(positions, quaternions, self.settings.limits)
+        return positions[kept], quaternions[kept], latent[kept]
 
     def _path_verdict(self, query: Query, sigma: float, energy: float, clearance: float) -> Verdict:
         """Judge a path by its largest rms sigma [m], its largest energy of one edge and its clearance [m]."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.pose_curve import MotionLimits
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,9 @@ class PlannerSettings:
     maximum_offset, maximum_offset_angle : how far start and goal may lie from the manifold, or beyond the starts and
         goals that were demonstrated.
     reanchor_distance, reanchor_angle : a start further than this from the current reference begins a new query.
-    speed, angular_speed, acceleration : limits of the reference [m/s, rad/s, m/s^2].
+    speed, angular_speed : limits of the tool [m/s], [rad/s].
+    acceleration : limit of the tool's acceleration [m/s^2], tangential and centripetal together. That of the angular
+        acceleration follows: full angular speed is reached in the time that full speed takes.
     avoidance : False ignores obstacles altogether; for control experiments only.
     grid_shape, neighbours : of the latent graph.
     """
@@ -46,6 +49,12 @@ class PlannerSettings:
     avoidance: bool = True
     grid_shape: tuple[int, ...] = (100, 100)
     neighbours: int = 16
+
+    @property
+    def limits(self) -> MotionLimits:
+        """Limits of speed and acceleration that references keep."""
+        angular_acceleration = self.acceleration * self.angular_speed / self.speed
+        return MotionLimits(self.speed, self.angular_speed, self.acceleration, angular_acceleration)
 
     def __post_init__(self) -> None:
         if len(self.tool_points) != len(self.tool_radii) or not self.tool_points:

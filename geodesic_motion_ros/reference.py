@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from geodesic_motion_ros.graph.transport import carried
-from geodesic_motion_ros.quaternions import angle_between, rotation_vector_between, slerp
+from geodesic_motion_ros.pose_curve import SHORTEST_STEP, MotionLimits, PoseCurve
+from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
+from geodesic_motion_ros.time_law import fastest_law
+
+#: A new way may turn off the present direction of motion by no more than 60 degrees: the cosine.
+_LARGEST_BEND = 0.5
+#: 4 |D| / L is half of the acceleration at L = 8 |D| / a.
+_BEND_SHARE = 8.0
+#: A bend takes at least and at most so long at full speed [s].
+_SHORTEST_BEND, _LONGEST_BEND = 0.1, 1.5
 
 
 def resample_latent(path: np.ndarray, spacing: float, minimum: int = 40) -> np.ndarray:
@@ -38,6 +47,12 @@ def smooth_latent(points: np.ndarray, width: float) -> np.ndarray:
     return smooth
 
 
+def smooth_poses(positions: np.ndarray, quaternions: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same for a pose curve (n, 3), (n, 4) in one hemisphere; rotations between neighbours must be small."""
+    smooth = smooth_latent(np.concatenate([positions, quaternions], axis=1), width)
+    return np.ascontiguousarray(smooth[:, :3]), normalise(smooth[:, 3:])
+
+
 def correct_ends(
     positions: np.ndarray,
     quaternions: np.ndarray,
@@ -62,50 +77,33 @@ def arc_share(positions: np.ndarray) -> np.ndarray:
     return length / length[-1]
 
 
-def nominal_durations(positions: np.ndarray, quaternions: np.ndarray, speed: float, angular_speed: float) -> np.ndarray:
-    """Time [s] that each segment of a pose curve takes at full speed, (n - 1,): translation or rotation, the slower."""
-    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    turns = angle_between(quaternions[1:], quaternions[:-1])
-    return np.maximum(np.maximum(steps / speed, turns / angular_speed), 1e-9)
+def bent_to(
+    positions: np.ndarray, quaternions: np.ndarray, velocity: np.ndarray, limits: MotionLimits
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Bend the beginning of a pose curve (n, 3), (n, 4) so that it continues a `velocity` (6,) [m/s], [rad/s].
 
-
-def cut_curve(
-    positions: np.ndarray, quaternions: np.ndarray, nominal: np.ndarray, duration: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """The beginning of a pose curve that takes `duration` [s] at full speed; the whole curve where that is shorter."""
-    passed = np.concatenate([[0.0], np.cumsum(nominal)])
-    if duration >= passed[-1]:
-        return positions, quaternions
-    i = int(np.searchsorted(passed, duration, side="right")) - 1
-    share = (duration - passed[i]) / nominal[i]
-    last = positions[i] + share * (positions[i + 1] - positions[i])
-    turned = slerp(quaternions[i], quaternions[i + 1], np.array([share]))
-    return np.concatenate([positions[: i + 1], last[None]]), np.concatenate([quaternions[: i + 1], turned])
-
-
-@numba.njit(cache=True, nogil=True)
-def _squared_rates(nominal: np.ndarray, rate_acceleration: float, initial_rate: float) -> np.ndarray:
-    """Largest squared rates (n,) that both passes of `time_law` allow."""
-    squared = np.ones(len(nominal) + 1)
-    squared[0], squared[-1] = min(1.0, initial_rate**2), 0.0
-    for i in range(len(nominal)):
-        squared[i + 1] = min(squared[i + 1], squared[i] + 2.0 * rate_acceleration * nominal[i])
-    for i in range(len(nominal) - 1, -1, -1):
-        squared[i] = min(squared[i], squared[i + 1] + 2.0 * rate_acceleration * nominal[i])
-    return squared
-
-
-def time_law(nominal: np.ndarray, rate_acceleration: float, initial_rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times (n,) [s] and rates (n,) along a curve whose segments take `nominal` (n - 1,) [s] at full speed.
-
-    The rate (1: full speed) starts at `initial_rate`, ends at 0, never exceeds 1 and changes by at most
-    `rate_acceleration` [1/s]: forward and backward pass of rate^2 <= previous^2 + 2 rate_acceleration du. An initial
-    rate too fast to stop in the length left is lowered: ending at rest comes first.
+    Within the first L seconds poses move by D u (1 - u / L)^2, where D is the difference of the velocities. L is chosen
+    so that the bend takes half of the acceleration that is allowed, 4 |D| / L at most. None where the directions differ
+    by more than 60 degrees, or where there is not enough way left: then one must stop first.
     """
-    rates = np.sqrt(_squared_rates(nominal, rate_acceleration, initial_rate))
-    mean = 0.5 * (rates[1:] + rates[:-1])
-    steps = np.divide(nominal, mean, out=np.zeros_like(nominal), where=mean > 0.0)
-    return np.concatenate([[0.0], np.cumsum(steps)]), rates
+    curve = PoseCurve.through(positions, quaternions, limits)
+    scale = np.repeat([limits.speed, limits.angular_speed], 3)
+    wanted, found = velocity / scale, curve.tangents[0] / scale
+    rate = float(np.linalg.norm(wanted))
+    length = float(np.linalg.norm(found))
+    if wanted @ found < _LARGEST_BEND * rate * length:
+        return None
+    difference = wanted * length / rate - found
+    strength = rate**2 * scale * difference
+    needed = max(
+        float(np.linalg.norm(strength[:3])) / limits.acceleration,
+        float(np.linalg.norm(strength[3:])) / limits.angular_acceleration,
+    )
+    span = max(_BEND_SHARE * needed, _SHORTEST_BEND)
+    if span > min(_LONGEST_BEND, 0.7 * curve.knots[-1]):
+        return None
+    fade = curve.knots * np.maximum(0.0, 1.0 - curve.knots / span) ** 2
+    return carried(positions, quaternions, fade[:, None] * difference * scale)
 
 
 @dataclass(frozen=True)
@@ -114,18 +112,31 @@ class TaskSpaceReference:
 
     Attributes
     ----------
-    times : (n,) [s] from 0, not decreasing. rates : (n,) speed over full speed.
-    positions : (n, 3) [m]; quaternions : (n, 4) in one hemisphere along the curve.
+    times : (n,) [s] from 0, not decreasing. rates : (n,) derivative u' of the curve's parameter with respect to time;
+        its square is linear in u between samples.
+    curve : the poses, and what is between them. limits : that its time law keeps.
     latent : (n, d) latent points the poses were decoded from.
     clearance : (n - 1,) guaranteed clearance [m] of each stretch between samples, inf without obstacles.
+    strain : accelerations in multiples of the limits; more than 1 only where an initial speed asked for it.
     """
 
     times: np.ndarray
     rates: np.ndarray
-    positions: np.ndarray
-    quaternions: np.ndarray
+    curve: PoseCurve
+    limits: MotionLimits
     latent: np.ndarray
     clearance: np.ndarray
+    strain: float = 1.0
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Positions (n, 3) [m] at `times`."""
+        return self.curve.positions
+
+    @property
+    def quaternions(self) -> np.ndarray:
+        """Quaternions (n, 4) at `times`, in one hemisphere along the curve."""
+        return self.curve.quaternions
 
     @property
     def duration(self) -> float:
@@ -136,21 +147,49 @@ class TaskSpaceReference:
         self, move: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
     ) -> TaskSpaceReference:
         """The same reference with its poses (n, 3), (n, 4) moved by a rigid motion: times and clearances stay."""
-        positions, quaternions = move(self.positions, self.quaternions)
-        return replace(self, positions=positions, quaternions=quaternions)
+        return replace(self, curve=self.curve.moved(move))
 
     def sample(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and quaternion (4,) at `time` [s], held at both ends."""
-        i, share = self._locate(time)
-        position = self.positions[i] + share * (self.positions[i + 1] - self.positions[i])
-        return position, slerp(self.quaternions[i], self.quaternions[i + 1], np.array([share]))[0]
+        return self.curve.pose(*self._locate(time))
+
+    def velocity(self, time: float) -> np.ndarray:
+        """Velocity [m/s] and angular velocity [rad/s, base frame] at `time` [s], (6,)."""
+        segment, share = self._locate(time)
+        return self.rate_at(segment, share) * self.curve.velocity(segment, share)
 
     def rate(self, time: float) -> float:
-        """Speed over full speed at `time` [s]."""
-        i, _ = self._locate(time)
-        span = self.times[i + 1] - self.times[i]
-        share = 0.0 if span <= 0.0 else min(1.0, max(0.0, (time - self.times[i]) / span))
-        return float(self.rates[i] + share * (self.rates[i + 1] - self.rates[i]))
+        """Speed over full speed at `time` [s]: of the tool or of its rotation, whichever is nearer to its limit."""
+        velocity = self.velocity(time)
+        return float(self.limits.fraction(velocity[:3], velocity[3:]))
+
+    def rate_at(self, segment: int, share: float) -> float:
+        """u' at a share of a segment."""
+        first, last = self.rates[segment], self.rates[segment + 1]
+        return math.sqrt(first**2 + share * (last**2 - first**2))
+
+    def rest(self, segment: int, share: float) -> TaskSpaceReference:
+        """What is left of the reference from a share of a segment on: the same motion."""
+        rate = self.rate_at(segment, share)
+        curve, at = self.curve.from_share(segment, share)
+        latent = np.concatenate([self._latent_at(segment, share)[None], self.latent[at + 1 :]])
+        if curve.knots[-1] <= SHORTEST_STEP:
+            # Two thousandths of a millimetre at full speed: arrived.
+            return TaskSpaceReference(
+                np.zeros(2), np.zeros(2), curve, self.limits, latent, self.clearance[at:], self.strain
+            )
+        if at > segment:
+            rate = float(self.rates[at])
+        ahead = slice(at + 1, None)
+        first = 2.0 * curve.knots[1] / (rate + self.rates[at + 1])
+        times = np.concatenate([[0.0], first + self.times[ahead] - self.times[at + 1]])
+        return replace(
+            self, times=times, rates=np.concatenate([[rate], self.rates[ahead]]), curve=curve,
+            latent=latent, clearance=self.clearance[at:],
+        )  # fmt: skip
+
+    def _latent_at(self, segment: int, share: float) -> np.ndarray:
+        return self.latent[segment] + share * (self.latent[segment + 1] - self.latent[segment])
 
     def _locate(self, time: float) -> tuple[int, float]:
         """Segment that holds `time`, and the share of it passed under constant rate change."""
@@ -164,19 +203,21 @@ class TaskSpaceReference:
 
 
 def timed_reference(
-    positions: np.ndarray,
-    quaternions: np.ndarray,
+    curve: PoseCurve,
     latent: np.ndarray,
     clearance: np.ndarray,
-    speed: float,
-    angular_speed: float,
-    acceleration: float,
-    initial_speed: float,
+    limits: MotionLimits,
+    initial_speed: float = 0.0,
 ) -> TaskSpaceReference:
-    """Give a pose curve its time law: at most `speed` [m/s] and `angular_speed` [rad/s], `acceleration` [m/s^2]."""
-    nominal = nominal_durations(positions, quaternions, speed, angular_speed)
-    times, rates = time_law(nominal, acceleration / speed, initial_speed / speed)
-    return TaskSpaceReference(times, rates, positions, quaternions, latent, clearance)
+    """The fastest reference along a curve within the limits, from a speed (over full speed) until rest at its end."""
+    times, rates, strain = fastest_law(curve, limits, initial_rate(curve, limits, initial_speed))
+    return TaskSpaceReference(times, rates, curve, limits, latent, clearance, strain)
+
+
+def initial_rate(curve: PoseCurve, limits: MotionLimits, speed: float) -> float:
+    """u' at the begin of a curve at a speed over full speed."""
+    full = float(limits.fraction(curve.tangents[0, :3], curve.tangents[0, 3:]))
+    return speed / full if full > 0.0 else 0.0
 
 
 class ReferenceFollower:

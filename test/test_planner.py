@@ -198,7 +198,7 @@ def test_a_stream_blocked_in_motion_comes_to_rest_along_its_path_without_overlap
         if time > 1.0:
             assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH, plan.verdict
             offset.append(np.linalg.norm(direct.positions - follower.position, axis=1).min())
-    assert max(speeds) == pytest.approx(planner.settings.speed)
+    assert max(speeds) == pytest.approx(planner.settings.speed, rel=1e-3)
     assert np.min(np.diff(speeds)) >= -limit
     assert speeds[-1] == pytest.approx(0.0, abs=1e-9)
     assert max(offset) < 0.005
@@ -217,7 +217,7 @@ def test_a_new_goal_without_a_way_stops_the_moving_arm_along_the_old_reference(p
         _, follower, plan = next(ticks)
     follower.advance(PERIOD)
     old = plan.reference
-    assert follower.speed == pytest.approx(planner.settings.speed)
+    assert follower.speed == pytest.approx(planner.settings.speed, rel=1e-3)
     # The new goal is where the arm came from, now covered: accepted as a goal, but there is no way to it.
     start = planner.skill.start_pose
     assert planner.set_goal(start[:3], start[3:]).ok
@@ -246,18 +246,19 @@ def test_a_stop_on_request_brakes_as_hard_as_allowed_and_rests(planner):
     assert planner.stop(np.full(3, np.nan), follower.quaternion, follower.speed) is None
     halt = planner.stop(follower.position, follower.quaternion, follower.speed)
     np.testing.assert_allclose(halt.positions[0], follower.position, atol=1e-12)
-    assert halt.duration == pytest.approx(planner.settings.speed / planner.settings.acceleration, rel=1e-3)
+    # A little of the acceleration is needed for the bend.
+    assert halt.duration == pytest.approx(planner.settings.speed / planner.settings.acceleration, rel=0.05)
     assert halt.rate(halt.duration) == 0.0
     assert planner.stop(follower.position, follower.quaternion, 0.0) is None
 
 
 def test_a_long_stop_goes_forward_all_the_way(fan_skill):
-    """Two seconds and 0.2 m of braking: more than the stream needs to find its pose on a reference."""
+    """More than a second and 0.1 m of braking: more than the stream needs to find its pose on a reference."""
     planner = ReactivePlanner(fan_skill, PlannerSettings(acceleration=0.1))
     ticks = stream(planner)
-    for _ in range(210):
+    for _ in range(250):
         _, follower, _ = next(ticks)
-    assert follower.speed > 0.95 * planner.settings.speed
+    assert follower.speed > 0.7 * planner.settings.speed
     positions, speeds = [follower.position], [follower.speed]
     while follower.speed > 0.0:
         halt = planner.stop(follower.position, follower.quaternion, follower.speed)
@@ -275,7 +276,7 @@ def test_a_stop_that_would_touch_an_obstacle_is_not_taken(planner):
     ticks = stream(planner)
     for _ in range(100):
         _, follower, _ = next(ticks)
-    assert follower.speed == pytest.approx(planner.settings.speed)
+    assert follower.speed == pytest.approx(planner.settings.speed, rel=1e-3)
     ahead = planner.tick(follower.position, follower.quaternion, follower.speed).reference.sample(0.1)[0]
     radius = np.linalg.norm(ahead - follower.position) - 0.042 + 0.17
     direction = normalise(ahead - follower.position)

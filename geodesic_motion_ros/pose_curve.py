@@ -1,0 +1,226 @@
+"""PoseCurve: a curve of tool poses whose velocity is continuous, cut and projected onto exactly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.graph.transport import carry
+from geodesic_motion_ros.quaternions import angle_between, continuous_signs, rotation_vector_between
+
+#: Knots closer than this [s] are one: second derivatives of shorter segments would be rounding errors.
+SHORTEST_STEP = 1e-5
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """What the tool may do: speeds [m/s], [rad/s] and accelerations [m/s^2], [rad/s^2]."""
+
+    speed: float
+    angular_speed: float
+    acceleration: float
+    angular_acceleration: float
+
+    def fraction(self, linear: np.ndarray, angular: np.ndarray) -> np.ndarray:
+        """Speed over what is allowed, (...), of velocities (..., 3) [m/s] and (..., 3) [rad/s]: the larger of both."""
+        moving = np.linalg.norm(linear, axis=-1) / self.speed
+        return np.maximum(moving, np.linalg.norm(angular, axis=-1) / self.angular_speed)
+
+
+def distinct(positions: np.ndarray, quaternions: np.ndarray, limits: MotionLimits) -> np.ndarray:
+    """Indices of those poses (n, 3), (n, 4) that a curve can be drawn through: both ends, and none twice in a row."""
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1) / limits.speed
+    passed = np.cumsum(np.hypot(steps, angle_between(quaternions[1:], quaternions[:-1]) / limits.angular_speed))
+    kept, at = [0], 0.0
+    for i in np.flatnonzero(passed[-1] - passed >= SHORTEST_STEP):
+        if passed[i] - at >= SHORTEST_STEP:
+            kept.append(int(i) + 1)
+            at = passed[i]
+    return np.array([*kept, len(positions) - 1])
+
+
+@dataclass(frozen=True)
+class PoseCurve:
+    """Cubic Hermite segments between poses; the parameter u [s] is a time in which no limit of speed is exceeded.
+
+    On a segment of length h, at s in [0, 1], with chord c (a difference of positions or a rotation vector) and tangents
+    m0, m1 times h: y(s) = (3 s^2 - 2 s^3) c + (s - 2 s^2 + s^3) m0 + (s^3 - s^2) m1; the position is x_i + y(s), the
+    orientation exp(y(s)) q_i.
+
+    Attributes
+    ----------
+    knots : (n,) u [s], increasing. positions : (n, 3) [m]. quaternions : (n, 4) in one hemisphere along the curve.
+    chords : (n - 1, 6) translation [m] and rotation vector [rad, base frame] of each segment.
+    tangents : (n, 6) derivative with respect to u: velocity [m/s] and angular velocity [rad/s, base frame].
+    """
+
+    knots: np.ndarray
+    positions: np.ndarray
+    quaternions: np.ndarray
+    chords: np.ndarray
+    tangents: np.ndarray
+
+    @classmethod
+    def through(
+        cls, positions: np.ndarray, quaternions: np.ndarray, limits: MotionLimits, initial: np.ndarray | None = None
+    ) -> PoseCurve:
+        """The curve through distinct poses (n, 3), (n, 4); `initial` (6,) is the direction of motion it begins with.
+
+        Tangents are those of the parabola through three successive poses (Bessel's), so a corner is rounded within the
+        two segments that meet there.
+        """
+        chords = np.concatenate(
+            [np.diff(positions, axis=0), rotation_vector_between(quaternions[:-1], quaternions[1:])], axis=1
+        )
+        # Smooth where a maximum of both would have a kink; never less than the slower of both takes.
+        scale = np.repeat([limits.speed, limits.angular_speed], 3)
+        steps = np.maximum(np.linalg.norm(chords / scale, axis=1), SHORTEST_STEP)
+        tangents = _bessel_tangents(chords, steps)
+        if initial is not None:
+            tangents[0] = initial / np.linalg.norm(initial / scale)
+        knots = np.concatenate([[0.0], np.cumsum(steps)])
+        return cls(knots, positions, continuous_signs(quaternions), chords, tangents)
+
+    def moved(self, move: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]) -> PoseCurve:
+        """The same curve with its poses (n, 3), (n, 4) moved by a rigid motion."""
+        origin, _ = move(np.zeros((1, 3)), self.quaternions[:1])
+        positions, quaternions = move(self.positions, self.quaternions)
+
+        def turned(pairs: np.ndarray) -> np.ndarray:
+            return np.concatenate([move(part, self.quaternions[:1])[0] - origin for part in np.split(pairs, 2, 1)], 1)
+
+        return PoseCurve(self.knots, positions, quaternions, turned(self.chords), turned(self.tangents))
+
+    def pose(self, segment: int, share: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position (3,) [m] and quaternion (4,) at a share in [0, 1] of a segment."""
+        position, quaternion = self.positions[segment].copy(), self.quaternions[segment].copy()
+        step = self.knots[segment + 1] - self.knots[segment]
+        moved = _hermite(share, step, self.chords[segment], self.tangents[segment], self.tangents[segment + 1])
+        carry(position, quaternion, moved)
+        return position, quaternion
+
+    def velocity(self, segment: int, share: float) -> np.ndarray:
+        """Derivative with respect to u, (6,) [m/s], [rad/s], at a share in [0, 1] of a segment."""
+        step = self.knots[segment + 1] - self.knots[segment]
+        return _hermite_slope(share, step, self.chords[segment], self.tangents[segment], self.tangents[segment + 1])
+
+    def foot(self, position: np.ndarray, quaternion: np.ndarray, count: int, metres_per_radian: float):
+        """Where a pose is closest to the first `count` segments: segment, share of it, distance [m], angle [rad]."""
+        begin, step = self.positions[:count], self.chords[:count, :3]
+        along = np.sum((position - begin) * step, axis=1)
+        share = np.clip(along / np.maximum(np.sum(step**2, axis=1), 1e-18), 0.0, 1.0)
+        distance = np.linalg.norm(begin + share[:, None] * step - position, axis=1)
+        angle = angle_between(self.quaternions[:count], quaternion)
+        near = int(np.argmin(distance + metres_per_radian * angle))
+        best = None
+        for i in range(max(0, near - 1), min(len(begin), near + 2)):
+            turn = rotation_vector_between(self.quaternions[i], quaternion)
+            target = np.concatenate([position - self.positions[i], turn])
+            h = self.knots[i + 1] - self.knots[i]
+            s, off, turned = _closest(
+                target, h, self.chords[i], self.tangents[i], self.tangents[i + 1], metres_per_radian
+            )
+            if best is None or off + metres_per_radian * turned < best[2] + metres_per_radian * best[3] - 1e-12:
+                best = i, s, off, turned
+        return best
+
+    def from_share(self, segment: int, share: float) -> tuple[PoseCurve, int]:
+        """The curve from a share of a segment on, geometrically the same, and how many segments it leaves out."""
+        left = (1.0 - share) * (self.knots[segment + 1] - self.knots[segment])
+        if left < SHORTEST_STEP and segment + 2 < len(self.knots):
+            segment, share = segment + 1, 0.0
+        position, quaternion = self.pose(segment, share)
+        at = self.knots[segment] + share * (self.knots[segment + 1] - self.knots[segment])
+        ahead = slice(segment + 1, None)
+        first = np.concatenate(
+            [self.positions[segment + 1] - position, rotation_vector_between(quaternion, self.quaternions[segment + 1])]
+        )
+        return PoseCurve(
+            np.concatenate([[0.0], np.maximum(self.knots[ahead] - at, SHORTEST_STEP)]),
+            np.concatenate([position[None], self.positions[ahead]]),
+            continuous_signs(np.concatenate([quaternion[None], self.quaternions[ahead]])),
+            np.concatenate([first[None], self.chords[ahead]]),
+            np.concatenate([self.velocity(segment, share)[None], self.tangents[ahead]]),
+        ), segment
+
+    def until(self, segment: int, share: float) -> PoseCurve:
+        """The beginning of the curve, up to a share of a segment."""
+        position, quaternion = self.pose(segment, share)
+        upto = slice(None, segment + 1)
+        at = self.knots[segment] + max(share * (self.knots[segment + 1] - self.knots[segment]), SHORTEST_STEP)
+        last = np.concatenate(
+            [position - self.positions[segment], rotation_vector_between(self.quaternions[segment], quaternion)]
+        )
+        return PoseCurve(
+            np.append(self.knots[upto], at),
+            np.concatenate([self.positions[upto], position[None]]),
+            continuous_signs(np.concatenate([self.quaternions[upto], quaternion[None]])),
+            np.concatenate([self.chords[:segment], last[None]]),
+            np.concatenate([self.tangents[upto], self.velocity(segment, share)[None]]),
+        )
+
+    def bulges(self) -> tuple[np.ndarray, np.ndarray]:
+        """How far [m], [rad] the segments leave their chords, (n - 1,) each.
+
+        y(s) - s c = (s - 2 s^2 + s^3) (m0 - c) + (s^3 - s^2) (m1 - c), and the two factors add up to at most 1/4.
+        """
+        steps = np.diff(self.knots)[:, None]
+        first = (self.tangents[:-1] * steps - self.chords).reshape(-1, 2, 3)
+        last = (self.tangents[1:] * steps - self.chords).reshape(-1, 2, 3)
+        bulge = 0.25 * np.maximum(np.linalg.norm(first, axis=2), np.linalg.norm(last, axis=2))
+        return bulge[:, 0], bulge[:, 1]
+
+
+@numba.njit(cache=True, nogil=True)
+def _bessel_tangents(chords: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    count = len(steps)
+    tangents = np.empty((count + 1, 6))
+    for i in range(1, count):
+        before, after = steps[i - 1], steps[i]
+        for j in range(6):
+            slope = chords[i - 1, j] / before * after + chords[i, j] / after * before
+            tangents[i, j] = slope / (before + after)
+    for j in range(6):
+        if count == 1:
+            tangents[0, j] = tangents[1, j] = chords[0, j] / steps[0]
+        else:
+            tangents[0, j] = 2.0 * chords[0, j] / steps[0] - tangents[1, j]
+            tangents[count, j] = 2.0 * chords[count - 1, j] / steps[count - 1] - tangents[count - 1, j]
+    return tangents
+
+
+@numba.njit(cache=True, nogil=True)
+def _hermite(s: float, step: float, chord: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    return s * s * (3.0 - 2.0 * s) * chord + s * (1.0 - s) * step * ((1.0 - s) * first - s * last)
+
+
+@numba.njit(cache=True, nogil=True)
+def _hermite_slope(s: float, step: float, chord: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    return 6.0 * s * (1.0 - s) / step * chord + (1.0 - s) * (1.0 - 3.0 * s) * first + s * (3.0 * s - 2.0) * last
+
+
+@numba.njit(cache=True, nogil=True)
+def _closest(
+    target: np.ndarray, step: float, chord: np.ndarray, first: np.ndarray, last: np.ndarray, metres_per_radian: float
+) -> tuple[float, float, float]:
+    """Gauss and Newton's iteration for the share of a segment closest to `target` (6,); share, distance, angle."""
+    s = 0.5
+    for _ in range(12):
+        gap = target - _hermite(s, step, chord, first, last)
+        slope = step * _hermite_slope(s, step, chord, first, last)
+        along, length = 0.0, 1e-30
+        for j in range(6):
+            weight = 1.0 if j < 3 else metres_per_radian**2
+            along += weight * gap[j] * slope[j]
+            length += weight * slope[j] * slope[j]
+        before = s
+        s = min(1.0, max(0.0, s + along / length))
+        if abs(s - before) < 1e-15:
+            break
+    gap = target - _hermite(s, step, chord, first, last)
+    distance = math.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2])
+    return s, distance, math.sqrt(gap[3] * gap[3] + gap[4] * gap[4] + gap[5] * gap[5])
