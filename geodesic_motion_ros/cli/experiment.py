@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -32,10 +32,11 @@ avoidance  spheres dead-centre on the planned path of held-out demonstrations: c
 crossing   what it costs to change between the clusters of q and -q, and whether the planner's graph forbids it
 goals      simulated demonstrations between places that vary: held-out ones predicted from start and goal
 modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
+rate       planner and twin as two processes, ten obstacles: ticks a second while the goal stays, and while it moves
 
-Table, figure and JSON go to out/experiments/NAME/. All but the first train skills, each once: they are kept in
-out/experiments/skills and taken from there when data, settings and training code are the same. The last two make their
-demonstrations themselves, with an arm in PyBullet; one skill per seed, two minutes each.
+Table, figure and JSON go to out/experiments/NAME/. All but geodesics and rate train skills, each once: they are kept in
+out/experiments/skills and taken from there when data, settings and training code are the same. goals and modes make
+their demonstrations themselves, with an arm in PyBullet; one skill per seed, two minutes each.
 """
 _EPILOG = """\
 examples:
@@ -44,13 +45,14 @@ examples:
   geodesic-motion experiment crossing --demos pouring.npy --units cm
   geodesic-motion experiment goals --shown 20
   geodesic-motion experiment modes --save two_ways.npz
+  geodesic-motion experiment rate --goals-hz 10
 """
 
 
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command and its experiments to the parser of the command line."""
     parser = commands.add_parser(
-        "experiment", help="measure what the method is claimed to do: geodesics, avoidance, crossing, goals, modes",
+        "experiment", help="measure what is claimed: geodesics, avoidance, crossing, goals, modes, rate",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     names = parser.add_subparsers(dest="experiment", metavar="NAME", required=True)
@@ -98,7 +100,14 @@ def add_command(commands: argparse._SubParsersAction) -> None:
             "--save", type=Path, metavar="FILE.npz",
             help="write the demonstrations of the first seed to a file to train on (units m) and measure nothing",
         )  # fmt: skip
-    for experiment in (geodesics, avoidance, crossing, goals, modes):
+
+    rate = names.add_parser("rate", help="ticks a second while the goal moves", formatter_class=HelpFormatter)
+    rate.add_argument("--skill", default="panda_pouring", metavar="SKILL", help="its folder, or a shipped name")
+    rate.add_argument("--seconds", type=float, default=8.0, help="length of each stretch")
+    rate.add_argument("--goals-hz", type=float, default=10.0, help="new goals a second")
+    rate.add_argument("--obstacles", type=int, default=10, help="spheres near the way")
+    rate.set_defaults(run=_rate)
+    for experiment in (geodesics, avoidance, crossing, goals, modes, rate):
         experiment.add_argument(
             "--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results"
         )
@@ -114,6 +123,16 @@ def _geodesics(arguments: argparse.Namespace) -> None:
     report = compare_geodesics(skill, arguments.pairs)
     draw_geodesics(report, folder / "geodesics.png")
     _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _rate(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.nodes.goal_rate import measure_goal_rate, table
+
+    folder = _folder(arguments)
+    rows = measure_goal_rate(
+        arguments.skill, folder, arguments.seconds, arguments.goals_hz, arguments.obstacles
+    )
+    _hand_over(arguments, folder, table(rows), {"rows": [asdict(row) for row in rows]})
 
 
 def _avoidance(arguments: argparse.Namespace) -> None:
