@@ -84,7 +84,7 @@ class Plan:
 
     def in_base(self, frame: TaskFrame) -> Plan:
         """The same plan, its reference brought from the task frame into the base frame."""
-        if self.reference is None:
+        if self.reference is None or frame.is_identity:
             return self
         return replace(self, reference=self.reference.moved(frame.to_base))
 
@@ -591,16 +591,16 @@ class ReactivePlanner:
         positions, quaternions = correct_ends(
             positions, quaternions, (start.position, start.quaternion), (query.goal.position, query.goal.quaternion)
         )
+        positions, quaternions, latent = self._drawn(positions, quaternions, latent)
         if motion.velocity is not None:
-            bent = bent_to(*self._drawn(positions, quaternions, latent)[:2], motion.velocity, settings.limits)
+            bent = bent_to(positions, quaternions, motion.velocity, settings.limits)
             if bent is None:
                 reason = "stopping first: the way to the goal turns off the present motion"
                 return replace(_refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query), turning=True)
-            positions, quaternions, latent = *bent, self._drawn(positions, quaternions, latent)[2]
+            positions, quaternions, latent = self._drawn(*bent, latent)
         beyond = self._beyond_reach(positions, scene.frame)
         if beyond:
             return _refusal(VerdictCode.NO_FEASIBLE_PATH, f"the way leads {beyond}", query)
-        positions, quaternions, latent = self._drawn(positions, quaternions, latent)
         curve = PoseCurve.through(positions, quaternions, settings.limits, motion.velocity)
         clearance = self._clearance(curve, scene.in_task)
         found = self._path_verdict(query, float(np.max(rms_sigma(decoded.sigma))), energy, float(np.min(clearance)))

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.graph.transport import carry
-from geodesic_motion_ros.quaternions import angle_between, continuous_signs, rotation_vector_between
+from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 
 #: Knots closer than this [s] are one: second derivatives of shorter segments would be rounding errors.
 SHORTEST_STEP = 1e-5
@@ -33,14 +33,7 @@ class MotionLimits:
 
 def distinct(positions: np.ndarray, quaternions: np.ndarray, limits: MotionLimits) -> np.ndarray:
     """Indices of those poses (n, 3), (n, 4) that a curve can be drawn through: both ends, and none twice in a row."""
-    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1) / limits.speed
-    passed = np.cumsum(np.hypot(steps, angle_between(quaternions[1:], quaternions[:-1]) / limits.angular_speed))
-    kept, at = [0], 0.0
-    for i in np.flatnonzero(passed[-1] - passed >= SHORTEST_STEP):
-        if passed[i] - at >= SHORTEST_STEP:
-            kept.append(int(i) + 1)
-            at = passed[i]
-    return np.array([*kept, len(positions) - 1])
+    return _distinct(_chords(positions, quaternions) / np.repeat([limits.speed, limits.angular_speed], 3))
 
 
 @dataclass(frozen=True)
@@ -73,9 +66,7 @@ class PoseCurve:
         Tangents are those of the parabola through three successive poses (Bessel's), so a corner is rounded within the
         two segments that meet there.
         """
-        chords = np.concatenate(
-            [np.diff(positions, axis=0), rotation_vector_between(quaternions[:-1], quaternions[1:])], axis=1
-        )
+        chords = _chords(positions, quaternions)
         # Smooth where a maximum of both would have a kink; never less than the slower of both takes.
         scale = np.repeat([limits.speed, limits.angular_speed], 3)
         steps = np.maximum(np.linalg.norm(chords / scale, axis=1), SHORTEST_STEP)
@@ -118,8 +109,7 @@ class PoseCurve:
         near = int(np.argmin(distance + metres_per_radian * angle))
         best = None
         for i in range(max(0, near - 1), min(len(begin), near + 2)):
-            turn = rotation_vector_between(self.quaternions[i], quaternion)
-            target = np.concatenate([position - self.positions[i], turn])
+            target = chord(self.positions[i], self.quaternions[i], position, quaternion)
             h = self.knots[i + 1] - self.knots[i]
             s, off, turned = _closest(
                 target, h, self.chords[i], self.tangents[i], self.tangents[i + 1], metres_per_radian
@@ -136,9 +126,7 @@ class PoseCurve:
         position, quaternion = self.pose(segment, share)
         at = self.knots[segment] + share * (self.knots[segment + 1] - self.knots[segment])
         ahead = slice(segment + 1, None)
-        first = np.concatenate(
-            [self.positions[segment + 1] - position, rotation_vector_between(quaternion, self.quaternions[segment + 1])]
-        )
+        first = chord(position, quaternion, self.positions[segment + 1], self.quaternions[segment + 1])
         return PoseCurve(
             np.concatenate([[0.0], np.maximum(self.knots[ahead] - at, SHORTEST_STEP)]),
             np.concatenate([position[None], self.positions[ahead]]),
@@ -152,9 +140,7 @@ class PoseCurve:
         position, quaternion = self.pose(segment, share)
         upto = slice(None, segment + 1)
         at = self.knots[segment] + max(share * (self.knots[segment + 1] - self.knots[segment]), SHORTEST_STEP)
-        last = np.concatenate(
-            [position - self.positions[segment], rotation_vector_between(self.quaternions[segment], quaternion)]
-        )
+        last = chord(self.positions[segment], self.quaternions[segment], position, quaternion)
         return PoseCurve(
             np.append(self.knots[upto], at),
             np.concatenate([self.positions[upto], position[None]]),
@@ -173,6 +159,58 @@ class PoseCurve:
         last = (self.tangents[1:] * steps - self.chords).reshape(-1, 2, 3)
         bulge = 0.25 * np.maximum(np.linalg.norm(first, axis=2), np.linalg.norm(last, axis=2))
         return bulge[:, 0], bulge[:, 1]
+
+
+@numba.njit(cache=True, nogil=True)
+def chord(position: np.ndarray, quaternion: np.ndarray, to: np.ndarray, turned: np.ndarray) -> np.ndarray:
+    """Translation [m] and shortest rotation vector [rad, base frame] (6,) from one pose to another."""
+    result = np.empty(6)
+    for j in range(3):
+        result[j] = to[j] - position[j]
+    w, x, y, z = turned[0], turned[1], turned[2], turned[3]
+    a, b, c, d = quaternion[0], -quaternion[1], -quaternion[2], -quaternion[3]
+    cosine = w * a - x * b - y * c - z * d
+    result[3] = w * b + x * a + y * d - z * c
+    result[4] = w * c - x * d + y * a + z * b
+    result[5] = w * d + x * c - y * b + z * a
+    sine = math.sqrt(result[3] ** 2 + result[4] ** 2 + result[5] ** 2)
+    # The angle is 2 atan(sine / cosine); the sign of the quaternion that is shorter.
+    sign = 1.0 if cosine >= 0.0 else -1.0
+    scale = sign * (2.0 if sine < 1e-9 else 2.0 * math.atan2(sine, abs(cosine)) / sine)
+    for j in range(3, 6):
+        result[j] *= scale
+    return result
+
+
+@numba.njit(cache=True, nogil=True)
+def _chords(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    result = np.empty((len(positions) - 1, 6))
+    for i in range(len(result)):
+        result[i] = chord(positions[i], quaternions[i], positions[i + 1], quaternions[i + 1])
+    return result
+
+
+@numba.njit(cache=True, nogil=True)
+def _distinct(chords: np.ndarray) -> np.ndarray:
+    """For chords (n - 1, 6) that are scaled to seconds."""
+    count = len(chords)
+    passed = np.empty(count)
+    total = 0.0
+    for i in range(count):
+        squared = 0.0
+        for j in range(6):
+            squared += chords[i, j] * chords[i, j]
+        total += math.sqrt(squared)
+        passed[i] = total
+    kept = np.zeros(count + 1, dtype=np.int64)
+    size, at = 1, 0.0
+    for i in range(count):
+        if passed[i] - at >= SHORTEST_STEP and total - passed[i] >= SHORTEST_STEP:
+            kept[size] = i + 1
+            size += 1
+            at = passed[i]
+    kept[size] = count
+    return kept[: size + 1]
 
 
 @numba.njit(cache=True, nogil=True)

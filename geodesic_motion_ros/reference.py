@@ -10,8 +10,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from geodesic_motion_ros.graph.transport import carried
-from geodesic_motion_ros.pose_curve import SHORTEST_STEP, MotionLimits, PoseCurve
-from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
+from geodesic_motion_ros.pose_curve import SHORTEST_STEP, MotionLimits, PoseCurve, chord
+from geodesic_motion_ros.quaternions import normalise
 from geodesic_motion_ros.time_law import fastest_law
 
 #: A new way may turn off the present direction of motion by no more than 60 degrees: the cosine.
@@ -63,8 +63,7 @@ def correct_ends(
 
     Both offsets, of position and of rotation vector, fade linearly with arc length towards the other end.
     """
-    at_start = np.concatenate([start[0] - positions[0], rotation_vector_between(quaternions[0], start[1])])
-    at_goal = np.concatenate([goal[0] - positions[-1], rotation_vector_between(quaternions[-1], goal[1])])
+    at_start, at_goal = chord(positions[0], quaternions[0], *start), chord(positions[-1], quaternions[-1], *goal)
     share = arc_share(positions)[:, None]
     return carried(positions, quaternions, (1.0 - share) * at_start + share * at_goal)
 

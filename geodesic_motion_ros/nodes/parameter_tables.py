@@ -85,7 +85,15 @@ PLANNER = (
     ),
     Parameter("speed", 0.2, "Largest speed of the tool", "m/s", 0.001, 2.0),
     Parameter("angular_speed", 0.8, "Largest angular speed of the tool", "rad/s", 0.001, 6.0),
-    Parameter("acceleration", 0.5, "Largest acceleration of the tool along its path", "m/s^2", 0.01, 20.0),
+    Parameter(
+        "acceleration",
+        0.5,
+        "Largest acceleration of the tool, along and across its path together; its angular acceleration is kept in "
+        "proportion, acceleration * angular_speed / speed",
+        "m/s^2",
+        0.01,
+        20.0,
+    ),
     Parameter(
         "state_timeout",
         0.1,
