@@ -7,7 +7,7 @@ import math
 import numba
 import numpy as np
 
-from geodesic_motion_ros.pose_curve import PoseCurve
+from geodesic_motion_ros.motion_curve import MotionCurve
 
 
 @numba.njit(cache=True, nogil=True)
@@ -53,10 +53,10 @@ def curve_clearances(
     return result
 
 
-def curve_allowance(curve: PoseCurve, points: np.ndarray) -> np.ndarray:
+def curve_allowance(curve: MotionCurve, points: np.ndarray) -> np.ndarray:
     """How far tool points (K, 3) leave the chords of a curve's n - 1 segments, (n - 1, K) [m].
 
-    Segments bulge out by no more than `PoseCurve.bulges`; a rotation that is off by an angle moves a tool point at
+    Segments bulge out by no more than `MotionCurve.bulges`; a rotation that is off by an angle moves a tool point at
     distance r by no more than r times that.
     """
     angles = np.linalg.norm(curve.chords[:, 3:], axis=1)

@@ -22,8 +22,8 @@ from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.shortest_path import shortest_path, touched_nodes
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import carried
+from geodesic_motion_ros.motion_curve import MotionCurve, distinct
 from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.pose_curve import PoseCurve, distinct
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.query import Pose, Query, QueryBuilder, checked_pose
 from geodesic_motion_ros.reference import (
@@ -544,7 +544,7 @@ class ReactivePlanner:
         if distance > _SAME_PLACE or angle > _SAME_ANGLE:
             positions = np.concatenate([start.position[None], curve.positions[1:]])
             quaternions = continuous_signs(np.concatenate([start.quaternion[None], curve.quaternions[1:]]))
-            curve = PoseCurve.through(positions, quaternions, settings.limits)
+            curve = MotionCurve.through(positions, quaternions, settings.limits)
         latent = previous.latent[at:]
         braking = braking_law(curve, settings.limits, initial_rate(curve, settings.limits, speed / settings.speed))
         if braking is not None:
@@ -559,7 +559,7 @@ class ReactivePlanner:
             return None
         return reference
 
-    def _clearance(self, curve: PoseCurve, obstacles: Obstacles) -> np.ndarray:
+    def _clearance(self, curve: MotionCurve, obstacles: Obstacles) -> np.ndarray:
         """Certified clearance [m] of every segment of a curve: (n - 1,)."""
         return curve_clearances(
             tool_points(curve.positions, curve.quaternions, self._points), self._point_radii,
@@ -601,7 +601,7 @@ class ReactivePlanner:
         beyond = self._beyond_reach(positions, scene.frame)
         if beyond:
             return _refusal(VerdictCode.NO_FEASIBLE_PATH, f"the way leads {beyond}", query)
-        curve = PoseCurve.through(positions, quaternions, settings.limits, motion.velocity)
+        curve = MotionCurve.through(positions, quaternions, settings.limits, motion.velocity)
         clearance = self._clearance(curve, scene.in_task)
         found = self._path_verdict(query, float(np.max(rms_sigma(decoded.sigma))), energy, float(np.min(clearance)))
         verdict = replace(found, end_correction=correction)

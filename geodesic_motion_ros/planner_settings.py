@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from geodesic_motion_ros.errors import PlanningError
-from geodesic_motion_ros.pose_curve import MotionLimits
+from geodesic_motion_ros.motion_curve import MotionLimits
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from geodesic_motion_ros.graph.transport import carried
-from geodesic_motion_ros.pose_curve import SHORTEST_STEP, MotionLimits, PoseCurve, chord
+from geodesic_motion_ros.motion_curve import SHORTEST_STEP, MotionCurve, MotionLimits, chord
 from geodesic_motion_ros.quaternions import normalise
 from geodesic_motion_ros.time_law import fastest_law
 
@@ -85,7 +85,7 @@ def bent_to(
     so that the bend takes half of the acceleration that is allowed, 4 |D| / L at most. None where the directions differ
     by more than 60 degrees, or where there is not enough way left: then one must stop first.
     """
-    curve = PoseCurve.through(positions, quaternions, limits)
+    curve = MotionCurve.through(positions, quaternions, limits)
     scale = np.repeat([limits.speed, limits.angular_speed], 3)
     wanted, found = velocity / scale, curve.tangents[0] / scale
     rate = float(np.linalg.norm(wanted))
@@ -121,7 +121,7 @@ class TaskSpaceReference:
 
     times: np.ndarray
     rates: np.ndarray
-    curve: PoseCurve
+    curve: MotionCurve
     limits: MotionLimits
     latent: np.ndarray
     clearance: np.ndarray
@@ -202,7 +202,7 @@ class TaskSpaceReference:
 
 
 def timed_reference(
-    curve: PoseCurve,
+    curve: MotionCurve,
     latent: np.ndarray,
     clearance: np.ndarray,
     limits: MotionLimits,
@@ -213,7 +213,7 @@ def timed_reference(
     return TaskSpaceReference(times, rates, curve, limits, latent, clearance, strain)
 
 
-def initial_rate(curve: PoseCurve, limits: MotionLimits, speed: float) -> float:
+def initial_rate(curve: MotionCurve, limits: MotionLimits, speed: float) -> float:
     """u' at the begin of a curve at a speed over full speed."""
     full = float(limits.fraction(curve.tangents[0, :3], curve.tangents[0, 3:]))
     return speed / full if full > 0.0 else 0.0

@@ -18,7 +18,7 @@ import math
 import numba
 import numpy as np
 
-from geodesic_motion_ros.pose_curve import SHORTEST_STEP, MotionLimits, PoseCurve
+from geodesic_motion_ros.motion_curve import SHORTEST_STEP, MotionCurve, MotionLimits
 
 #: Halvings of the interval of squared rates: 2^-24 of it is left.
 _HALVINGS = 24
@@ -139,7 +139,7 @@ def _soonest_rest(
     return result, len(forms), 0.0
 
 
-def _arrays(curve: PoseCurve, limits: MotionLimits) -> tuple[np.ndarray, np.ndarray]:
+def _arrays(curve: MotionCurve, limits: MotionLimits) -> tuple[np.ndarray, np.ndarray]:
     accelerations = np.array([limits.acceleration, limits.angular_acceleration])
     speeds = np.array([limits.speed, limits.angular_speed])
     return _quadratics(curve.knots, curve.chords, curve.tangents, accelerations, speeds)
@@ -151,7 +151,7 @@ def _times(knots: np.ndarray, rates: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def fastest_law(curve: PoseCurve, limits: MotionLimits, initial_rate: float) -> tuple[np.ndarray, np.ndarray, float]:
+def fastest_law(curve: MotionCurve, limits: MotionLimits, initial_rate: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Times (n,) [s], rates u' (n,) and strain of the fastest law that begins at `initial_rate` and ends at rest.
 
     The strain is 1 where all limits are kept. Where the initial rate is too fast to be braked or bent within them, both
@@ -171,8 +171,8 @@ def fastest_law(curve: PoseCurve, limits: MotionLimits, initial_rate: float) -> 
 
 
 def braking_law(
-    curve: PoseCurve, limits: MotionLimits, initial_rate: float
-) -> tuple[PoseCurve, np.ndarray, np.ndarray] | None:
+    curve: MotionCurve, limits: MotionLimits, initial_rate: float
+) -> tuple[MotionCurve, np.ndarray, np.ndarray] | None:
     """The beginning of a curve on which the soonest rest is reached, with times (n,) [s] and rates u' (n,).
 
     None where the curve is too short for it.

@@ -32,8 +32,8 @@ GROUND = {
     "graph", "robot", "skill", "sheet", "regression", "quaternions", "errors", "verdict", "decoder", "shared_files",
 }  # fmt: skip
 RUN = {
-    *GROUND, "planner", "planner_settings", "query", "task_frame", "reference", "pose_curve", "time_law", "certificate",
-    "latent_view", "tables", "simulation", "nodes",
+    *GROUND, "planner", "planner_settings", "query", "task_frame", "reference", "motion_curve", "time_law",
+    "certificate", "latent_view", "tables", "simulation", "nodes",
 }  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geodesic_motion_ros.pose_curve import MotionLimits, PoseCurve, distinct
+from geodesic_motion_ros.motion_curve import MotionCurve, MotionLimits, distinct
 from geodesic_motion_ros.quaternions import angle_between, normalise, rotate_by, rotation_vector_between
 from geodesic_motion_ros.reference import TaskSpaceReference, smooth_poses, timed_reference
 from geodesic_motion_ros.time_law import braking_law, fastest_law
@@ -19,14 +19,14 @@ SMOOTH, CORNERED = 1.05, 1.3
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 
 
-def drawn(positions: np.ndarray, turns: np.ndarray) -> PoseCurve:
+def drawn(positions: np.ndarray, turns: np.ndarray) -> MotionCurve:
     """The curve through positions (n, 3) and orientations that are turned by rotation vectors (n, 3)."""
     quaternions = rotate_by(turns, np.broadcast_to(DOWN, (len(turns), 4)))
     kept = distinct(positions, quaternions, LIMITS)
-    return PoseCurve.through(positions[kept], quaternions[kept], LIMITS)
+    return MotionCurve.through(positions[kept], quaternions[kept], LIMITS)
 
 
-def reference(curve: PoseCurve, speed: float = 0.0) -> TaskSpaceReference:
+def reference(curve: MotionCurve, speed: float = 0.0) -> TaskSpaceReference:
     count = len(curve.knots)
     return timed_reference(curve, np.zeros((count, 2)), np.full(count - 1, np.inf), LIMITS, speed)
 
@@ -80,7 +80,7 @@ def test_a_smoothed_corner_costs_little_time():
     straight = np.stack([share, 0.0 * share, 0.0 * share], axis=1)
     quaternions = np.broadcast_to(DOWN, (150, 4))
     plain, cornered, smooth = (
-        reference(PoseCurve.through(*poses, LIMITS)).duration
+        reference(MotionCurve.through(*poses, LIMITS)).duration
         for poses in ((straight, quaternions), (bent, quaternions), smooth_poses(bent, quaternions, 3.0))
     )
     assert cornered < plain + 1.0

@@ -1,4 +1,4 @@
-"""PoseCurve: a curve of tool poses whose velocity is continuous, cut and projected onto exactly."""
+"""MotionCurve: a curve of tool poses whose velocity is continuous, cut and projected onto exactly."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def distinct(positions: np.ndarray, quaternions: np.ndarray, limits: MotionLimit
 
 
 @dataclass(frozen=True)
-class PoseCurve:
+class MotionCurve:
     """Cubic Hermite segments between poses; the parameter u [s] is a time in which no limit of speed is exceeded.
 
     On a segment of length h, at s in [0, 1], with chord c (a difference of positions or a rotation vector) and tangents
@@ -60,7 +60,7 @@ class PoseCurve:
     @classmethod
     def through(
         cls, positions: np.ndarray, quaternions: np.ndarray, limits: MotionLimits, initial: np.ndarray | None = None
-    ) -> PoseCurve:
+    ) -> MotionCurve:
         """The curve through distinct poses (n, 3), (n, 4); `initial` (6,) is the direction of motion it begins with.
 
         Tangents are those of the parabola through three successive poses (Bessel's), so a corner is rounded within the
@@ -76,7 +76,7 @@ class PoseCurve:
         knots = np.concatenate([[0.0], np.cumsum(steps)])
         return cls(knots, positions, continuous_signs(quaternions), chords, tangents)
 
-    def moved(self, move: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]) -> PoseCurve:
+    def moved(self, move: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]) -> MotionCurve:
         """The same curve with its poses (n, 3), (n, 4) moved by a rigid motion."""
         origin, _ = move(np.zeros((1, 3)), self.quaternions[:1])
         positions, quaternions = move(self.positions, self.quaternions)
@@ -84,7 +84,7 @@ class PoseCurve:
         def turned(pairs: np.ndarray) -> np.ndarray:
             return np.concatenate([move(part, self.quaternions[:1])[0] - origin for part in np.split(pairs, 2, 1)], 1)
 
-        return PoseCurve(self.knots, positions, quaternions, turned(self.chords), turned(self.tangents))
+        return MotionCurve(self.knots, positions, quaternions, turned(self.chords), turned(self.tangents))
 
     def pose(self, segment: int, share: float) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and quaternion (4,) at a share in [0, 1] of a segment."""
@@ -118,7 +118,7 @@ class PoseCurve:
                 best = i, s, off, turned
         return best
 
-    def from_share(self, segment: int, share: float) -> tuple[PoseCurve, int]:
+    def from_share(self, segment: int, share: float) -> tuple[MotionCurve, int]:
         """The curve from a share of a segment on, geometrically the same, and how many segments it leaves out."""
         left = (1.0 - share) * (self.knots[segment + 1] - self.knots[segment])
         if left < SHORTEST_STEP and segment + 2 < len(self.knots):
@@ -127,7 +127,7 @@ class PoseCurve:
         at = self.knots[segment] + share * (self.knots[segment + 1] - self.knots[segment])
         ahead = slice(segment + 1, None)
         first = chord(position, quaternion, self.positions[segment + 1], self.quaternions[segment + 1])
-        return PoseCurve(
+        return MotionCurve(
             np.concatenate([[0.0], np.maximum(self.knots[ahead] - at, SHORTEST_STEP)]),
             np.concatenate([position[None], self.positions[ahead]]),
             continuous_signs(np.concatenate([quaternion[None], self.quaternions[ahead]])),
@@ -135,13 +135,13 @@ class PoseCurve:
             np.concatenate([self.velocity(segment, share)[None], self.tangents[ahead]]),
         ), segment
 
-    def until(self, segment: int, share: float) -> PoseCurve:
+    def until(self, segment: int, share: float) -> MotionCurve:
         """The beginning of the curve, up to a share of a segment."""
         position, quaternion = self.pose(segment, share)
         upto = slice(None, segment + 1)
         at = self.knots[segment] + max(share * (self.knots[segment + 1] - self.knots[segment]), SHORTEST_STEP)
         last = chord(self.positions[segment], self.quaternions[segment], position, quaternion)
-        return PoseCurve(
+        return MotionCurve(
             np.append(self.knots[upto], at),
             np.concatenate([self.positions[upto], position[None]]),
             continuous_signs(np.concatenate([self.quaternions[upto], quaternion[None]])),

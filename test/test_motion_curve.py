@@ -5,7 +5,7 @@ import pytest
 
 from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
 from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.pose_curve import SHORTEST_STEP, MotionLimits, PoseCurve, distinct
+from geodesic_motion_ros.motion_curve import SHORTEST_STEP, MotionCurve, MotionLimits, distinct
 from geodesic_motion_ros.quaternions import angle_between, normalise, rotate_by, rotation_vector_between
 from geodesic_motion_ros.task_frame import TaskFrame
 
@@ -22,7 +22,7 @@ def wandering(seed: int, count: int = 12, step: float = 0.01) -> tuple[np.ndarra
     return positions, np.array(quaternions)
 
 
-def dense(curve: PoseCurve, count: int = 30) -> tuple[np.ndarray, np.ndarray]:
+def dense(curve: MotionCurve, count: int = 30) -> tuple[np.ndarray, np.ndarray]:
     shares = np.linspace(0.0, 1.0, count)
     poses = [curve.pose(i, share) for i in range(len(curve.chords)) for share in shares]
     return np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
@@ -31,7 +31,7 @@ def dense(curve: PoseCurve, count: int = 30) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("seed", range(5))
 def test_a_curve_passes_its_poses_with_a_continuous_velocity(seed):
     positions, quaternions = wandering(seed)
-    curve = PoseCurve.through(positions, quaternions, LIMITS)
+    curve = MotionCurve.through(positions, quaternions, LIMITS)
     for i in range(len(curve.chords)):
         for share in (0.0, 1.0):
             position, quaternion = curve.pose(i, share)
@@ -42,7 +42,7 @@ def test_a_curve_passes_its_poses_with_a_continuous_velocity(seed):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_velocity_is_the_derivative_of_the_pose(seed):
-    curve, tiny = PoseCurve.through(*wandering(seed), LIMITS), 1e-5
+    curve, tiny = MotionCurve.through(*wandering(seed), LIMITS), 1e-5
     for i, share in ((0, 0.3), (4, 0.5), (10, 0.9)):
         step = curve.knots[i + 1] - curve.knots[i]
         (before, turned), (after, turned_more) = curve.pose(i, share - tiny), curve.pose(i, share + tiny)
@@ -55,7 +55,7 @@ def test_the_velocity_is_the_derivative_of_the_pose(seed):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_cut_curves_are_parts_of_the_whole(seed):
-    curve = PoseCurve.through(*wandering(seed), LIMITS)
+    curve = MotionCurve.through(*wandering(seed), LIMITS)
     segment, share = seed, 0.37
     rest, at = curve.from_share(segment, share)
     begun = curve.until(segment, share)
@@ -70,7 +70,7 @@ def test_cut_curves_are_parts_of_the_whole(seed):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_the_foot_of_a_pose_on_the_curve_is_that_pose(seed):
-    curve = PoseCurve.through(*wandering(seed), LIMITS)
+    curve = MotionCurve.through(*wandering(seed), LIMITS)
     for i in range(len(curve.chords)):
         for share in (0.0, 0.21, 0.8):
             pose = curve.pose(i, share)
@@ -83,7 +83,7 @@ def test_the_foot_of_a_pose_on_the_curve_is_that_pose(seed):
 @pytest.mark.parametrize("seed", range(20))
 def test_the_certificate_of_a_curve_is_never_optimistic(seed):
     random = np.random.default_rng(seed)
-    curve = PoseCurve.through(*wandering(seed, step=0.03), LIMITS)
+    curve = MotionCurve.through(*wandering(seed, step=0.03), LIMITS)
     points, radii = random.uniform(-0.2, 0.2, (3, 3)), np.array([0.03, 0.05, 0.0])
     centres, obstacle_radii = random.normal(scale=0.2, size=(4, 3)), random.uniform(0.02, 0.05, 4)
     certified = curve_clearances(
@@ -97,7 +97,7 @@ def test_the_certificate_of_a_curve_is_never_optimistic(seed):
 
 
 def test_a_moved_curve_is_the_same_curve_elsewhere():
-    curve = PoseCurve.through(*wandering(3), LIMITS)
+    curve = MotionCurve.through(*wandering(3), LIMITS)
     frame = TaskFrame(np.array([0.3, -0.2, 0.1]), normalise(np.array([0.5, 0.1, -0.7, 0.2])))
     moved = curve.moved(frame.to_base)
     for (position, quaternion), (there, turned) in zip(
