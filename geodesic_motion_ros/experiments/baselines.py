@@ -43,9 +43,8 @@ class Prediction:
 
     Attributes
     ----------
-    uncorrected, corrected : `corrected` is `uncorrected` with its ends moved; both offsets, of position and
-    of
-        rotation vector, fade linearly in arc length.
+    uncorrected, corrected : `corrected` is `uncorrected` with its ends moved; both offsets, of position and of rotation
+        vector, fade linearly in arc length.
     """
 
     uncorrected: PoseCurve

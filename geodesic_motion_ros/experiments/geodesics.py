@@ -41,8 +41,8 @@ from geodesic_motion_ros.tables import text_table
 
 #: Points at which the length of every curve is measured.
 DENSE = 2000
-#: Samples per grid step and their smoothing, as the planner does it.
-_SAMPLES_PER_STEP, _SMOOTHING_WIDTH = 1.5, 1.5
+#: Samples per grid step and their smoothing in the latent space, as the planner begins with.
+_SAMPLES_PER_STEP, _SMOOTHING_WIDTH = 1.0, 1.5
 GRAPHS = ((50, 8), (50, 16), (100, 8), (100, 16))
 """Nodes along each side of the grid, and neighbours of a node."""
 
