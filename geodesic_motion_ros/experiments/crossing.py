@@ -33,9 +33,9 @@ class Crossing:
 
     Attributes
     ----------
-    within, across : energy (squared length in the metric: m^2 of positions, rad^2 / 4 of rotations) of the shortest path
-        to the goal with q, and with -q, on a graph of the whole latent box, nothing pruned or forbidden: the integral of
-        |c'|^2 over unit time for the curve that spends the same time on each of its m edges, m sum_e w_e^2.
+    within, across : energy (squared length in the metric: m^2 of positions, rad^2 / 4 of rotations) of the shortest
+        path to the goal with q, and with -q, on a graph of the whole latent box, nothing pruned or forbidden: the
+        integral of |c'|^2 over unit time for the curve that spends the same time on each of its m edges, m sum_e w_e^2.
     edge_within, edge_across : largest squared length of one edge of those paths, what the planner's verdict
         compares with the skill's threshold.
     sign_flip : the decoded quaternion of the path across ends in the other hemisphere than the motion's.
