@@ -44,12 +44,19 @@ def from_rotation(rotation: Rotation) -> np.ndarray:
 
 def rotation_vector_between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Shortest rotation vector r (..., 3) [rad] in the base frame with exp(r) first = second up to sign."""
-    return (to_rotation(second) * to_rotation(first).inv()).as_rotvec()
+    between = multiply(second, inverse(first))
+    between = np.where(between[..., :1] < 0.0, -between, between)
+    sine = np.linalg.norm(between[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, between[..., :1])
+    return np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0.0) * between[..., 1:]
 
 
 def rotate_by(rotation_vectors: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
     """exp(r) q for rotation vectors (..., 3) [rad, base frame] and quaternions (..., 4), keeping q's hemisphere."""
-    rotated = from_rotation(Rotation.from_rotvec(rotation_vectors) * to_rotation(quaternions))
+    half = 0.5 * np.linalg.norm(rotation_vectors, axis=-1, keepdims=True)
+    # sin(x) / x, 1 at 0; numpy's sinc is that of pi x.
+    turn = np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * rotation_vectors], axis=-1)
+    rotated = multiply(turn, quaternions)
     flip = np.sum(rotated * quaternions, axis=-1, keepdims=True) < 0.0
     return np.where(flip, -rotated, rotated)
 
@@ -61,9 +68,17 @@ def inverse(quaternion: np.ndarray) -> np.ndarray:
 
 def multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Hamilton product p q (..., 4): first q, then p. Continuous in both: no sign is chosen."""
-    scalars = first[..., :1] * second[..., :1] - np.sum(first[..., 1:] * second[..., 1:], axis=-1, keepdims=True)
-    vectors = first[..., :1] * second[..., 1:] + second[..., :1] * first[..., 1:]
-    return np.concatenate([scalars, vectors + np.cross(first[..., 1:], second[..., 1:])], axis=-1)
+    a, b, c, d = np.moveaxis(first, -1, 0)
+    w, x, y, z = np.moveaxis(second, -1, 0)
+    return np.stack(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ],
+        axis=-1,
+    )
 
 
 def rotate(quaternion: np.ndarray, vectors: np.ndarray) -> np.ndarray:

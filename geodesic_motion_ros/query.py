@@ -22,7 +22,7 @@ from geodesic_motion_ros.graph.transport import Offsets, corrections_at
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
-from geodesic_motion_ros.sheet import beyond_demonstrated
+from geodesic_motion_ros.sheet import beyond_demonstrated, offset_features
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -74,6 +74,13 @@ class _End:
         return (*_lengths(self.displacement), *_lengths(self.beyond))
 
 
+AlongRidges = tuple[np.ndarray, np.ndarray | None]
+"""Corrections (K, S, 6) of the decoder along a query's ridges, and the nodes' conformal factors (n,), None for 1."""
+
+#: A goal that moves no further than this during a motion leaves the choice between the demonstrations as it is [m].
+_SAME_TASK = 0.02
+
+
 @dataclass(frozen=True)
 class Query:
     """A start and goal with the graph transported to them.
@@ -88,7 +95,9 @@ class Query:
     to_goal : (n,) obstacle-free cost to the goal, the exact heuristic.
     body_box : lower and upper corner (3,) [m] of all body points.
     misfits : how far both ends are carried, under their names in a Verdict.
-    task_start : (6,) offset of the task's start from the demonstrated mean, wherever on the way the query begins.
+    task_start, task_goal : (6,) offsets of the task's start and goal from the demonstrated means, wherever on the way
+        the query begins.
+    along_ridges : corrections and conformal factors for these offsets, see `QueryBuilder`.
     """
 
     start: Pose
@@ -104,6 +113,8 @@ class Query:
     body_box: tuple[np.ndarray, np.ndarray]
     misfits: dict[str, float]
     task_start: np.ndarray
+    task_goal: np.ndarray
+    along_ridges: AlongRidges
 
 
 class QueryBuilder:
@@ -206,7 +217,8 @@ class QueryBuilder:
         if not pairs:
             return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
         here, there = min(pairs, key=lambda pair: _weighed(pair[0]) + _weighed(pair[1]))
-        return self._between(start, here, goal, there, here.task_offset)
+        along_ridges = self._chosen_ridges(here.task_offset, there.task_offset)
+        return self._between(start, here, goal, there, here.task_offset, along_ridges)
 
     def redirected(self, query: Query, start: Pose, latent: np.ndarray, goal: Pose) -> Query | Verdict | None:
         """The query that goes on from a pose on the way of an older one, at its latent point (d,), to a new goal.
@@ -218,16 +230,28 @@ class QueryBuilder:
             return None
         here = _End(latent, node, self._displacement(latent, start), np.zeros(6), query.task_start)
         there = self._end("goal", goal, int(self._graph.component[node]))
-        return None if there is None else self._between(start, here, goal, there, query.task_start)
+        if there is None:
+            return None
+        along_ridges = query.along_ridges
+        moved = offset_features(np.zeros(6), there.task_offset - query.task_goal)
+        if np.linalg.norm(moved) > _SAME_TASK:
+            along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
+        return self._between(start, here, goal, there, query.task_start, along_ridges)
 
-    def _between(self, start: Pose, here: _End, goal: Pose, there: _End, task_start: np.ndarray) -> Query | Verdict:
+    def _chosen_ridges(self, task_start: np.ndarray, task_goal: np.ndarray) -> AlongRidges:
+        """Those of start and goal where the skill found that they choose between demonstrations; of the mean else."""
+        sheet = self._skill.canonical
+        if self._ridges is None or sheet is None or not (self._settings.query_conditioning and sheet.regresses):
+            return self._unconditioned
+        return self._along_ridges(task_start, task_goal, conditioned=True)
+
+    def _between(
+        self, start: Pose, here: _End, goal: Pose, there: _End, task_start: np.ndarray, along_ridges: AlongRidges
+    ) -> Query | Verdict:
         for verdict in (self._offset_verdict("start", here), self._offset_verdict("goal", there)):
             if not verdict.ok:
                 return verdict
-        corrections, conformal = self._unconditioned
-        sheet = self._skill.canonical
-        if self._ridges is not None and sheet is not None and self._settings.query_conditioning and sheet.regresses:
-            corrections, conformal = self._along_ridges(task_start, there.task_offset, conditioned=True)
+        corrections, conformal = along_ridges
         offsets = self._offsets(here, there, corrections)
         graph = self._graph.transported(offsets, self._points, conformal)
         base = graph.base
@@ -247,12 +271,13 @@ class QueryBuilder:
             body_box=_box(body_points),
             misfits=_misfits("start", here) | _misfits("goal", there),
             task_start=task_start,
+            task_goal=there.task_offset,
+            along_ridges=along_ridges,
         )
 
     def _along_ridges(
         self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool
-    ) -> tuple[np.ndarray, np.ndarray | None]:
-        """Corrections (K, S, 6) of the decoder along the ridges of a query, and the nodes' conformal factors (n,)."""
+    ) -> AlongRidges:
         sheet = self._skill.canonical
         if self._ridges is None or sheet is None:
             # No ridge is used, but the graph counts the shares of the skill's.
