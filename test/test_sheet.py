@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.quaternions import angle_between
-from geodesic_motion_ros.sheet import METRES_PER_RADIAN, beyond_demonstrated, blended_curves
+from geodesic_motion_ros.sheet import METRES_PER_RADIAN, RotationCurves, beyond_demonstrated
 
 SCALE = np.repeat([1.0, METRES_PER_RADIAN], 3)
 
@@ -93,10 +93,9 @@ def test_corrections_make_the_decoder_the_weighted_mean_on_the_ridges(canonical_
 def test_blends_do_not_depend_on_signs(sheet):
     weights = np.random.default_rng(0).dirichlet(np.ones(7), 4)
     signs = np.random.default_rng(1).choice([-1.0, 1.0], size=(7, 1, 1))
-    expected = blended_curves(sheet.positions, sheet.quaternions, weights)
-    found = blended_curves(sheet.positions, signs * sheet.quaternions, weights)
-    np.testing.assert_allclose(found[0], expected[0])
-    assert angle_between(found[1], expected[1]).max() < 1e-6
+    expected = RotationCurves.of(sheet.quaternions).blended(weights)
+    found = RotationCurves.of(signs * sheet.quaternions).blended(weights)
+    assert angle_between(found, expected).max() < 1e-6
 
 
 @pytest.mark.parametrize(
