@@ -27,6 +27,7 @@ from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.query import Pose, Query, QueryBuilder, checked_pose
 from geodesic_motion_ros.reference import (
+    ReferenceFollower,
     TaskSpaceReference,
     bent_to,
     correct_ends,
@@ -167,8 +168,27 @@ class ReactivePlanner:
         self._goal: tuple[Pose, bool] | None = None
         self._query: Query | None = None
         self._followed: _Followed | None = None
-        # Loads the compiled kernels, or compiles them on the first start: the first tick shall not wait for that.
-        self.plan(*np.split(skill.start_pose, [3]), *np.split(skill.goal_pose, [3]))
+        self._warm_up()
+
+    def _warm_up(self) -> None:
+        """Load the compiled kernels, or compile them on the first start: no tick of the stream shall wait for that.
+
+        A short stream from the start of the skill, with an obstacle, a goal that moves and a stop; then all is forgotten.
+        """
+        start, goal = np.split(self.skill.start_pose, [3]), np.split(self.skill.goal_pose, [3])
+        self.set_obstacles(start[0][None] + [[0.0, 0.0, 1.0]], np.array([0.01]))
+        self.set_goal(*goal)
+        follower = ReferenceFollower(self.settings.speed)
+        follower.reset(*start)
+        for shift in (0.0, 0.0, 0.001, 0.001):
+            self.set_goal(goal[0] + shift, goal[1])
+            plan = self.tick(follower.position, follower.quaternion, follower.speed)
+            if plan.reference is not None:
+                follower.accept(plan.reference)
+            follower.advance(0.1)
+        self.stop(follower.position, follower.quaternion, follower.speed)
+        self._scene = _Scene.of(TaskFrame.identity(), Obstacles.none())
+        self._goal = self._query = self._followed = None
 
     # ---------------------------------------------------------------- inputs
 
