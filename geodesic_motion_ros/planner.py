@@ -173,7 +173,7 @@ class ReactivePlanner:
     def _warm_up(self) -> None:
         """Load the compiled kernels, or compile them on the first start: no tick of the stream shall wait for that.
 
-        A short stream from the start of the skill, with an obstacle, a goal that moves and a stop; then all is forgotten.
+        A short stream from the skill's start, with an obstacle, a moving goal and a stop; then all is forgotten.
         """
         start, goal = np.split(self.skill.start_pose, [3]), np.split(self.skill.goal_pose, [3])
         self.set_obstacles(start[0][None] + [[0.0, 0.0, 1.0]], np.array([0.01]))
