@@ -257,5 +257,6 @@ def draw_geodesics(report: GeodesicsReport, path: Path) -> None:
         lengths.plot(values["median_ms"], values["mean_over_shortest"], marker, markersize=8, label=method)
     lengths.legend(fontsize=8, loc="upper center", ncols=2)
     lengths.margins(y=0.3)
-    lengths.set(xscale="log", yscale="log", xlabel="time of one path [ms]", ylabel="length over the shortest found (mean)")
+    lengths.set(xscale="log", yscale="log")
+    lengths.set(xlabel="time of one path [ms]", ylabel="length over the shortest found (mean)")
     figure.savefig(path, dpi=110)
