@@ -484,6 +484,8 @@ class ReactivePlanner:
             query.body_points, self._point_radii, near.centres, near.radii,
             settings.ambient_strength, settings.ambient_width_ratio,
         )  # fmt: skip
+        touched = touched_nodes(factors)
+        query.graph.fill_shares(self.graph.adjacency, touched)
         free = np.full(len(self.graph.latent), -math.inf)
         free[query.members] = clearances(query.body_points, self._point_radii, near.centres, near.radii, within)
         # The goal itself was found free; its node lies under it but for rounding.
@@ -491,7 +493,7 @@ class ReactivePlanner:
         for multiple in _MARGIN_MULTIPLES:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
             margin = min(multiple * settings.obstacle_margin, 0.5 * ends)
-            found = self._search(query, start_latent, factors, free < margin)
+            found = self._search(query, start_latent, factors, touched, free < margin)
             if isinstance(found, Plan):
                 return found
             for widths in _SMOOTHING_WIDTHS:
@@ -526,14 +528,17 @@ class ReactivePlanner:
         return float(min(here, there))
 
     def _search(
-        self, query: Query, start_latent: np.ndarray, factors: np.ndarray, blocked: np.ndarray
+        self,
+        query: Query,
+        start_latent: np.ndarray,
+        factors: np.ndarray,
+        touched: np.ndarray,
+        blocked: np.ndarray,
     ) -> tuple[np.ndarray, float] | Plan:
         """Latent polyline (m, d) of the cheapest path and its largest energy per edge, or the refusal."""
         source = self.graph.node_near(start_latent, ~blocked, _ENTRY_STEPS)
         if source is None:
             return _refusal(VerdictCode.NO_FEASIBLE_PATH, "obstacles leave no free node near the start", query)
-        touched = touched_nodes(factors)
-        query.graph.fill_shares(self.graph.adjacency, touched)
         nodes, edges, cost = shortest_path(
             self.graph.adjacency, query.base, query.graph.fixed, query.graph.shares, factors, touched, blocked,
             query.to_goal, source, query.goal_node,
