@@ -6,18 +6,14 @@ torch. Both agree to rounding (tested).
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import ClassVar
 
-import numba
 import numpy as np
 
 from geodesic_motion_ros.graph.perceptron import Perceptron
+from geodesic_motion_ros.graph.radial_basis import radial_basis
 from geodesic_motion_ros.quaternions import normalise
-
-#: Points decoded at once.
-_BLOCK = 1024
 
 
 @dataclass(frozen=True)
@@ -46,28 +42,6 @@ class Decoded:
         return Decoded(self.positions[index], self.quaternions[index], self.sigma[index], self.kappa[index])
 
 
-@numba.njit(cache=True, nogil=True)
-def _radial_basis(
-    latent: np.ndarray, centres: np.ndarray, rate: float, sigma_weights: np.ndarray, kappa_weights: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """sigma_weights v (n, 3) and kappa_weights v (n,) for v_k = exp(-rate |z - c_k|^2).
-
-    Kernels below exp(-40), which is below the rounding of the others' sum wherever a point is near any, are left out.
-    """
-    inverse_sigma, kappa = np.zeros((len(latent), sigma_weights.shape[0])), np.zeros(len(latent))
-    for i in range(len(latent)):
-        for k in range(len(centres)):
-            squared = 0.0
-            for j in range(latent.shape[1]):
-                squared += (latent[i, j] - centres[k, j]) ** 2
-            if rate * squared < 40.0:
-                activation = math.exp(-rate * squared)
-                kappa[i] += kappa_weights[k] * activation
-                for j in range(sigma_weights.shape[0]):
-                    inverse_sigma[i, j] += sigma_weights[j, k] * activation
-    return inverse_sigma, kappa
-
-
 @dataclass(frozen=True)
 class TaskSpaceDecoder(Perceptron):
     """p(x, q | z): two tanh layers for the means, RBF networks for sigma^-1 and kappa.
@@ -81,6 +55,8 @@ class TaskSpaceDecoder(Perceptron):
 
     network: ClassVar[str] = "decoder"
 
+    position_offset: np.ndarray
+    position_scale: np.ndarray
     rbf_centres: np.ndarray
     rbf_rate: np.ndarray
     sigma_weights: np.ndarray
@@ -93,30 +69,28 @@ class TaskSpaceDecoder(Perceptron):
         return self.W1.shape[1]
 
     def decode(self, latent: np.ndarray) -> Decoded:
-        """Decode latent points (n, d); a whole graph in blocks, which stay in the processor's cache."""
-        if len(latent) > _BLOCK:
-            blocks = [self.decode(latent[begin : begin + _BLOCK]) for begin in range(0, len(latent), _BLOCK)]
-            return Decoded(*(np.concatenate([getattr(block, f.name) for block in blocks]) for f in fields(Decoded)))
+        """Decode latent points (n, d)."""
         out = self.outputs(latent)
         sigma, kappa = self.uncertainty(latent)
         return Decoded(self.position_offset + self.position_scale * out[:, :3], normalise(out[:, 3:]), sigma, kappa)
 
     def uncertainty(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """sigma (n, 3) [m] and kappa (n,) alone: cheaper than decoding, enough to prune a grid."""
-        inverse_sigma, kappa = _radial_basis(
-            np.ascontiguousarray(latent, dtype=float), self.rbf_centres, float(self.rbf_rate),
-            self.sigma_weights, self.kappa_weights,
-        )  # fmt: skip
-        return 1.0 / (inverse_sigma + self.sigma_floor), kappa + self.kappa_floor
+        weights = np.vstack([self.sigma_weights, self.kappa_weights])
+        precisions = radial_basis(latent, self.rbf_centres, float(self.rbf_rate), weights)
+        return 1.0 / (precisions[:, :3] + self.sigma_floor), precisions[:, 3] + self.kappa_floor
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
         centres = len(np.atleast_1d(self.rbf_centres))
         return super().expected_shapes() | {
-            "W3": (7, self.b2.size), "b3": (7,), "rbf_centres": (centres, *self.W1.shape[-1:]), "rbf_rate": (),
-            "sigma_weights": (3, centres), "sigma_floor": (3,), "kappa_weights": (centres,), "kappa_floor": (),
+            "W3": (7, self.b2.size), "b3": (7,), "position_offset": (3,), "position_scale": (),
+            "rbf_centres": (centres, *self.W1.shape[-1:]), "rbf_rate": (), "sigma_weights": (3, centres), "sigma_floor": (3,),
+            "kappa_weights": (centres,), "kappa_floor": (),
         }  # fmt: skip
 
 
 def rms_sigma(decoded_sigma: np.ndarray) -> np.ndarray:
-    """Root mean square over the coordinates of sigma (n, 3): one number [m] per latent point, the support's measure."""
+    """Root mean square over the coordinates of sigma (n, 3) [m] or (n, eta) [rad]: one number per latent point, the
+    support's measure.
+    """
     return np.sqrt(np.mean(decoded_sigma**2, axis=-1))

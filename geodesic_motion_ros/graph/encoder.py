@@ -1,4 +1,4 @@
-"""The trained encoder in plain numpy: the latent mean of a pose, for reconstructing demonstrations."""
+"""The trained encoders in plain numpy: the latent mean of a pose or a configuration, to reconstruct demonstrations."""
 
 from __future__ import annotations
 
@@ -20,10 +20,30 @@ class TaskSpaceEncoder(Perceptron):
 
     network: ClassVar[str] = "encoder"
 
+    position_offset: np.ndarray
+    position_scale: np.ndarray
+
     def encode(self, positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
         """Codes (..., d) of positions (..., 3) [m] and unit quaternions (..., 4)."""
         scaled = (positions - self.position_offset) / self.position_scale
         return self.outputs(np.concatenate([scaled, quaternions], axis=-1))
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
-        return super().expected_shapes() | {"W1": (self.b1.size, 7)}
+        return super().expected_shapes() | {"W1": (self.b1.size, 7), "position_offset": (3,), "position_scale": ()}
+
+
+@dataclass(frozen=True)
+class JointSpaceEncoder(Perceptron):
+    """Mean of q(z | theta): the perceptron's outputs at y = (theta - joint_offset) / joint_scale."""
+
+    network: ClassVar[str] = "encoder"
+
+    joint_offset: np.ndarray
+    joint_scale: np.ndarray
+
+    def encode(self, configurations: np.ndarray) -> np.ndarray:
+        """Codes (..., d) of configurations (..., eta) [rad]."""
+        return self.outputs((configurations - self.joint_offset) / self.joint_scale)
+
+    def expected_shapes(self) -> dict[str, tuple[int, ...]]:
+        return super().expected_shapes() | {"joint_offset": (self.W1.shape[-1],), "joint_scale": ()}

@@ -9,12 +9,15 @@ import numpy as np
 
 from geodesic_motion_ros.errors import SkillError
 
+#: Points evaluated at once.
+_BLOCK = 1024
+
 Network = TypeVar("Network", bound="Perceptron")
 
 
 @dataclass(frozen=True)
 class Perceptron:
-    """h1 = tanh(W1 y + b1), h2 = tanh(W2 h1 + b2), o = W3 h2 + b3, and the scaling of the positions in y or o [m]."""
+    """h1 = tanh(W1 y + b1), h2 = tanh(W2 h1 + b2), o = W3 h2 + b3; subclasses add how y or o are scaled."""
 
     #: What error messages call it.
     network: ClassVar[str]
@@ -25,11 +28,12 @@ class Perceptron:
     b2: np.ndarray
     W3: np.ndarray
     b3: np.ndarray
-    position_offset: np.ndarray
-    position_scale: np.ndarray
 
     def outputs(self, inputs: np.ndarray) -> np.ndarray:
-        """o (..., outputs) of y (..., inputs)."""
+        """o (..., outputs) of y (..., inputs); a whole graph (n, inputs) in blocks, which stay in the processor's cache."""
+        if inputs.ndim == 2 and len(inputs) > _BLOCK:
+            blocks = [self.outputs(inputs[begin : begin + _BLOCK]) for begin in range(0, len(inputs), _BLOCK)]
+            return np.concatenate(blocks)
         hidden = np.tanh(inputs @ self.W1.T + self.b1)
         hidden = np.tanh(hidden @ self.W2.T + self.b2)
         return hidden @ self.W3.T + self.b3
@@ -59,5 +63,5 @@ class Perceptron:
         first, second, last = self.b1.size, self.b2.size, self.b3.size
         return {
             "W1": (first, *self.W1.shape[-1:]), "b1": (first,), "W2": (second, first), "b2": (second,),
-            "W3": (last, second), "b3": (last,), "position_offset": (3,), "position_scale": (),
+            "W3": (last, second), "b3": (last,),
         }  # fmt: skip
