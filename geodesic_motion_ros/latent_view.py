@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.graph.ambient import clearances
 from geodesic_motion_ros.graph.decoder import Decoded
-from geodesic_motion_ros.graph.latent_graph import LatentGraph
+from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.skill import Skill
 
@@ -39,7 +39,7 @@ class LatentView:
     """
 
     def __init__(
-        self, skill: Skill, graph: LatentGraph, points: np.ndarray, radii: np.ndarray, size: int = 320
+        self, skill: Skill, graph: PoseGraph, points: np.ndarray, radii: np.ndarray, size: int = 320
     ) -> None:
         if len(skill.latent_lower) != 2:
             raise PlanningError(f"a latent view shows two dimensions, this skill has {len(skill.latent_lower)}")

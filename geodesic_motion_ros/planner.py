@@ -18,7 +18,7 @@ import numpy as np
 from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
 from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factors, clearances
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.latent_graph import LatentGraph
+from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.shortest_path import shortest_path, touched_nodes
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import carried
@@ -158,7 +158,7 @@ class ReactivePlanner:
     def __init__(self, skill: Skill, settings: PlannerSettings | None = None) -> None:
         self.skill = skill
         self.settings = settings or PlannerSettings()
-        self.graph: LatentGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
+        self.graph: PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         self._points = np.array(self.settings.tool_points, dtype=float)
         self._point_radii = np.array(self.settings.tool_radii, dtype=float)
         self._queries = QueryBuilder(skill, self.graph, self.settings)

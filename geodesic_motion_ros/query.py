@@ -16,13 +16,13 @@ from typing import Literal
 
 import numpy as np
 
-from geodesic_motion_ros.graph.latent_graph import LatentGraph
+from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import Offsets, corrections_at
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
-from geodesic_motion_ros.sheet import beyond_demonstrated, offset_features
+from geodesic_motion_ros.sheet import POSE_SCALE, beyond_demonstrated
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -120,7 +120,7 @@ class Query:
 class QueryBuilder:
     """Finds where on the manifold start and goal lie, and transports the graph to them."""
 
-    def __init__(self, skill: Skill, graph: LatentGraph, settings: PlannerSettings) -> None:
+    def __init__(self, skill: Skill, graph: PoseGraph, settings: PlannerSettings) -> None:
         """graph : decoded from the skill."""
         self._skill = skill
         self._graph = graph
@@ -141,7 +141,8 @@ class QueryBuilder:
 
     def goal_verdict(self, goal: Pose) -> Verdict:
         """Whether a goal lies close enough to what was demonstrated, or to some trusted part of the manifold."""
-        ends = [end for component in self._components() if (end := self._end("goal", goal, component)) is not None]
+        pieces = self._graph.pieces_with_demonstrations()
+        ends = [end for component in pieces if (end := self._end("goal", goal, component)) is not None]
         if not ends:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
         return self._offset_verdict("goal", min(ends, key=_weighed))
@@ -160,11 +161,6 @@ class QueryBuilder:
         )
         code = VerdictCode.START_OUT_OF_SUPPORT if name == "start" else VerdictCode.GOAL_OUT_OF_SUPPORT
         return Verdict(code, reason, **found)
-
-    def _components(self) -> np.ndarray:
-        """Connected pieces of the graph large enough to hold a path: those that hold demonstrations."""
-        counts = np.bincount(self._graph.component)
-        return np.flatnonzero(counts >= max(2, 0.05 * counts.max()))
 
     def _end(self, name: Literal["start", "goal"], pose: Pose, component: int) -> _End | None:
         """Where a connected piece meets a pose; None where none of it is trusted."""
@@ -210,7 +206,7 @@ class QueryBuilder:
     def build(self, start: Pose, goal: Pose) -> Query | Verdict:
         """Choose both ends on one connected piece of the manifold and transport the graph to the query."""
         pairs = []
-        for component in self._components():
+        for component in self._graph.pieces_with_demonstrations():
             here, there = self._end("start", start, component), self._end("goal", goal, component)
             if here is not None and there is not None:
                 pairs.append((here, there))
@@ -233,8 +229,7 @@ class QueryBuilder:
         if there is None:
             return None
         along_ridges = query.along_ridges
-        moved = offset_features(np.zeros(6), there.task_offset - query.task_goal)
-        if np.linalg.norm(moved) > _SAME_TASK:
+        if np.linalg.norm(POSE_SCALE * (there.task_offset - query.task_goal)) > _SAME_TASK:
             along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
         return self._between(start, here, goal, there, query.task_start, along_ridges)
 

@@ -1,4 +1,4 @@
-"""CanonicalSheet: what a skill that was learned from canonical demonstrations knows of them besides their codes.
+"""CanonicalSheet: what a skill of poses that was learned from canonical demonstrations knows of them beside codes.
 
 Start and goal offsets were taken out of the demonstrations before the training (`demonstrations.canonical`); the
 planner carries the decoded nodes to a query with the query's own offsets. Here stands how far offsets were
@@ -22,33 +22,28 @@ from geodesic_motion_ros.regression import regression_weights
 
 #: What a turn of one radian counts against a distance where offsets are compared [m].
 METRES_PER_RADIAN = 0.1
+#: The same for the six numbers of an offset: translation [m] and rotation vector [rad].
+POSE_SCALE = np.repeat([1.0, METRES_PER_RADIAN], 3)
 
 
 @dataclass(frozen=True)
-class CanonicalSheet:
-    """Canonical demonstrations (N) at S equally spaced fractions of their arcs, as their codes are.
+class DemonstratedEnds:
+    """Where N demonstrations began and ended, and which ways they took in between.
 
     Attributes
     ----------
-    positions, quaternions : (N, S, 3) [m], (N, S, 4) canonical poses.
-    start_offsets, goal_offsets : (N, 6) translation [m] and rotation vector [rad] that were taken out.
+    start_offsets, goal_offsets : (N, D) what was taken out of each demonstration at its two ends.
     modes : (N,) number of each demonstration's mode, from 0.
     penalty : of the regression on start and goal offsets; inf: the mean.
     """
 
-    positions: np.ndarray
-    quaternions: np.ndarray
     start_offsets: np.ndarray
     goal_offsets: np.ndarray
     modes: np.ndarray
     penalty: float
 
-    def check(self, count: int, samples: int) -> None:
-        """Refuse arrays that do not belong to codes of `count` demonstrations with `samples` each (SkillError)."""
-        shapes = {
-            "positions": (count, samples, 3), "quaternions": (count, samples, 4),
-            "start_offsets": (count, 6), "goal_offsets": (count, 6), "modes": (count,),
-        }  # fmt: skip
+    def check_arrays(self, shapes: dict[str, tuple[int, ...]]) -> None:
+        """Refuse arrays of other shapes, or with values that are not finite (SkillError)."""
         for name, shape in shapes.items():
             array = getattr(self, name)
             if array.shape != shape or not np.all(np.isfinite(array)):
@@ -61,27 +56,63 @@ class CanonicalSheet:
     @property
     def has_ridges(self) -> bool:
         """Whether there are enough demonstrations to speak of a mean and a spread: two at least."""
-        return len(self.positions) > 1
+        return len(self.modes) > 1
 
     @property
     def regresses(self) -> bool:
         """Whether start and goal choose between the demonstrations: in one mode, where that was found to help."""
         return math.isfinite(self.penalty) and not np.any(self.modes)
 
+    @property
+    def scale(self) -> np.ndarray:
+        """What each of an offset's D numbers counts where offsets are compared, (D,)."""
+        return np.ones(self.start_offsets.shape[1])
+
     def features(self) -> np.ndarray:
-        """What the regression knows of each demonstration, (N, 12): its offsets, rotations in metres."""
-        return offset_features(self.start_offsets, self.goal_offsets)
+        """What the regression knows of each demonstration, (N, 2 D): its two offsets, scaled."""
+        return self.end_features(self.start_offsets, self.goal_offsets)
+
+    def end_features(self, start_offsets: np.ndarray, goal_offsets: np.ndarray) -> np.ndarray:
+        """Both offsets (..., D) side by side, scaled, (..., 2 D)."""
+        return np.concatenate([self.scale * start_offsets, self.scale * goal_offsets], axis=-1)
 
     def weights(self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool) -> np.ndarray:
-        """Weights (K, N) of the demonstrations in every mode for a query's offsets (6,), (6,); each row sums to 1.
+        """Weights (K, N) of the demonstrations in every mode for a query's offsets (D,), (D,); each row sums to 1.
 
         Unconditioned, or where the sheet does not regress, all demonstrations of a mode weigh the same.
         """
         if conditioned and self.regresses:
-            query = offset_features(start_offset, goal_offset)
+            query = self.end_features(start_offset, goal_offset)
             return regression_weights(self.features(), query, self.penalty)[None]
         own = (self.modes == np.arange(self.modes.max() + 1)[:, None]).astype(float)
         return own / own.sum(axis=1, keepdims=True)
+
+
+@dataclass(frozen=True)
+class CanonicalSheet(DemonstratedEnds):
+    """Canonical demonstrations (N) at S equally spaced fractions of their arcs, as their codes are.
+
+    Offsets are a translation [m] and a rotation vector [rad], D = 6.
+
+    Attributes
+    ----------
+    positions, quaternions : (N, S, 3) [m], (N, S, 4) canonical poses.
+    """
+
+    positions: np.ndarray
+    quaternions: np.ndarray
+
+    def check(self, count: int, samples: int) -> None:
+        """Refuse arrays that do not belong to codes of `count` demonstrations with `samples` each (SkillError)."""
+        self.check_arrays({
+            "positions": (count, samples, 3), "quaternions": (count, samples, 4),
+            "start_offsets": (count, 6), "goal_offsets": (count, 6), "modes": (count,),
+        })  # fmt: skip
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Rotations count in metres."""
+        return POSE_SCALE
 
     def mean_curves(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Weighted means of the canonical demonstrations: positions (K, S, 3), quaternions (K, S, 4)."""
@@ -119,18 +150,13 @@ class RotationCurves:
         return rotate_by(turns, np.broadcast_to(self.middle, (len(weights), *self.middle.shape)))
 
 
-def offset_features(start_offsets: np.ndarray, goal_offsets: np.ndarray) -> np.ndarray:
-    """Both offsets (..., 6) side by side with rotations in metres, (..., 12)."""
-    scale = np.repeat([1.0, METRES_PER_RADIAN], 3)
-    return np.concatenate([scale * start_offsets, scale * goal_offsets], axis=-1)
+def beyond_demonstrated(
+    offset: np.ndarray, demonstrated: np.ndarray, scale: np.ndarray = POSE_SCALE
+) -> np.ndarray:
+    """What of an offset (D,) lies outside the convex hull of demonstrated ones (N, D), as an offset (D,).
 
-
-def beyond_demonstrated(offset: np.ndarray, demonstrated: np.ndarray) -> np.ndarray:
-    """What of an offset (6,) lies outside the convex hull of demonstrated ones (N, 6), as an offset (6,).
-
-    The nearest point of the hull is found by non-negative least squares, rotations counted in metres.
+    The nearest point of the hull is found by non-negative least squares; `scale` (D,) tells what each number counts.
     """
-    scale = np.repeat([1.0, METRES_PER_RADIAN], 3)
     # A heavy row keeps the weights' sum at 1.
     heavy = 1e3
     matrix = np.vstack([(scale * demonstrated).T, np.full(len(demonstrated), heavy)])

@@ -22,7 +22,7 @@ from safetensors.numpy import load_file, save_file
 
 from geodesic_motion_ros.errors import GeodesicMotionError, SkillError
 from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
-from geodesic_motion_ros.graph.latent_graph import LatentGraph, MetricSettings, build_latent_graph
+from geodesic_motion_ros.graph.pose_graph import MetricSettings, PoseGraph, build_pose_graph
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.sheet import CanonicalSheet
@@ -104,9 +104,9 @@ class Skill:
         coarser = max((reference - 1) / (side - 1) for reference, side in zip(GRID_SHAPE, shape, strict=False))
         return self.energy_per_edge * max(1.0, coarser**2)
 
-    def graph(self, shape: tuple[int, ...] = GRID_SHAPE, neighbours: int = 16) -> LatentGraph:
+    def graph(self, shape: tuple[int, ...] = GRID_SHAPE, neighbours: int = 16) -> PoseGraph:
         """Decode the latent box into its graph: a second or two for a task-space skill."""
-        return build_latent_graph(
+        return build_pose_graph(
             self.decoder, self.codes, self.latent_lower, self.latent_upper,
             self.metric, self.sigma_limit, shape, neighbours, energy_limit=self._energy_limit(shape),
             clusters=2 if self.orientation_model == "two_cluster" else 1, ridges=self.ridges,

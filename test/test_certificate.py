@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.certificate import curve_clearances, rotation_allowance, segment_distance
-from geodesic_motion_ros.graph.latent_graph import tool_points
+from geodesic_motion_ros.graph.pose_graph import tool_points
 from geodesic_motion_ros.quaternions import angle_between, normalise, slerp
 
 

@@ -153,7 +153,7 @@ def held_out_quality(skill: Skill, demonstrations: Demonstrations, held_out: tup
 
 
 def _settings(arguments: argparse.Namespace) -> TrainingSettings:
-    from geodesic_motion_ros.graph.latent_graph import MetricSettings
+    from geodesic_motion_ros.graph.pose_graph import MetricSettings
     from geodesic_motion_ros.manifold.training import TrainingSettings
 
     def given(*names: str) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
-from geodesic_motion_ros.graph.latent_graph import LatentGraph, build_latent_graph
+from geodesic_motion_ros.graph.pose_graph import PoseGraph, build_pose_graph
 from geodesic_motion_ros.graph.shortest_path import shortest_free_path
 from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.skill import Skill
@@ -72,7 +72,7 @@ def measure_crossings(skill: Skill, curves: Sequence[PoseCurve]) -> tuple[Crossi
     """
     if skill.orientation_model != "two_cluster":
         raise ParameterError(f"a {skill.orientation_model} skill has no two clusters to cross between")
-    whole_box = build_latent_graph(
+    whole_box = build_pose_graph(
         skill.decoder, skill.codes, skill.latent_lower, skill.latent_upper, skill.metric,
         sigma_limit=math.inf, shape=(100, 100), neighbours=16, one_sheet=False,
     )  # fmt: skip
@@ -108,7 +108,7 @@ class _Path:
 class _Paths:
     """Shortest paths on a graph as it was learned, between the nodes nearest to latent points."""
 
-    def __init__(self, graph: LatentGraph) -> None:
+    def __init__(self, graph: PoseGraph) -> None:
         self._graph, self._tree = graph, cKDTree(graph.latent)
         self._energies = graph.transported(Offsets.none(graph.ridge_count), np.zeros((1, 3))).energies()
 

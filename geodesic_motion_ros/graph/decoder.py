@@ -38,9 +38,6 @@ class Decoded:
         """kappa^(-1/2) (n,): the angular standard deviation, the same role for orientation as sigma for position."""
         return self.kappa**-0.5
 
-    def __getitem__(self, index: slice | np.ndarray) -> Decoded:
-        return Decoded(self.positions[index], self.quaternions[index], self.sigma[index], self.kappa[index])
-
 
 @dataclass(frozen=True)
 class TaskSpaceDecoder(Perceptron):
@@ -84,8 +81,8 @@ class TaskSpaceDecoder(Perceptron):
         centres = len(np.atleast_1d(self.rbf_centres))
         return super().expected_shapes() | {
             "W3": (7, self.b2.size), "b3": (7,), "position_offset": (3,), "position_scale": (),
-            "rbf_centres": (centres, *self.W1.shape[-1:]), "rbf_rate": (), "sigma_weights": (3, centres), "sigma_floor": (3,),
-            "kappa_weights": (centres,), "kappa_floor": (),
+            "rbf_centres": (centres, *self.W1.shape[-1:]), "rbf_rate": (),
+            "sigma_weights": (3, centres), "sigma_floor": (3,), "kappa_weights": (centres,), "kappa_floor": (),
         }  # fmt: skip
 
 

@@ -62,7 +62,8 @@ class JointSpaceDecoder(Perceptron):
 
     def uncertainty(self, latent: np.ndarray) -> np.ndarray:
         """sigma (n, eta) [rad] alone: cheaper than decoding, enough to prune a grid."""
-        return 1.0 / (radial_basis(latent, self.rbf_centres, float(self.rbf_rate), self.sigma_weights) + self.sigma_floor)
+        inverse_sigma = radial_basis(latent, self.rbf_centres, float(self.rbf_rate), self.sigma_weights)
+        return 1.0 / (inverse_sigma + self.sigma_floor)
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
         centres, joints = len(np.atleast_1d(self.rbf_centres)), self.b3.size

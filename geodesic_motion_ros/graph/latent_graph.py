@@ -1,68 +1,36 @@
-"""The latent space of a task-space skill, decoded once into a graph."""
+"""What the graphs of all skills have in common: supported nodes of the latent grid, and which of them are joined."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import SkillError
-from geodesic_motion_ros.graph.decoder import Decoded, TaskSpaceDecoder, rms_sigma
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.progress import ProgressMap
-from geodesic_motion_ros.graph.ridge import Ridges
-from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.graph.transport import Offsets, carried
-from geodesic_motion_ros.graph.transported_graph import EdgeSamples, TransportedGraph, chord_energies
-
-
-@dataclass(frozen=True)
-class MetricSettings:
-    """What the pull-back metric sums besides the means.
-
-    M = J_x^T A J_x + sigma_weight^2 J_sigma^T A J_sigma + J_q^T J_q + J_k^T J_k
-
-    Attributes
-    ----------
-    sigma_weight : weight of the position's standard deviation (the paper: 1; measured better: 10).
-    orientation_scale : "spread", k = kappa^(-1/2), an angle like sigma is a length; or "kappa", k = kappa, the
-        paper's literal form, whose numbers drown position and orientation.
-    """
-
-    sigma_weight: float = 10.0
-    orientation_scale: Literal["spread", "kappa"] = "spread"
-
-    def orientation_feature(self, decoded: Decoded) -> np.ndarray:
-        """k of the metric, (n,)."""
-        return decoded.spread if self.orientation_scale == "spread" else decoded.kappa
 
 
 @dataclass(frozen=True)
 class LatentGraph:
-    """Supported nodes of the latent grid, decoded, with the samples along every edge.
+    """Supported nodes of the latent grid and the edges between them.
 
     Attributes
     ----------
     grid : the lattice the nodes were taken from.
-    sigma_limit, energy_limit : largest rms sigma [m] of a node, and squared length of an edge, that were kept.
-    latent : (n, d) kept nodes; decoded : their decoded poses and uncertainties; sigma : (n,) rms sigma [m].
+    sigma_limit, energy_limit : largest rms sigma of a node, and squared length of an edge, that were kept.
+    latent : (n, d) kept nodes; sigma : (n,) rms sigma.
     progress, ridge_shares : (n,) tau of the nodes, and (n, K) shares of the ridges there.
     component : (n,) number of the connected piece a node belongs to.
     edges : (m, 2); adjacency : the same in rows.
     """
 
-    decoder: TaskSpaceDecoder
-    metric: MetricSettings
     grid: LatentGrid
     sigma_limit: float
     energy_limit: float
     latent: np.ndarray
-    decoded: Decoded
     sigma: np.ndarray
     progress: np.ndarray
     ridge_shares: np.ndarray
@@ -72,69 +40,16 @@ class LatentGraph:
     progress_map: ProgressMap
     # Number of the kept node at every lattice point, -1 where it was pruned.
     _number: np.ndarray
-    # Decoded features at the inner cuts of every edge, (m, pieces - 1, ...).
-    _inner_positions: np.ndarray
-    _inner_quaternions: np.ndarray
-    _inner_progress: np.ndarray
-    _inner_shares: np.ndarray
-    # Obstacle-independent squared lengths that no transport changes: of sigma (stretched) and of kappa (not), (m,).
-    _sigma_energy: np.ndarray
-    _spread_energy: np.ndarray
 
     @property
     def ridge_count(self) -> int:
         """K, 0 where progress is measured along the codes."""
         return self.ridge_shares.shape[1]
 
-    def transported(
-        self, offsets: Offsets, points: np.ndarray, conformal: np.ndarray | None = None
-    ) -> TransportedGraph:
-        """Carry nodes and edges to a query, for tool points (K, 3) in the tool frame [m].
-
-        `conformal` (n,) >= 1 multiplies the squared length of an edge by the mean of its ends; None: 1 everywhere. The
-        decoded graph itself stays as it is.
-        """
-        moved = offsets.displacements(self.progress, self.ridge_shares)
-        positions, quaternions = carried(self.decoded.positions, self.decoded.quaternions, moved)
-        inner = offsets.displacements(self._inner_progress, self._inner_shares)
-        samples = EdgeSamples(self._inner_positions, self._inner_quaternions, inner)
-        middle = points.mean(axis=0)
-        lengths, turns = chord_energies(
-            self.edges, positions, quaternions, samples.positions, samples.quaternions, inner,
-            middle, np.atleast_2d(np.cov(points.T, bias=True)),
-        )  # fmt: skip
-        first, second = self.edges.T
-        factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
-        return TransportedGraph(
-            edges=self.edges,
-            points=points,
-            positions=positions,
-            quaternions=quaternions,
-            body_points=tool_points(positions, quaternions, points),
-            conformal=factor,
-            fixed=factor * (turns + self._spread_energy),
-            moving=factor * (lengths + self._sigma_energy),
-            shares=np.empty((len(self.edges), len(points))),
-            filled=np.zeros(len(self.edges), dtype=bool),
-            _samples=samples,
-            _sigma_energy=self._sigma_energy,
-        )
-
-    def nearest_node(
-        self, position: np.ndarray, quaternion: np.ndarray, component: int, sigma_limit: float
-    ) -> tuple[int, float] | None:
-        """Node of a connected piece closest to a pose by |dx|^2 + |dq|^2, and that misfit; None where none is trusted.
-
-        Only nodes with rms sigma below `sigma_limit` [m] count: near the rim of the support the decoder guesses.
-        """
-        candidates = np.flatnonzero((self.component == component) & (self.sigma < sigma_limit))
-        if len(candidates) == 0:
-            return None
-        offset = np.sum((self.decoded.positions[candidates] - position) ** 2, axis=1)
-        dot = np.abs(self.decoded.quaternions[candidates] @ quaternion)
-        misfit = offset + 2.0 * (1.0 - np.minimum(dot, 1.0))
-        best = int(np.argmin(misfit))
-        return int(candidates[best]), float(misfit[best])
+    def pieces_with_demonstrations(self) -> np.ndarray:
+        """Numbers of the connected pieces large enough to hold a path."""
+        counts = np.bincount(self.component)
+        return np.flatnonzero(counts >= max(2, 0.05 * counts.max()))
 
     def node_near(self, latent: np.ndarray, allowed: np.ndarray, steps: int) -> int | None:
         """Allowed node (mask (n,)) closest to a latent point (d,), within a number of grid steps; None without one."""
@@ -149,111 +64,16 @@ class LatentGraph:
         return int(candidates[np.argmin(distance)])
 
 
-def _chain(at_nodes: np.ndarray, edges: np.ndarray, inner: np.ndarray) -> np.ndarray:
-    """Features along every edge from its first end to its second, (m, pieces + 1, ...)."""
-    return np.concatenate([at_nodes[edges[:, 0]][:, None], inner, at_nodes[edges[:, 1]][:, None]], axis=1)
-
-
-def build_latent_graph(
-    decoder: TaskSpaceDecoder,
-    codes: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    metric: MetricSettings,
-    sigma_limit: float,
-    shape: tuple[int, ...] = (100, 100),
-    neighbours: int = 16,
-    pieces: int = 3,
-    one_sheet: bool = True,
-    energy_limit: float = math.inf,
-    clusters: int = 1,
-    ridges: Ridges | None = None,
-) -> LatentGraph:
-    """Decode the latent box into a graph.
-
-    Parameters
-    ----------
-    codes : (N, T, d) the demonstrations' codes, in order of arc length.
-    lower, upper : (d,) corners of the latent box.
-    sigma_limit : nodes and edge samples with a larger rms sigma [m] are pruned; inf keeps the whole box.
-    neighbours, pieces : directions per node, and chords per edge.
-    one_sheet : leave out edges along which the decoded quaternion changes to the other hemisphere: there q and -q, the
-        same orientation, would be joined through orientations nobody showed. False only to measure such crossings.
-    energy_limit : largest obstacle-free squared length of an edge; longer ones cross where nobody moved.
-    clusters : into how many equal groups, one after the other, the codes fall (2 where q and -q have codes of their
-        own). Nodes belong to the group of the nearest code, and no edge joins two groups.
-    ridges : along which progress is measured; None: along the codes.
-
-    Raises
-    ------
-    SkillError where nothing of the box is supported.
-    """
-    grid = LatentGrid(np.asarray(lower, dtype=float), np.asarray(upper, dtype=float), tuple(shape))
-    lattice = grid.nodes()
-    kept = rms_sigma(decoder.uncertainty(lattice)[0]) <= sigma_limit
+def refuse_unsupported(kept: np.ndarray, sigma_limit: float, unit: str) -> None:
+    """SkillError where a mask (nodes,) keeps less than two nodes."""
     if np.count_nonzero(kept) < 2:
         raise SkillError(
-            f"no part of the latent box has sigma below {sigma_limit:.4g} m: "
+            f"no part of the latent box has sigma below {sigma_limit:.4g} {unit}: "
             "the skill's thresholds do not belong to its weights"
         )
-    latent = lattice[kept]
-    number = grid.numbering(kept)
-    edges = grid.edges(number, neighbours)
-    progress_map = ProgressMap.from_codes(codes, grid) if ridges is None else ProgressMap.from_ridges(ridges, grid)
 
-    fractions = np.arange(1, pieces) / pieces
-    start, step = latent[edges[:, 0]], latent[edges[:, 1]] - latent[edges[:, 0]]
-    inner_latent = (start[:, None] + fractions[None, :, None] * step[:, None]).reshape(-1, len(grid.shape))
-    inner = decoder.decode(inner_latent)
-    decoded = decoder.decode(latent)
 
-    def inner_rows(array: np.ndarray) -> np.ndarray:
-        return array.reshape(len(edges), pieces - 1, *array.shape[1:])
-
-    quaternion_chain = _chain(decoded.quaternions, edges, inner_rows(inner.quaternions))
-    usable = np.all(inner_rows(rms_sigma(inner.sigma)) <= sigma_limit, axis=1)
-    if one_sheet:
-        usable &= np.all(np.sum(quaternion_chain[:, 1:] * quaternion_chain[:, :-1], axis=-1) > 0.0, axis=1)
-
-    sigma_chain = _chain(decoded.sigma, edges, inner_rows(inner.sigma))
-    spread_chain = _chain(metric.orientation_feature(decoded), edges, inner_rows(metric.orientation_feature(inner)))
-    sigma_energy = metric.sigma_weight**2 * pieces * np.sum(np.diff(sigma_chain, axis=1) ** 2, axis=(1, 2))
-    spread_energy = pieces * np.sum(np.diff(spread_chain, axis=1) ** 2, axis=1)
-
-    if math.isfinite(energy_limit):
-        lengths, turns = chord_energies(
-            edges, decoded.positions, decoded.quaternions, inner_rows(inner.positions),
-            inner_rows(inner.quaternions), inner_rows(np.zeros((len(inner_latent), 6))), np.zeros(3), np.zeros((3, 3)),
-        )  # fmt: skip
-        usable &= lengths + turns + sigma_energy + spread_energy <= energy_limit
-    if clusters > 1:
-        _, nearest = cKDTree(codes.reshape(-1, codes.shape[-1])).query(latent)
-        cluster = nearest // (codes.shape[0] * codes.shape[1] // clusters)
-        usable &= cluster[edges[:, 0]] == cluster[edges[:, 1]]
-    used = edges[usable]
-    linked = coo_matrix((np.ones(len(used)), (used[:, 0], used[:, 1])), shape=(len(latent), len(latent)))
-    progress, ridge_shares = progress_map(latent)
-    inner_progress, inner_shares = (inner_rows(column)[usable] for column in progress_map(inner_latent))
-    return LatentGraph(
-        decoder=decoder,
-        metric=metric,
-        grid=grid,
-        sigma_limit=sigma_limit,
-        energy_limit=energy_limit,
-        latent=latent,
-        decoded=decoded,
-        sigma=rms_sigma(decoded.sigma),
-        progress=progress,
-        ridge_shares=ridge_shares,
-        component=connected_components(linked, directed=False)[1],
-        edges=used,
-        adjacency=Adjacency.from_edges(used, len(latent)),
-        progress_map=progress_map,
-        _number=number,
-        _inner_positions=inner_rows(inner.positions)[usable],
-        _inner_quaternions=inner_rows(inner.quaternions)[usable],
-        _inner_progress=inner_progress,
-        _inner_shares=inner_shares,
-        _sigma_energy=sigma_energy[usable],
-        _spread_energy=spread_energy[usable],
-    )
+def connected_pieces(edges: np.ndarray, nodes: int) -> np.ndarray:
+    """Number (n,) of the connected piece that each of `nodes` nodes belongs to, for edges (m, 2)."""
+    linked = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(nodes, nodes))
+    return connected_components(linked, directed=False)[1]

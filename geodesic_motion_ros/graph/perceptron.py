@@ -30,7 +30,9 @@ class Perceptron:
     b3: np.ndarray
 
     def outputs(self, inputs: np.ndarray) -> np.ndarray:
-        """o (..., outputs) of y (..., inputs); a whole graph (n, inputs) in blocks, which stay in the processor's cache."""
+        """o (..., outputs) of y (..., inputs); a whole graph's (n, inputs) in blocks, which stay in the processor's
+        cache.
+        """
         if inputs.ndim == 2 and len(inputs) > _BLOCK:
             blocks = [self.outputs(inputs[begin : begin + _BLOCK]) for begin in range(0, len(inputs), _BLOCK)]
             return np.concatenate(blocks)

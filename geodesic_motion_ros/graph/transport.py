@@ -5,7 +5,8 @@ A pose at progress tau in [0, 1] between start and goal is moved by the displace
     D = (1 - tau) d0 + tau d1 + c
 
 of a translation [m] and a rotation vector [rad, base frame], x + D_x and exp(D_r) q: the offsets d0 of the start and d1
-of the goal, and a correction c of the decoder that is known along the demonstrations (zero where none is).
+of the goal, and a correction c of the decoder that is known along the demonstrations (zero where none is). In joint
+space D is a displacement of the joints, theta + D.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ class Offsets:
 
     Attributes
     ----------
-    start, goal : (6,) offsets d0 and d1: translation [m] and rotation vector [rad], base frame.
+    start, goal : (D,) offsets d0 and d1: translation [m] and rotation vector [rad] in the base frame, D = 6; or of
+        joints [rad].
     start_progress, goal_progress : progress of the latent points that are carried onto start and goal.
-    corrections : (K, S, 6) corrections c_k along K ridges at S equally spaced values of progress; K may be 0.
+    corrections : (K, S, D) corrections c_k along K ridges at S equally spaced values of progress; K may be 0.
     """
 
     start: np.ndarray
@@ -35,9 +37,9 @@ class Offsets:
     corrections: np.ndarray
 
     @classmethod
-    def none(cls, ridges: int = 0) -> Offsets:
-        """Leaves every pose of a graph with so many ridges where it is."""
-        return cls(np.zeros(6), np.zeros(6), 0.0, 1.0, np.zeros((ridges, 2, 6)))
+    def none(cls, ridges: int = 0, size: int = 6) -> Offsets:
+        """Leaves everything of a graph with so many ridges, and displacements (size,), where it is."""
+        return cls(np.zeros(size), np.zeros(size), 0.0, 1.0, np.zeros((ridges, 2, size)))
 
     def blend(self, progress: np.ndarray) -> np.ndarray:
         """tau (n,) in [0, 1]: 0 at the start's progress, 1 at the goal's, linear between."""
@@ -47,16 +49,16 @@ class Offsets:
         return np.clip((progress - self.start_progress) / span, 0.0, 1.0)
 
     def displacements(self, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """D (..., 6) at progress (...) and shares (..., K) of the ridges."""
+        """D (..., D) at progress (...) and shares (..., K) of the ridges."""
         tau = self.blend(progress).reshape(-1)
         flat = shares.reshape(len(tau), self.corrections.shape[0])
         moved = _displacements(tau, progress.reshape(-1), flat, self.start, self.goal, self.corrections)
-        return moved.reshape(*progress.shape, 6)
+        return moved.reshape(*progress.shape, len(self.start))
 
 
 def corrections_at(corrections: np.ndarray, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """c (n, 6) = sum_k shares_k c_k at progress (n,), shares (n, K), linear between the samples of (K, S, 6)."""
-    nowhere = np.zeros(6)
+    """c (n, D) = sum_k shares_k c_k at progress (n,), shares (n, K), linear between the samples of (K, S, D)."""
+    nowhere = np.zeros(corrections.shape[2])
     return _displacements(np.zeros(len(progress)), progress, shares, nowhere, nowhere, corrections)
 
 
@@ -70,15 +72,16 @@ def _displacements(
     corrections: np.ndarray,
 ) -> np.ndarray:
     count, samples = corrections.shape[:2]
-    result = np.empty((len(tau), 6))
+    size = len(start)
+    result = np.empty((len(tau), size))
     for i in range(len(tau)):
-        for j in range(6):
+        for j in range(size):
             result[i, j] = (1.0 - tau[i]) * start[j] + tau[i] * goal[j]
         at = min(max(progress[i], 0.0), 1.0) * (samples - 1)
         left = min(int(at), samples - 2)
         fraction = at - left
         for k in range(count):
-            for j in range(6):
+            for j in range(size):
                 between = (1.0 - fraction) * corrections[k, left, j] + fraction * corrections[k, left + 1, j]
                 result[i, j] += shares[i, k] * between
     return result

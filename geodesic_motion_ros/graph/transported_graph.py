@@ -16,6 +16,7 @@ import numpy as np
 from geodesic_motion_ros.graph.grid import Adjacency
 from geodesic_motion_ros.graph.tool_points import place_points
 from geodesic_motion_ros.graph.transport import carry
+from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 
 
 @dataclass(frozen=True)
@@ -34,44 +35,23 @@ class EdgeSamples:
 
 
 @dataclass(frozen=True)
-class TransportedGraph:
-    """Nodes and edges carried to a query. Squared length of an edge: w_e^2 = b_e + sum_k m_k a_ek.
+class TransportedGraph(WeightedGraph):
+    """Poses carried to a query; the body points are K points fixed to the tool.
 
-    With K tool points each carries 1 / K of the position's share, so that K equal points weigh as much as one. The
-    shares a_ek of single tool points are worked out where obstacles touch, and kept (`fill_shares`); their sum, which
-    the obstacle-free length needs, has a closed form.
+    The sum of the shares, which the obstacle-free length needs, has a closed form.
 
     Attributes
     ----------
-    edges : (m, 2); points : (K, 3) tool points in the tool frame [m].
-    positions, quaternions : (n, 3) [m], (n, 4) carried node poses; body_points : (n, K, 3) [m] their tool points.
-    conformal : (m,) factors >= 1 that all of an edge's squared length carries.
-    fixed : (m,) b_e, the orientation's part; moving : (m,) sum_k a_ek, the positions' part.
-    shares : (m, K) a_ek, valid where filled (m,).
+    points : (K, 3) tool points in the tool frame [m].
+    positions, quaternions : (n, 3) [m], (n, 4) carried node poses.
     """
 
-    edges: np.ndarray
     points: np.ndarray
     positions: np.ndarray
     quaternions: np.ndarray
-    body_points: np.ndarray
-    conformal: np.ndarray
-    fixed: np.ndarray
-    moving: np.ndarray
-    shares: np.ndarray
-    filled: np.ndarray
     _samples: EdgeSamples
     # Squared length of sigma's part, (m,): stretched by obstacles like the position, the same for all tool points.
     _sigma_energy: np.ndarray
-
-    @property
-    def base(self) -> np.ndarray:
-        """Obstacle-free length of every edge, (m,)."""
-        return np.sqrt(self.fixed + self.moving)
-
-    def energies(self, edges: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Obstacle-free squared lengths of edges under the pull-back metric alone, without the conformal factor."""
-        return (self.fixed[edges] + self.moving[edges]) / self.conformal[edges]
 
     def fill_shares(self, adjacency: Adjacency, touched: np.ndarray) -> None:
         """Work out the shares of all edges at the touched nodes (mask (n,)) that are not filled yet."""

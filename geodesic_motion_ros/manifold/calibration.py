@@ -19,7 +19,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.latent_graph import LatentGraph
+from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.manifold.task_space import TaskSpaceVAE
 from geodesic_motion_ros.quaternions import angle_between
@@ -98,13 +98,13 @@ def canonical_sheet(form: CanonicalDemonstrations) -> CanonicalSheet:
     """What a skill keeps of canonical demonstrations, with their modes and the regression they speak for."""
     modes = cluster_modes(form.positions)
     sheet = CanonicalSheet(
-        form.positions, form.quaternions, form.start_offsets, form.goal_offsets, modes, penalty=math.inf
+        form.start_offsets, form.goal_offsets, modes, math.inf, form.positions, form.quaternions
     )
     # Between modes there is nothing to regress: a mean never averages two ways.
     return sheet if np.any(modes) else replace(sheet, penalty=surest_penalty(sheet.features(), form.positions))
 
 
-def calibrated_energy_per_edge(graph: LatentGraph, codes: np.ndarray) -> float:
+def calibrated_energy_per_edge(graph: PoseGraph, codes: np.ndarray) -> float:
     """Largest squared length of one edge that a feasible path may have.
 
     ENERGY_MULTIPLE times the dearest edge of the shortest obstacle-free paths between the first and last code

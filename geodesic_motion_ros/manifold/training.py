@@ -14,8 +14,7 @@ are, with the prior N(0, 1).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, NamedTuple
 
@@ -27,10 +26,11 @@ from geodesic_motion_ros.demonstrations.canonical import along_arc, canonical_fo
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.latent_graph import MetricSettings
+from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.manifold.calibration import assemble_skill
 from geodesic_motion_ros.manifold.densities import divergence_from_normal
 from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
+from geodesic_motion_ros.manifold.optimisation import Progress, descend, minimise, one_seeded_thread
 from geodesic_motion_ros.manifold.task_space import (
     FixedPrecisions,
     Means,
@@ -40,8 +40,6 @@ from geodesic_motion_ros.manifold.task_space import (
 )
 from geodesic_motion_ros.skill import Skill
 
-#: Called as progress(stage, step, steps) while training.
-Progress = Callable[[str, int, int], None]
 #: The canonical sheet runs from -PRIOR_REACH to PRIOR_REACH on the first latent axis.
 PRIOR_REACH = 3.0
 #: Below 1, blends lie mostly near one or two demonstrations, and so out to the rim of what was shown.
@@ -242,7 +240,7 @@ def train_model(
         each quaternion if both are wanted).
     fractions : (n,) of the arc where they lie; the raw sheet's prior does not look at them.
     """
-    with _one_seeded_thread(settings.seed):
+    with one_seeded_thread(settings.seed):
         offset, scale = _position_scaling(positions)
         vae = TaskSpaceVAE(settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model)
         means = _prior_means(fractions, settings)
@@ -257,21 +255,6 @@ def train_model(
             vae.double()
             _fit_precisions(vae, Poses(*(values.double() for values in poses)), settings, progress)
         return vae.double().requires_grad_(False)
-
-
-@contextmanager
-def _one_seeded_thread(seed: int) -> Iterator[None]:
-    """One thread (the networks are too small for more) and torch's global generator seeded; both restored
-    after.
-    """
-    threads = torch.get_num_threads()
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        torch.set_num_threads(1)
-        try:
-            yield
-        finally:
-            torch.set_num_threads(threads)
 
 
 def _position_scaling(positions: np.ndarray) -> tuple[Tensor, Tensor]:
@@ -314,25 +297,18 @@ def _ascend(
     settings: TrainingSettings,
     progress: Progress | None,
 ) -> None:
-    """Climb the weighted evidence lower bound by Adam with cosine decay over every parameter the model has
-    now.
-    """
-    optimiser = torch.optim.Adam(vae.parameters(), lr=settings.learning_rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    """Climb the weighted evidence lower bound over every parameter the model has now."""
     prior_variance = _prior_variance(settings)
-    for step in range(steps):
+
+    def loss(step: int) -> Tensor:
         batch = poses.take(torch.randint(len(poses.positions), (settings.batch,)))
         latent, mean, log_variance = vae.sample(batch.positions, batch.quaternions)
         divergence = divergence_from_normal(mean, log_variance, batch.prior_means, prior_variance)
         likelihood = _log_likelihood(vae, batch, vae.decoder.means(latent), precisions(latent), settings)
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
-        loss = (warm * settings.kl_weight * divergence - likelihood).mean()
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        schedule.step()
-        if progress is not None:
-            progress(stage, step + 1, steps)
+        return (warm * settings.kl_weight * divergence - likelihood).mean()
+
+    descend(loss, vae.parameters(), steps, settings.learning_rate, stage, progress)
 
 
 def _log_likelihood(
@@ -395,27 +371,4 @@ def _fit_precisions(vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings,
         return -_log_likelihood(vae, repeated, means, precisions, settings).mean()
 
     parameters = [inverse_sigma.raw_weights, kappa.raw_weights]
-    _minimise(negative_log_likelihood, parameters, settings.precision_iterations, "sigma and kappa", progress)
-
-
-def _minimise(
-    objective: Callable[[], Tensor],
-    parameters: list[Tensor],
-    iterations: int,
-    stage: str,
-    progress: Progress | None,
-) -> None:
-    """L-BFGS in blocks of ten iterations, which keep the curvature they have learned."""
-    block = 10
-    optimiser = torch.optim.LBFGS(parameters, max_iter=block, history_size=20, line_search_fn="strong_wolfe")
-
-    def closure() -> Tensor:
-        optimiser.zero_grad()
-        loss = objective()
-        loss.backward()
-        return loss
-
-    for done in range(0, iterations, block):
-        optimiser.step(closure)
-        if progress is not None:
-            progress(stage, min(done + block, iterations), iterations)
+    minimise(negative_log_likelihood, parameters, settings.precision_iterations, "sigma and kappa", progress)

@@ -56,7 +56,7 @@ def test_the_meaning_of_code_changes_with_what_it_does_and_not_with_what_it_says
 def test_code_that_the_training_imports_counts_as_training_code(monkeypatch) -> None:
     """The skill's threshold comes out of the graph, so a change of the graph is a change of the training."""
     read = Path.read_text
-    changed = "latent_graph.py"
+    changed = "pose_graph.py"
 
     def edited(path: Path, *arguments: object) -> str:
         return read(path, *arguments) + ("\nEDITED = True\n" if path.name == changed else "")

@@ -6,7 +6,7 @@ from geodesic_motion_ros.demonstrations.canonical import canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.latent_graph import build_latent_graph
+from geodesic_motion_ros.graph.pose_graph import build_pose_graph
 from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.manifold.calibration import calibrated_energy_per_edge, canonical_sheet
 from geodesic_motion_ros.quaternions import angle_between
@@ -59,7 +59,7 @@ def test_support_is_the_99th_percentile_of_sigma(skill):
 
 def test_threshold_separates_the_demonstrations_from_the_walls(skill):
     """Steps along the demonstrations are feasible, steps over the wall around them are not."""
-    everywhere = build_latent_graph(
+    everywhere = build_pose_graph(
         skill.decoder, skill.codes, skill.latent_lower, skill.latent_upper, skill.metric, np.inf
     )
     energies = edge_energies(everywhere)

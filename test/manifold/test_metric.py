@@ -4,7 +4,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geodesic_motion_ros.graph.latent_graph import MetricSettings
+from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.manifold.metric import (
     AmbientFactor,
     PullbackMetric,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
-from geodesic_motion_ros.graph.latent_graph import MetricSettings
+from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.skill import Skill
 
 

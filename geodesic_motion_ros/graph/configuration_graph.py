@@ -1,0 +1,258 @@
+"""The latent space of a joint-space skill, decoded once into a graph of configurations.
+
+The squared length of an edge from theta to theta' is measured where the robot's body is, on K body points p_k, with a
+small joint-space term, without which motion that leaves all body points in place would cost nothing:
+
+    w_e^2 = 1/K sum_k m_k (|dp_k|^2 + sigma_weight^2 |J_k dsigma|^2) + joint_weight^2 (|dtheta|^2 + sigma_weight^2 |dsigma|^2)
+
+It is the chord form of the pull-back metric M = (J_fk J_mu)^T A (J_fk J_mu) + (J_fk J_sigma)^T A (J_fk J_sigma) + ... of
+Beik-Mohammadi et al. (IJRR 2023, section 5), with J_fk the Jacobian of the body points, J_k that of one of them. Sigma's
+part, which makes the walls between tubes, is summed over several pieces of every edge, so that a thin wall between two
+cheap nodes is not stepped over.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.graph.decoder import rms_sigma
+from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
+from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.graph.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
+from geodesic_motion_ros.graph.progress import ProgressMap
+from geodesic_motion_ros.graph.ridge import Ridges
+from geodesic_motion_ros.graph.transport import Offsets
+from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
+from geodesic_motion_ros.robot.body_points import BodyPoints, body_point_jacobians, place_body_points
+from geodesic_motion_ros.robot.kinematics import Robot
+
+
+@dataclass(frozen=True)
+class JointMetricSettings:
+    """What the metric of a joint-space skill sums.
+
+    Attributes
+    ----------
+    sigma_weight : weight of the standard deviations beside the means (the paper: 1).
+    joint_weight : what a radian of a joint counts beside the body points' motion [m].
+    """
+
+    sigma_weight: float = 10.0
+    joint_weight: float = 0.05
+
+
+@dataclass(frozen=True)
+class ConfigurationGraph(LatentGraph):
+    """The latent graph of a joint-space skill. Sigma and its limit are in radians.
+
+    Attributes
+    ----------
+    configurations : (n, eta) decoded nodes [rad].
+    robot, body : whose body points the metric sees.
+    """
+
+    decoder: JointSpaceDecoder
+    metric: JointMetricSettings
+    robot: Robot
+    body: BodyPoints
+    configurations: np.ndarray
+    # Sigma's part of the squared lengths, which no transport changes: of the joints (m,), of each body point (m, K).
+    _sigma_fixed: np.ndarray
+    _sigma_shares: np.ndarray
+
+    def transported(self, offsets: Offsets, conformal: np.ndarray | None = None) -> CarriedConfigurations:
+        """Carry the nodes to a query, theta + D; `conformal` (n,) >= 1, None for 1, as in `PoseGraph.transported`."""
+        configurations = self.configurations + offsets.displacements(self.progress, self.ridge_shares)
+        points = place_body_points(configurations, self.body.frames, self.body.offsets, self.robot.chain)
+        first, second = self.edges.T
+        factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
+        turned, moved = _chord_energies(self.edges, configurations, points)
+        return CarriedConfigurations(
+            edges=self.edges,
+            body_points=points,
+            conformal=factor,
+            fixed=factor * (self.metric.joint_weight**2 * turned + self._sigma_fixed),
+            moving=factor * (moved + self._sigma_shares.mean(axis=1)),
+            shares=np.empty(self._sigma_shares.shape),
+            filled=np.zeros(len(self.edges), dtype=bool),
+            configurations=configurations,
+            _sigma_shares=self._sigma_shares,
+        )
+
+    def nearest_node(self, configuration: np.ndarray, component: int, sigma_limit: float) -> int | None:
+        """Node of a connected piece closest to a configuration (eta,); None where none is trusted.
+
+        Only nodes with rms sigma below `sigma_limit` [rad] count: near the rim of the support the decoder guesses.
+        """
+        candidates = np.flatnonzero((self.component == component) & (self.sigma < sigma_limit))
+        if len(candidates) == 0:
+            return None
+        distance = np.sum((self.configurations[candidates] - configuration) ** 2, axis=1)
+        return int(candidates[np.argmin(distance)])
+
+
+@dataclass(frozen=True)
+class CarriedConfigurations(WeightedGraph):
+    """Configurations carried to a query.
+
+    Attributes
+    ----------
+    configurations : (n, eta) [rad].
+    """
+
+    configurations: np.ndarray
+    _sigma_shares: np.ndarray
+
+    def fill_shares(self, adjacency: Adjacency, touched: np.ndarray) -> None:
+        _fill_shares(
+            adjacency.first, adjacency.edge, touched, self.edges, self.body_points, self.conformal,
+            self._sigma_shares, self.shares, self.filled,
+        )  # fmt: skip
+
+
+def build_configuration_graph(
+    decoder: JointSpaceDecoder,
+    codes: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    metric: JointMetricSettings,
+    robot: Robot,
+    body: BodyPoints,
+    sigma_limit: float,
+    shape: tuple[int, ...] = (50, 50, 50),
+    neighbours: int = 26,
+    pieces: int = 3,
+    energy_limit: float = math.inf,
+    ridges: Ridges | None = None,
+) -> ConfigurationGraph:
+    """Decode the latent box into a graph; parameters as of `pose_graph.build_pose_graph`, sigma_limit in radians.
+
+    Raises
+    ------
+    SkillError where nothing of the box is supported.
+    """
+    grid = LatentGrid(np.asarray(lower, dtype=float), np.asarray(upper, dtype=float), tuple(shape))
+    lattice = grid.nodes()
+    kept = rms_sigma(decoder.uncertainty(lattice)) <= sigma_limit
+    refuse_unsupported(kept, sigma_limit, "rad")
+    latent, number = lattice[kept], grid.numbering(kept)
+    edges = grid.edges(number, neighbours)
+
+    sigma_chain = _along_edges(decoder, latent, edges, pieces)
+    edges, sigma_chain = _supported(edges, sigma_chain, sigma_limit)
+    decoded = decoder.decode(latent)
+    steps = math.sqrt(pieces) * metric.sigma_weight * np.diff(sigma_chain, axis=1)
+    sigma_fixed = metric.joint_weight**2 * np.sum(steps**2, axis=(1, 2))
+    jacobians = body_point_jacobians(decoded.configurations, body.frames, body.offsets, robot.chain)
+    sigma_shares = _projected_energies(edges, jacobians, steps)
+    if math.isfinite(energy_limit):
+        points = place_body_points(decoded.configurations, body.frames, body.offsets, robot.chain)
+        turned, moved = _chord_energies(edges, decoded.configurations, points)
+        energy = metric.joint_weight**2 * turned + moved + sigma_fixed + sigma_shares.mean(axis=1)
+        usable = energy <= energy_limit
+        edges, sigma_fixed, sigma_shares = edges[usable], sigma_fixed[usable], sigma_shares[usable]
+    progress_map = ProgressMap.from_codes(codes, grid) if ridges is None else ProgressMap.from_ridges(ridges, grid)
+    progress, ridge_shares = progress_map(latent)
+    return ConfigurationGraph(
+        grid=grid,
+        sigma_limit=sigma_limit,
+        energy_limit=energy_limit,
+        latent=latent,
+        sigma=rms_sigma(decoded.sigma),
+        progress=progress,
+        ridge_shares=ridge_shares,
+        component=connected_pieces(edges, len(latent)),
+        edges=edges,
+        adjacency=Adjacency.from_edges(edges, len(latent)),
+        progress_map=progress_map,
+        _number=number,
+        decoder=decoder,
+        metric=metric,
+        robot=robot,
+        body=body,
+        configurations=decoded.configurations,
+        _sigma_fixed=sigma_fixed,
+        _sigma_shares=sigma_shares,
+    )
+
+
+def _along_edges(decoder: JointSpaceDecoder, latent: np.ndarray, edges: np.ndarray, pieces: int) -> np.ndarray:
+    """Sigma [rad] at both ends of every edge and at its inner cuts, (m, pieces + 1, eta)."""
+    fractions = np.arange(pieces + 1) / pieces
+    start, step = latent[edges[:, 0]], latent[edges[:, 1]] - latent[edges[:, 0]]
+    cuts = start[:, None] + fractions[None, :, None] * step[:, None]
+    return decoder.uncertainty(cuts.reshape(-1, latent.shape[1])).reshape(len(edges), pieces + 1, -1)
+
+
+def _supported(edges: np.ndarray, sigma_chain: np.ndarray, sigma_limit: float) -> tuple[np.ndarray, np.ndarray]:
+    usable = np.all(rms_sigma(sigma_chain) <= sigma_limit, axis=1)
+    return edges[usable], sigma_chain[usable]
+
+
+@numba.njit(cache=True, nogil=True)
+def _projected_energies(edges: np.ndarray, jacobians: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """sum_j |J_k steps_j|^2 (m, K), J_k the mean of the Jacobians (n, K, 3, eta) at an edge's ends, steps (m, P, eta)."""
+    count, joints = jacobians.shape[1], jacobians.shape[3]
+    energies = np.zeros((len(edges), count))
+    for e in range(len(edges)):
+        u, v = edges[e, 0], edges[e, 1]
+        for k in range(count):
+            for a in range(3):
+                for piece in range(steps.shape[1]):
+                    along = 0.0
+                    for j in range(joints):
+                        along += 0.5 * (jacobians[u, k, a, j] + jacobians[v, k, a, j]) * steps[e, piece, j]
+                    energies[e, k] += along * along
+    return energies
+
+
+@numba.njit(cache=True, nogil=True)
+def _chord_energies(
+    edges: np.ndarray, configurations: np.ndarray, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """|dtheta|^2 (m,) and 1/K sum_k |dp_k|^2 (m,) of every edge."""
+    turned, moved = np.zeros(len(edges)), np.zeros(len(edges))
+    count = points.shape[1]
+    for e in range(len(edges)):
+        u, v = edges[e, 0], edges[e, 1]
+        for j in range(configurations.shape[1]):
+            turned[e] += (configurations[v, j] - configurations[u, j]) ** 2
+        for k in range(count):
+            for a in range(3):
+                moved[e] += (points[v, k, a] - points[u, k, a]) ** 2
+        moved[e] /= count
+    return turned, moved
+
+
+@numba.njit(cache=True, nogil=True)
+def _fill_shares(
+    first: np.ndarray,
+    edge_of: np.ndarray,
+    touched: np.ndarray,
+    edges: np.ndarray,
+    points: np.ndarray,
+    conformal: np.ndarray,
+    sigma_shares: np.ndarray,
+    shares: np.ndarray,
+    filled: np.ndarray,
+) -> None:
+    """In place, for edges at touched nodes: a_ek = conformal (|dp_k|^2 + sigma's part) / K."""
+    count = points.shape[1]
+    for node in range(len(touched)):
+        if not touched[node]:
+            continue
+        for slot in range(first[node], first[node + 1]):
+            e = edge_of[slot]
+            if filled[e]:
+                continue
+            filled[e] = True
+            u, v = edges[e, 0], edges[e, 1]
+            for k in range(count):
+                squared = sigma_shares[e, k]
+                for a in range(3):
+                    squared += (points[v, k, a] - points[u, k, a]) ** 2
+                shares[e, k] = conformal[e] * squared / count

@@ -1,0 +1,53 @@
+"""JointSheet: what a joint-space skill that was learned from canonical demonstrations knows of them beside codes.
+
+As `sheet.CanonicalSheet`, with one difference: several families of configurations may start from, or end at, different
+configurations that hold the tool in the same pose. No mean is taken over them. Starts and goals are grouped, and each
+group has a mean of its own, its *pole*, from which offsets are counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.graph.ridge import Ridges
+from geodesic_motion_ros.sheet import DemonstratedEnds
+
+
+@dataclass(frozen=True)
+class JointSheet(DemonstratedEnds):
+    """Canonical demonstrations (N) at S equally spaced fractions of their arcs, as their codes are.
+
+    Offsets are displacements of the eta joints [rad], from the pole of the demonstration's group.
+
+    Attributes
+    ----------
+    configurations : (N, S, eta) canonical configurations [rad].
+    start_groups, goal_groups : (N,) number of the group that each demonstration starts from and ends in, from 0.
+    start_poles, goal_poles : (G, eta) mean configurations of the groups [rad].
+    """
+
+    configurations: np.ndarray
+    start_groups: np.ndarray
+    goal_groups: np.ndarray
+    start_poles: np.ndarray
+    goal_poles: np.ndarray
+
+    def check(self, count: int, samples: int) -> None:
+        """Refuse arrays that do not belong to codes of `count` demonstrations with `samples` each (SkillError)."""
+        joints = self.configurations.shape[-1]
+        self.check_arrays({
+            "configurations": (count, samples, joints), "modes": (count,),
+            "start_offsets": (count, joints), "goal_offsets": (count, joints),
+            "start_groups": (count,), "goal_groups": (count,),
+            "start_poles": (int(self.start_groups.max()) + 1, joints),
+            "goal_poles": (int(self.goal_groups.max()) + 1, joints),
+        })  # fmt: skip
+
+    def corrections(self, decoder: JointSpaceDecoder, ridges: Ridges, weights: np.ndarray) -> np.ndarray:
+        """What the decoder lacks on the ridges to be the demonstrations' weighted means, (K, S, eta) [rad]."""
+        means = np.einsum("kn,nsj->ksj", weights, self.configurations)
+        count, samples, dimension = ridges.centres.shape
+        return means - decoder.configurations(ridges.centres.reshape(-1, dimension)).reshape(count, samples, -1)
