@@ -1,0 +1,71 @@
+"""How networks are fitted: reproducible from a seed, by Adam or by L-BFGS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+
+import torch
+from torch import Tensor
+
+#: Called as progress(stage, step, steps) while training.
+Progress = Callable[[str, int, int], None]
+
+
+@contextmanager
+def one_seeded_thread(seed: int) -> Iterator[None]:
+    """One thread (the networks are too small for more) and torch's global generator seeded; both restored
+    after.
+    """
+    threads = torch.get_num_threads()
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        torch.set_num_threads(1)
+        try:
+            yield
+        finally:
+            torch.set_num_threads(threads)
+
+
+def descend(
+    loss: Callable[[int], Tensor],
+    parameters: Iterable[Tensor],
+    steps: int,
+    learning_rate: float,
+    stage: str,
+    progress: Progress | None,
+) -> None:
+    """Lower loss(step), drawn anew at every step, by Adam with cosine decay."""
+    optimiser = torch.optim.Adam(parameters, lr=learning_rate)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    for step in range(steps):
+        value = loss(step)
+        optimiser.zero_grad()
+        value.backward()
+        optimiser.step()
+        schedule.step()
+        if progress is not None:
+            progress(stage, step + 1, steps)
+
+
+def minimise(
+    objective: Callable[[], Tensor],
+    parameters: list[Tensor],
+    iterations: int,
+    stage: str,
+    progress: Progress | None,
+) -> None:
+    """L-BFGS in blocks of ten iterations, which keep the curvature they have learned."""
+    block = 10
+    optimiser = torch.optim.LBFGS(parameters, max_iter=block, history_size=20, line_search_fn="strong_wolfe")
+
+    def closure() -> Tensor:
+        optimiser.zero_grad()
+        loss = objective()
+        loss.backward()
+        return loss
+
+    for done in range(0, iterations, block):
+        optimiser.step(closure)
+        if progress is not None:
+            progress(stage, min(done + block, iterations), iterations)
