@@ -21,16 +21,26 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
 from geodesic_motion_ros.errors import GeodesicMotionError, SkillError
+from geodesic_motion_ros.graph.configuration_graph import (
+    ConfigurationGraph,
+    JointMetricSettings,
+    build_configuration_graph,
+)
 from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
+from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.graph.pose_graph import MetricSettings, PoseGraph, build_pose_graph
 from geodesic_motion_ros.graph.ridge import Ridges
+from geodesic_motion_ros.joint_sheet import JointSheet
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.sheet import CanonicalSheet
 
 FORMAT_VERSION = 2
 
-#: The graph that energy_per_edge is calibrated on, and the default one.
-GRID_SHAPE = (100, 100)
+#: The graphs that energy_per_edge is calibrated on, and the default ones, by the latent dimension.
+GRID_SHAPES = {2: (100, 100), 3: (50, 50, 50)}
+#: Directions per node of the default graphs.
+NEIGHBOURS = {2: 16, 3: 26}
 #: The support ends where rms sigma exceeds this multiple of its 99th percentile on the demonstrations.
 SUPPORT_MULTIPLE = 5.0
 #: Ends of a path are chosen closer to the demonstrations than the rim of the support.
@@ -39,31 +49,41 @@ ENDPOINT_MULTIPLE = 3.0
 _TEXT_FIELDS = ("name", "space", "robot", "base_frame", "tool_frame", "orientation_model")
 _METADATA = (*_TEXT_FIELDS, "metric", "sigma_support", "energy_per_edge", "quality", "provenance")
 _LATENT = ("codes", "latent_lower", "latent_upper", "start_pose", "goal_pose")
-_CANONICAL = ("positions", "quaternions", "start_offsets", "goal_offsets", "modes")
+_ENDS = ("start_offsets", "goal_offsets", "modes")
+_CANONICAL = {
+    "task": (*_ENDS, "positions", "quaternions"),
+    "joint": (*_ENDS, "configurations", "start_groups", "goal_groups", "start_poles", "goal_poles"),
+}
+_SPACES = {
+    "task": (TaskSpaceDecoder, MetricSettings, CanonicalSheet),
+    "joint": (JointSpaceDecoder, JointMetricSettings, JointSheet),
+}
 _FILES = ("weights.safetensors", "latent.npz")
 
 
 @dataclass(frozen=True)
 class Skill:
-    """A trained task-space skill.
+    """A trained skill.
 
     Attributes
     ----------
+    space : "task", what is learned are poses of the tool, or "joint", configurations of the whole arm.
     name, robot, base_frame, tool_frame : what it is called and whose poses it speaks of.
     decoder : numpy decoder; encoder_arrays : weights of the encoder by name, for re-encoding demonstrations.
     codes : (N, T, d) latent means of the demonstrations by arc length; with antipodal doubling both signs, (2N, T, d).
     canonical : what was taken out of the demonstrations before the training; None on the raw sheet, that of the paper.
     latent_lower, latent_upper : (d,) the box that is turned into a graph.
     metric : weights of the pull-back metric.
-    orientation_model : "two_cluster" (q and -q have codes of their own) or "sign_blind".
-    sigma_support : 99th percentile of rms sigma [m] on the demonstrations' codes.
+    orientation_model : "two_cluster" (q and -q have codes of their own) or "sign_blind"; "none" in joint space.
+    sigma_support : 99th percentile of rms sigma [m], in joint space [rad], on the demonstrations' codes.
     energy_per_edge : largest obstacle-free squared length of one edge of the default graph that a path may have.
-    start_pose, goal_pose : (7,) mean first and last pose of the demonstrations: x, y, z [m], w, x, y, z.
+    start_pose, goal_pose : (7,) mean first and last tool pose of the demonstrations: x, y, z [m], w, x, y, z; in joint
+        space of those of the first family.
     quality, provenance : figures on held-out demonstrations; data, licence, source, seed, settings.
     """
 
     name: str
-    decoder: TaskSpaceDecoder
+    decoder: TaskSpaceDecoder | JointSpaceDecoder
     codes: np.ndarray
     latent_lower: np.ndarray
     latent_upper: np.ndarray
@@ -71,20 +91,20 @@ class Skill:
     energy_per_edge: float
     start_pose: np.ndarray
     goal_pose: np.ndarray
-    space: Literal["task"] = "task"
+    space: Literal["task", "joint"] = "task"
     robot: str = "panda"
     base_frame: str = "panda_link0"
     tool_frame: str = "panda_grasptarget"
-    metric: MetricSettings = field(default_factory=MetricSettings)
-    canonical: CanonicalSheet | None = None
-    orientation_model: Literal["two_cluster", "sign_blind"] = "two_cluster"
+    metric: MetricSettings | JointMetricSettings = field(default_factory=MetricSettings)
+    canonical: CanonicalSheet | JointSheet | None = None
+    orientation_model: Literal["two_cluster", "sign_blind", "none"] = "two_cluster"
     encoder_arrays: dict[str, np.ndarray] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
     @property
     def sigma_limit(self) -> float:
-        """Largest rms sigma [m] inside the support."""
+        """Largest rms sigma [m], in joint space [rad], inside the support."""
         return SUPPORT_MULTIPLE * self.sigma_support
 
     @property
@@ -101,11 +121,23 @@ class Skill:
 
     def _energy_limit(self, shape: tuple[int, ...]) -> float:
         """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""
-        coarser = max((reference - 1) / (side - 1) for reference, side in zip(GRID_SHAPE, shape, strict=False))
+        calibrated = GRID_SHAPES[len(self.latent_lower)]
+        coarser = max((reference - 1) / (side - 1) for reference, side in zip(calibrated, shape, strict=False))
         return self.energy_per_edge * max(1.0, coarser**2)
 
-    def graph(self, shape: tuple[int, ...] = GRID_SHAPE, neighbours: int = 16) -> PoseGraph:
-        """Decode the latent box into its graph: a second or two for a task-space skill."""
+    def graph(
+        self, shape: tuple[int, ...] | None = None, neighbours: int | None = None
+    ) -> PoseGraph | ConfigurationGraph:
+        """Decode the latent box into its graph, by default that of GRID_SHAPES and NEIGHBOURS: a few seconds."""
+        dimension = len(self.latent_lower)
+        shape, neighbours = shape or GRID_SHAPES[dimension], neighbours or NEIGHBOURS[dimension]
+        if self.space == "joint":
+            robot = Robot.named(self.robot)
+            return build_configuration_graph(
+                self.decoder, self.codes, self.latent_lower, self.latent_upper, self.metric, robot,
+                self.metric.body_points(robot), self.sigma_limit, shape, neighbours,
+                energy_limit=self._energy_limit(shape), ridges=self.ridges,
+            )  # fmt: skip
         return build_pose_graph(
             self.decoder, self.codes, self.latent_lower, self.latent_upper,
             self.metric, self.sigma_limit, shape, neighbours, energy_limit=self._energy_limit(shape),
@@ -127,7 +159,7 @@ class Skill:
             latent = {name: getattr(self, name) for name in _LATENT}
             described = {"format_version": FORMAT_VERSION, "sheet": self.sheet}
             if self.canonical is not None:
-                latent |= {f"canonical_{name}": getattr(self.canonical, name) for name in _CANONICAL}
+                latent |= {f"canonical_{name}": getattr(self.canonical, name) for name in _CANONICAL[self.space]}
                 described["regression_penalty"] = self.canonical.penalty
             np.savez(draft / "latent.npz", **latent)
             described |= {name: getattr(self, name) for name in _METADATA} | {"metric": asdict(self.metric)}
@@ -163,9 +195,10 @@ class Skill:
                 latent = {name: np.asarray(archive[name], dtype=float) for name in _LATENT}
                 latent["canonical"] = _canonical(described, archive)
             metadata = {name: described[name] for name in _METADATA}
-            metadata["metric"] = MetricSettings(**described["metric"])
+            decoder, metric, _ = _SPACES[described["space"]]
+            metadata["metric"] = metric(**described["metric"])
             skill = cls(
-                decoder=TaskSpaceDecoder.from_arrays(_with_prefix(weights, "decoder.")),
+                decoder=decoder.from_arrays(_with_prefix(weights, "decoder.")),
                 encoder_arrays=_with_prefix(weights, "encoder."), **latent, **metadata,
             )  # fmt: skip
             skill._check()
@@ -177,8 +210,6 @@ class Skill:
 
     def _check(self) -> None:
         d = self.decoder.latent_dimension
-        if self.space != "task":
-            raise SkillError(f"skills of space {self.space!r} are not known here; known: 'task'")
         shapes = {
             "latent_lower": (d,), "latent_upper": (d,), "start_pose": (7,), "goal_pose": (7,),
             "codes": (*self.codes.shape[:2], d),
@@ -200,8 +231,9 @@ def _canonical(described: dict[str, Any], archive: Any) -> CanonicalSheet | None
         return None
     if described["sheet"] != "canonical":
         raise SkillError(f"sheets of kind {described['sheet']!r} are not known here; known: 'canonical', 'raw'")
-    arrays = {name: archive[f"canonical_{name}"] for name in _CANONICAL}
-    return CanonicalSheet(**arrays, penalty=float(described["regression_penalty"]))
+    space = described["space"]
+    arrays = {name: archive[f"canonical_{name}"] for name in _CANONICAL[space]}
+    return _SPACES[space][2](**arrays, penalty=float(described["regression_penalty"]))
 
 
 def _with_prefix(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
@@ -255,6 +287,9 @@ def _read_description(path: Path) -> dict[str, Any]:
             f"{file}: format version {described['format_version']}, this release reads {FORMAT_VERSION}: "
             "install a matching release or train the skill again"
         )
+    if described.get("space") not in _SPACES:
+        known = ", ".join(map(repr, _SPACES))
+        raise SkillError(f"{file}: skills of space {described.get('space')!r} are not known here; known: {known}")
     missing = [name for name in ("sheet", *_METADATA, "sha256") if name not in described]
     if missing:
         raise SkillError(f"{file}: lacks {', '.join(missing)}")

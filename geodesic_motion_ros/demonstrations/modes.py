@@ -10,13 +10,16 @@ from scipy.spatial.distance import pdist, squareform
 #: P. Rousseeuw, "Finding groups in data", 1990). Demonstrations of one way stay below 0.45 on real recordings.
 SMALLEST_SILHOUETTE = 0.6
 MOST_MODES = 5
+#: Below 1, blends lie mostly near one or two demonstrations, and so out to the rim of what was shown.
+BLEND_CONCENTRATION = 0.7
 
 
 def cluster_modes(curves: np.ndarray) -> np.ndarray:
     """Mode (N,) of every curve, numbered from 0 in order of first appearance; all 0 where there is one.
 
-    Average linkage of the root mean square distances between curves (N, T, 3) [m] at equal fractions of the arc; the
-    number of modes is that with the largest mean silhouette, if it reaches SMALLEST_SILHOUETTE.
+    Average linkage of the root mean square distances between curves (N, T, 3) [m], or (N, T, eta) [rad], at equal
+    fractions of the arc; the number of modes is that with the largest mean silhouette, if it reaches
+    SMALLEST_SILHOUETTE.
     """
     count = len(curves)
     flat = curves.reshape(count, -1) / np.sqrt(curves.shape[1])
@@ -32,6 +35,16 @@ def cluster_modes(curves: np.ndarray) -> np.ndarray:
             best, labels = silhouette, split
     _, first, numbered = np.unique(labels, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[numbered]
+
+
+def blend_weights(modes: np.ndarray, blends: int, seed: int) -> np.ndarray:
+    """Weights (N blends, N) of random convex combinations, each within one mode of modes (N,)."""
+    random = np.random.default_rng(seed)
+    weights = np.zeros((len(modes) * blends, len(modes)))
+    for row, mode in enumerate(np.repeat(modes, blends)):
+        own = np.flatnonzero(modes == mode)
+        weights[row, own] = random.dirichlet(np.full(len(own), BLEND_CONCENTRATION))
+    return weights
 
 
 def _mean_silhouette(distances: np.ndarray, labels: np.ndarray) -> float:

@@ -3,12 +3,12 @@
 The squared length of an edge from theta to theta' is measured where the robot's body is, on K body points p_k, with a
 small joint-space term, without which motion that leaves all body points in place would cost nothing:
 
-    w_e^2 = 1/K sum_k m_k (|dp_k|^2 + sigma_weight^2 |J_k dsigma|^2) + joint_weight^2 (|dtheta|^2 + sigma_weight^2 |dsigma|^2)
+    w_e^2 = 1/K sum_k m_k (|dp_k|^2 + s^2 |J_k dsigma|^2) + g^2 (|dtheta|^2 + s^2 |dsigma|^2)
 
-It is the chord form of the pull-back metric M = (J_fk J_mu)^T A (J_fk J_mu) + (J_fk J_sigma)^T A (J_fk J_sigma) + ... of
-Beik-Mohammadi et al. (IJRR 2023, section 5), with J_fk the Jacobian of the body points, J_k that of one of them. Sigma's
-part, which makes the walls between tubes, is summed over several pieces of every edge, so that a thin wall between two
-cheap nodes is not stepped over.
+with s the sigma_weight and g the joint_weight. It is the chord form of the pull-back metric M = (J_fk J_mu)^T A
+(J_fk J_mu) + (J_fk J_sigma)^T A (J_fk J_sigma) + ... of Beik-Mohammadi et al. (IJRR 2023, section 5), with J_fk the
+Jacobian of the body points, J_k that of one of them. Sigma's part, which makes the walls between tubes, is summed over
+several pieces of every edge, so that a thin wall between two cheap nodes is not stepped over.
 """
 
 from __future__ import annotations
@@ -27,7 +27,12 @@ from geodesic_motion_ros.graph.progress import ProgressMap
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
-from geodesic_motion_ros.robot.body_points import BodyPoints, body_point_jacobians, place_body_points
+from geodesic_motion_ros.robot.body_points import (
+    BodyPoints,
+    body_point_jacobians,
+    place_body_points,
+    points_along_links,
+)
 from geodesic_motion_ros.robot.kinematics import Robot
 
 
@@ -39,10 +44,16 @@ class JointMetricSettings:
     ----------
     sigma_weight : weight of the standard deviations beside the means (the paper: 1).
     joint_weight : what a radian of a joint counts beside the body points' motion [m].
+    point_spacing : body points are the joints, the tool, and points between on links that are longer than this [m].
     """
 
     sigma_weight: float = 10.0
     joint_weight: float = 0.05
+    point_spacing: float = 0.2
+
+    def body_points(self, robot: Robot) -> BodyPoints:
+        """The robot's body points that the metric sees."""
+        return BodyPoints.of(robot, points_along_links(robot, self.point_spacing))
 
 
 @dataclass(frozen=True)
@@ -195,7 +206,7 @@ def _supported(edges: np.ndarray, sigma_chain: np.ndarray, sigma_limit: float) -
 
 @numba.njit(cache=True, nogil=True)
 def _projected_energies(edges: np.ndarray, jacobians: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """sum_j |J_k steps_j|^2 (m, K), J_k the mean of the Jacobians (n, K, 3, eta) at an edge's ends, steps (m, P, eta)."""
+    """sum_j |J_k steps_j|^2 (m, K) for steps (m, P, eta), J_k the mean of the Jacobians (n, K, 3, eta) at both ends."""
     count, joints = jacobians.shape[1], jacobians.shape[3]
     energies = np.zeros((len(edges), count))
     for e in range(len(edges)):

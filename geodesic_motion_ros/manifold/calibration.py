@@ -19,6 +19,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.decoder import rms_sigma
+from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.manifold.task_space import TaskSpaceVAE
@@ -105,16 +106,21 @@ def canonical_sheet(form: CanonicalDemonstrations) -> CanonicalSheet:
 
 
 def calibrated_energy_per_edge(graph: PoseGraph, codes: np.ndarray) -> float:
+    """Largest squared length of one edge that a feasible path may have; see `dearest_energy`."""
+    still = graph.transported(Offsets.none(graph.ridge_count), np.zeros((1, 3)))
+    return dearest_energy(graph, still.energies(), codes)
+
+
+def dearest_energy(graph: LatentGraph, energies: np.ndarray, codes: np.ndarray) -> float:
     """Largest squared length of one edge that a feasible path may have.
 
     ENERGY_MULTIPLE times the dearest edge of the shortest obstacle-free paths between the first and last code
-    of every demonstration, codes (N, T, d).
+    of every demonstration, for squared lengths (m,) and codes (N, T, d).
 
     Raises
     ------
     SkillError : no demonstration's ends are connected in the graph.
     """
-    energies = graph.transported(Offsets.none(graph.ridge_count), np.zeros((1, 3))).energies()
     count = len(graph.latent)
     first, second = graph.edges.T
     lengths = coo_matrix((np.sqrt(energies), (first, second)), shape=(count, count)).tocsr()

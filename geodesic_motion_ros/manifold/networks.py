@@ -120,6 +120,19 @@ def kernel_rate(centres: np.ndarray, codes: np.ndarray, bandwidth_factor: float)
     return 0.5 / bandwidth**2
 
 
+def layer_arrays(perceptron: MultilayerPerceptron) -> dict[str, np.ndarray]:
+    """Weights and biases by the names that `graph.perceptron.Perceptron` reads."""
+    named = {}
+    for number, layer in enumerate(perceptron.layers, start=1):
+        named[f"W{number}"], named[f"b{number}"] = as_array(layer.weight), as_array(layer.bias)
+    return named
+
+
+def as_array(tensor: Tensor) -> np.ndarray:
+    """A tensor's values, float64."""
+    return tensor.detach().numpy().astype(float)
+
+
 def _lloyd_step(codes: np.ndarray, centres: np.ndarray) -> np.ndarray:
     _, labels = cKDTree(centres).query(codes)
     sizes = np.bincount(labels, minlength=len(centres))

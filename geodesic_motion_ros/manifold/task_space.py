@@ -22,7 +22,7 @@ from geodesic_motion_ros.manifold.densities import (
     gaussian_log_density,
     von_mises_fisher_log_density,
 )
-from geodesic_motion_ros.manifold.networks import MultilayerPerceptron, RadialBasisNetwork
+from geodesic_motion_ros.manifold.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
 
 OrientationModel = Literal["two_cluster", "sign_blind"]
 
@@ -83,10 +83,10 @@ class EncoderNetwork(nn.Module):
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Weights by the names that `graph.encoder.TaskSpaceEncoder` reads (the mean's rows only)."""
-        named = _layer_arrays(self.perceptron)
+        named = layer_arrays(self.perceptron)
         latent_dimension = len(named["b3"]) // 2
         named["W3"], named["b3"] = named["W3"][:latent_dimension], named["b3"][:latent_dimension]
-        return named | {"position_offset": _array(self.offset), "position_scale": _array(self.scale)}
+        return named | {"position_offset": as_array(self.offset), "position_scale": as_array(self.scale)}
 
 
 class DecoderNetwork(nn.Module):
@@ -130,15 +130,15 @@ class DecoderNetwork(nn.Module):
     def to_numpy(self) -> TaskSpaceDecoder:
         """The same decoder without torch, as skills store it."""
         return TaskSpaceDecoder(
-            **_layer_arrays(self.perceptron),
-            position_offset=_array(self.offset),
-            position_scale=_array(self.scale),
-            rbf_centres=_array(self.inverse_sigma.centres),
-            rbf_rate=_array(self.inverse_sigma.rate),
-            sigma_weights=_array(self.inverse_sigma.weights),
-            sigma_floor=_array(self.inverse_sigma.floor),
-            kappa_weights=_array(self.kappa.weights[0]),
-            kappa_floor=_array(self.kappa.floor[0]),
+            **layer_arrays(self.perceptron),
+            position_offset=as_array(self.offset),
+            position_scale=as_array(self.scale),
+            rbf_centres=as_array(self.inverse_sigma.centres),
+            rbf_rate=as_array(self.inverse_sigma.rate),
+            sigma_weights=as_array(self.inverse_sigma.weights),
+            sigma_floor=as_array(self.inverse_sigma.floor),
+            kappa_weights=as_array(self.kappa.weights[0]),
+            kappa_floor=as_array(self.kappa.floor[0]),
         )
 
     @classmethod
@@ -211,14 +211,3 @@ def _basis_network(tensors: dict[str, Tensor], weights: Tensor, floor: Tensor) -
     network = RadialBasisNetwork(tensors["rbf_centres"], tensors["rbf_rate"], floor, torch.ones_like(floor))
     network.weights = weights
     return network
-
-
-def _layer_arrays(perceptron: MultilayerPerceptron) -> dict[str, np.ndarray]:
-    named = {}
-    for number, layer in enumerate(perceptron.layers, start=1):
-        named[f"W{number}"], named[f"b{number}"] = _array(layer.weight), _array(layer.bias)
-    return named
-
-
-def _array(tensor: Tensor) -> np.ndarray:
-    return tensor.detach().numpy().astype(float)

@@ -6,9 +6,8 @@ on the codes by k-means, and sigma and kappa are fitted by maximum likelihood, a
 optima. The paper's literal joint training is kept as `schedule="joint"`.
 
 On the canonical sheet (default) what is learned are canonical demonstrations (`demonstrations.canonical`), and the
-prior tells how far along them a pose is: p(z | s) = N((PRIOR_REACH (2 s - 1), 0), diag(progress_deviation^2, 1)), s the
-fraction of the arc. It makes the sheet a strip. The raw sheet, the paper's, is learned from the demonstrations as they
-are, with the prior N(0, 1).
+prior tells how far along them a pose is (`progress_prior`). The raw sheet, the paper's, is learned from the
+demonstrations as they are, with the prior N(0, 1).
 """
 
 from __future__ import annotations
@@ -24,13 +23,14 @@ from torch import Tensor
 
 from geodesic_motion_ros.demonstrations.canonical import along_arc, canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.demonstrations.modes import cluster_modes
+from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_modes
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.manifold.calibration import assemble_skill
 from geodesic_motion_ros.manifold.densities import divergence_from_normal
 from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
 from geodesic_motion_ros.manifold.optimisation import Progress, descend, minimise, one_seeded_thread
+from geodesic_motion_ros.manifold.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.manifold.task_space import (
     FixedPrecisions,
     Means,
@@ -39,11 +39,6 @@ from geodesic_motion_ros.manifold.task_space import (
     TaskSpaceVAE,
 )
 from geodesic_motion_ros.skill import Skill
-
-#: The canonical sheet runs from -PRIOR_REACH to PRIOR_REACH on the first latent axis.
-PRIOR_REACH = 3.0
-#: Below 1, blends lie mostly near one or two demonstrations, and so out to the rim of what was shown.
-BLEND_CONCENTRATION = 0.7
 
 
 @dataclass(frozen=True)
@@ -214,16 +209,6 @@ def training_poses(demonstrations: Demonstrations, settings: TrainingSettings) -
     return np.concatenate([positions for positions, _ in curves]), np.concatenate([turns for _, turns in curves])
 
 
-def blend_weights(modes: np.ndarray, blends: int, seed: int) -> np.ndarray:
-    """Weights (N blends, N) of random convex combinations, each within one mode of modes (N,)."""
-    random = np.random.default_rng(seed)
-    weights = np.zeros((len(modes) * blends, len(modes)))
-    for row, mode in enumerate(np.repeat(modes, blends)):
-        own = np.flatnonzero(modes == mode)
-        weights[row, own] = random.dirichlet(np.full(len(own), BLEND_CONCENTRATION))
-    return weights
-
-
 def train_model(
     positions: np.ndarray,
     quaternions: np.ndarray,
@@ -243,7 +228,7 @@ def train_model(
     with one_seeded_thread(settings.seed):
         offset, scale = _position_scaling(positions)
         vae = TaskSpaceVAE(settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model)
-        means = _prior_means(fractions, settings)
+        means = prior_means(fractions, settings)
         poses = Poses(*(torch.tensor(values).float() for values in (positions, quaternions, means)))
         if settings.orientation_model == "sign_blind":
             _start_on_one_side(vae, poses)
@@ -261,20 +246,6 @@ def _position_scaling(positions: np.ndarray) -> tuple[Tensor, Tensor]:
     """Mean (3,) and root mean square distance from it over sqrt 3 (): one scalar keeps proportions."""
     offset = positions.mean(axis=0)
     return torch.tensor(offset).float(), torch.tensor(np.sqrt(np.mean((positions - offset) ** 2))).float()
-
-
-def _prior_means(fractions: np.ndarray, settings: TrainingSettings) -> np.ndarray:
-    means = np.zeros((len(fractions), settings.latent_dimension))
-    if settings.sheet == "canonical":
-        means[:, 0] = PRIOR_REACH * (2.0 * fractions - 1.0)
-    return means
-
-
-def _prior_variance(settings: TrainingSettings) -> Tensor:
-    variance = torch.ones(settings.latent_dimension)
-    if settings.sheet == "canonical":
-        variance[0] = settings.progress_deviation**2
-    return variance
 
 
 def _start_on_one_side(vae: TaskSpaceVAE, poses: Poses) -> None:
@@ -298,12 +269,12 @@ def _ascend(
     progress: Progress | None,
 ) -> None:
     """Climb the weighted evidence lower bound over every parameter the model has now."""
-    prior_variance = _prior_variance(settings)
+    variance = prior_variance(settings)
 
     def loss(step: int) -> Tensor:
         batch = poses.take(torch.randint(len(poses.positions), (settings.batch,)))
         latent, mean, log_variance = vae.sample(batch.positions, batch.quaternions)
-        divergence = divergence_from_normal(mean, log_variance, batch.prior_means, prior_variance)
+        divergence = divergence_from_normal(mean, log_variance, batch.prior_means, variance)
         likelihood = _log_likelihood(vae, batch, vae.decoder.means(latent), precisions(latent), settings)
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
         return (warm * settings.kl_weight * divergence - likelihood).mean()

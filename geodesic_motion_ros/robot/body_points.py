@@ -93,7 +93,8 @@ def link_points(robot: Robot, link: str, points: Sequence[Sequence[float]]) -> n
 
 
 def points_along_links(robot: Robot, spacing: float) -> dict[str, list[list[float]]]:
-    """Evenly spaced points between successive joint origins of links that are longer than `spacing` [m], for `extra`."""
+    """Evenly spaced points on links that are longer than `spacing` [m] from joint to joint, as `BodyPoints.of` takes.
+    """
     found: dict[str, list[list[float]]] = {}
     for link, translation in zip(robot.link_names[1:-1], robot.chain[1][1:], strict=True):
         pieces = math.ceil(float(np.linalg.norm(translation)) / spacing)

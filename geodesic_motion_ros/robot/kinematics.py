@@ -35,6 +35,7 @@ class Robot:
 
     Attributes
     ----------
+    urdf : the file it was read from.
     base_link, tool_link : names of the two ends of the chain.
     joint_names : names of the n moving joints, base first.
     link_names : names of the m + 1 links of the chain, base first, tool last.
@@ -53,7 +54,7 @@ class Robot:
         ready: tuple[float, ...] | None = None,
     ) -> None:
         chain = read_chain(path, base_link, tool_link)
-        self.base_link, self.tool_link = base_link, tool_link
+        self.urdf, self.base_link, self.tool_link = Path(path), base_link, tool_link
         self.joint_names, self.link_names = chain.joint_names, chain.link_names
         self.lower, self.upper, self.velocity_limits = chain.lower, chain.upper, chain.velocity
         unlimited = np.full(len(self.joint_names), np.inf)

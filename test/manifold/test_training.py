@@ -6,12 +6,12 @@ import torch
 
 from geodesic_motion_ros.demonstrations.canonical import canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.demonstrations.modes import blend_weights
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
+from geodesic_motion_ros.manifold.progress_prior import PRIOR_REACH
 from geodesic_motion_ros.manifold.training import (
-    PRIOR_REACH,
     TrainingSettings,
-    blend_weights,
     train_model,
     train_task_space_skill,
     training_poses,

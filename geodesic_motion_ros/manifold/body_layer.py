@@ -1,0 +1,68 @@
+"""The robot's forward kinematics as a fixed, differentiable layer: body points and their volume."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytorch_kinematics
+import torch
+from torch import Tensor, nn
+
+from geodesic_motion_ros.robot.body_points import BodyPoints
+from geodesic_motion_ros.robot.kinematics import Robot
+
+
+class BodyLayer(nn.Module):
+    """Body points p_k(theta), their stacked Jacobian J(theta), and log V = 1/2 log det(J^T J + epsilon^2 I).
+
+    V measures how much volume of the body's configurations a volume of joint angles makes; it is what a change of
+    variables from joint angles to the body divides a density by (Beik-Mohammadi et al., IJRR 2023, section 4.2).
+    epsilon [m] keeps it finite where the arm is singular.
+
+    Link frames come from pytorch-kinematics. Its own Jacobian is of the tool alone; that of the body points follows
+    from the joints' axes: a x (p - o) for a revolute joint, a for a prismatic one.
+    """
+
+    def __init__(self, robot: Robot, body: BodyPoints, epsilon: float = 0.01) -> None:
+        super().__init__()
+        self._chain = pytorch_kinematics.build_serial_chain_from_urdf(
+            robot.urdf.read_bytes(), robot.tool_link, robot.base_link
+        )
+        _, _, axes, joint_index, prismatic = robot.chain
+        moving = np.flatnonzero(joint_index >= 0)
+        self._link_names = robot.link_names
+        self.epsilon = epsilon
+        # Row of a joint's frame among the links: that of its child.
+        self.register_buffer("joint_rows", torch.tensor(moving + 1))
+        self.register_buffer("axes", torch.tensor(axes[moving]))
+        self.register_buffer("prismatic", torch.tensor(prismatic[moving]))
+        self.register_buffer("frames", torch.tensor(body.frames))
+        self.register_buffer("offsets", torch.tensor(body.offsets))
+        # Whether joint j moves point k, (K, eta).
+        self.register_buffer("moves", self.frames[:, None] >= self.joint_rows[None])
+
+    def forward(self, configurations: Tensor) -> tuple[Tensor, Tensor]:
+        """Body points (B, K, 3) [m] and their Jacobians (B, K, 3, eta) at configurations (B, eta) [rad]."""
+        rotations, origins = self._link_frames(configurations)
+        offsets = self.offsets.to(configurations)
+        points = origins[:, self.frames] + torch.einsum("bkij,kj->bki", rotations[:, self.frames], offsets)
+        axes = torch.einsum("bjac,jc->bja", rotations[:, self.joint_rows], self.axes.to(configurations))
+        arms = points[:, :, None] - origins[:, None, self.joint_rows]
+        turning = torch.linalg.cross(axes[:, None].expand_as(arms), arms)
+        columns = torch.where(self.prismatic[:, None], axes[:, None].expand_as(arms), turning)
+        columns = columns * self.moves[None, :, :, None]
+        return points, columns.transpose(-1, -2)
+
+    def log_volume(self, configurations: Tensor) -> Tensor:
+        """log V (B,) at configurations (B, eta)."""
+        _, jacobians = self(configurations)
+        stacked = jacobians.flatten(1, 2)
+        identity = torch.eye(stacked.shape[-1], dtype=stacked.dtype)
+        return 0.5 * torch.logdet(stacked.transpose(1, 2) @ stacked + self.epsilon**2 * identity)
+
+    def _link_frames(self, configurations: Tensor) -> tuple[Tensor, Tensor]:
+        """Rotations (B, links, 3, 3) and origins (B, links, 3) of the chain's links, base first."""
+        self._chain.to(dtype=configurations.dtype)
+        frames = self._chain.forward_kinematics(configurations, end_only=False)
+        count = len(configurations)
+        matrices = torch.stack([frames[name].get_matrix().expand(count, 4, 4) for name in self._link_names], 1)
+        return matrices[..., :3, :3], matrices[..., :3, 3]

@@ -1,0 +1,224 @@
+"""From joint-space demonstrations to a skill: how the model of whole-arm configurations is trained.
+
+Two stages, as in `training`: the means first, under a fixed likelihood scale, then kernels on the codes and sigma by
+maximum likelihood. On the canonical sheet (default) start and goal offsets of the joints are taken out before
+(`demonstrations.joint_canonical`); the raw sheet, the paper's, is learned from the demonstrations as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from geodesic_motion_ros.demonstrations.joint_canonical import canonical_joint_form
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_modes
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.manifold.body_layer import BodyLayer
+from geodesic_motion_ros.manifold.densities import divergence_from_normal, gaussian_log_density
+from geodesic_motion_ros.manifold.joint_calibration import assemble_joint_skill
+from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
+from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
+from geodesic_motion_ros.manifold.optimisation import Progress, descend, minimise, one_seeded_thread
+from geodesic_motion_ros.manifold.progress_prior import prior_means, prior_variance
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
+
+
+@dataclass(frozen=True)
+class JointTrainingSettings:
+    """How a joint-space skill is learned.
+
+    Attributes
+    ----------
+    seed : of everything random: initial weights, batches, latent noise, k-means.
+    sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
+    latent_dimension : d, 3 or 2.
+    hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
+    samples : configurations per demonstration that are trained on, equally spaced along its arc in joint space.
+    steps, batch, learning_rate : Adam steps with cosine decay, configurations per step, initial rate.
+    kl_weight, kl_warm_up : weight of the divergence in the evidence lower bound (the paper: 1), and the fraction of the
+        steps over which it grows from 0.
+    volume_weight : of the change of variables to the body's configurations, log p(theta | z) - volume_weight log V. The
+        paper's is 1. With sigma as small as it is here it changes nothing but the time; the default leaves it out.
+    progress_deviation : of the canonical sheet's prior along the strip.
+    blends : random convex combinations of canonical demonstrations of one mode that are learned besides each.
+    fixed_sigma : likelihood scale while the means are learned [rad].
+    kernels, bandwidth_factor : radial-basis kernels, at most, and their width over the distance between neighbours.
+    precision_samples, precision_iterations : latent draws per configuration that sigma is fitted on, and L-BFGS steps.
+    far_sigma : deviation far from all data [rad]: the height of the walls.
+    joint_resolution : what a demonstration cannot be more exact than [rad]; added to the residuals.
+    margin : free border of the latent box around the codes, as a fraction of its size.
+    metric : weights of the skill's metric; they take no part in the training.
+    """
+
+    seed: int = 0
+    sheet: Literal["canonical", "raw"] = "canonical"
+    latent_dimension: int = 3
+    hidden: tuple[int, int] = (200, 100)
+    samples: int = 200
+    steps: int = 5000
+    batch: int = 256
+    learning_rate: float = 2e-3
+    kl_weight: float = 0.3
+    kl_warm_up: float = 0.2
+    volume_weight: float = 0.0
+    progress_deviation: float = 0.2
+    blends: int = 2
+    fixed_sigma: float = 0.02
+    kernels: int = 500
+    bandwidth_factor: float = 1.0
+    precision_samples: int = 4
+    precision_iterations: int = 200
+    far_sigma: float = 1.0
+    joint_resolution: float = 0.002
+    margin: float = 0.05
+    metric: JointMetricSettings = field(default_factory=JointMetricSettings)
+
+    def __post_init__(self) -> None:
+        if self.sheet not in ("canonical", "raw"):
+            raise ParameterError(f"sheet is {self.sheet!r}; it must be one of canonical, raw")
+        if self.latent_dimension not in (2, 3):
+            raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 or 3")
+        if len(self.hidden) != 2:
+            raise ParameterError(f"hidden has {len(self.hidden)} layers; the decoder format has exactly 2")
+        not_positive = [
+            name for name, value in asdict(self).items()
+            if isinstance(value, int | float)
+            and not (0.0 < value < math.inf or (value == 0.0 and name in _MAY_BE_ZERO))
+        ]  # fmt: skip
+        if not_positive:
+            raise ParameterError(f"training settings must be positive and finite: {', '.join(not_positive)}")
+
+
+_MAY_BE_ZERO = {"seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "margin"}
+
+
+class Samples(NamedTuple):
+    """Training samples: configurations (n, eta) [rad] and the means (n, d) of their prior."""
+
+    configurations: Tensor
+    prior_means: Tensor
+
+    def take(self, index: Tensor) -> Samples:
+        return Samples(*(values[index] for values in self))
+
+    def double(self) -> Samples:
+        return Samples(*(values.double() for values in self))
+
+
+def train_joint_space_skill(
+    demonstrations: JointDemonstrations,
+    robot: Robot,
+    settings: JointTrainingSettings = JointTrainingSettings(),
+    name: str = "skill",
+    progress: Progress | None = None,
+    provenance: dict[str, Any] | None = None,
+) -> Skill:
+    """Learn a skill from demonstrations of one task: train, then calibrate support and feasibility.
+
+    Parameters
+    ----------
+    robot : that the demonstrations are of.
+    progress : called as progress(stage, step, steps).
+    provenance : what to say of the data (source, licence); seed, settings and demonstrations' names are added.
+
+    Raises
+    ------
+    DemonstrationError : demonstrations that have no form in common.
+    SkillError : the model that came out is unusable.
+    """
+    configurations = training_configurations(demonstrations, settings)
+    body = settings.metric.body_points(robot)
+    vae = train_joint_model(configurations, settings, BodyLayer(robot, body), progress)
+    described = {"demonstrations": [item.name for item in demonstrations], "frame": robot.base_link}
+    described |= {"seed": settings.seed, "settings": asdict(settings)} | (provenance or {})
+    return assemble_joint_skill(vae, demonstrations, robot, name, settings, described)
+
+
+def training_configurations(demonstrations: JointDemonstrations, settings: JointTrainingSettings) -> np.ndarray:
+    """Configurations (curves, samples, eta) [rad] that are learned, equally spaced along their arcs."""
+    if settings.sheet == "raw":
+        return demonstrations.resampled(settings.samples).configurations_array()
+    shown = canonical_joint_form(demonstrations, settings.samples).configurations
+    weights = blend_weights(cluster_modes(shown), settings.blends, settings.seed)
+    return np.concatenate([shown, np.einsum("bn,ntj->btj", weights, shown)])
+
+
+def train_joint_model(
+    configurations: np.ndarray,
+    settings: JointTrainingSettings,
+    body: BodyLayer,
+    progress: Progress | None = None,
+) -> JointSpaceVAE:
+    """Train on (curves, samples, eta) [rad]; the model is float64, frozen and reproducible bit by bit from the seed."""
+    curves, samples, joints = configurations.shape
+    flat = configurations.reshape(-1, joints)
+    fractions = np.tile(np.linspace(0.0, 1.0, samples), curves)
+    with one_seeded_thread(settings.seed):
+        offset = flat.mean(axis=0)
+        scale = np.sqrt(np.mean((flat - offset) ** 2))
+        vae = JointSpaceVAE(
+            settings.latent_dimension, settings.hidden, torch.tensor(offset).float(), torch.tensor(scale).float()
+        )
+        data = Samples(*(torch.tensor(values).float() for values in (flat, prior_means(fractions, settings))))
+        _fit_means(vae, data, settings, body, progress)
+        vae.double()
+        _fit_sigma(vae, data.double(), settings, progress)
+        return vae.requires_grad_(False)
+
+
+def _fit_means(
+    vae: JointSpaceVAE, data: Samples, settings: JointTrainingSettings, body: BodyLayer, progress: Progress | None
+) -> None:
+    variance = prior_variance(settings)
+    inverse_sigma = torch.full((data.configurations.shape[1],), 1.0 / settings.fixed_sigma)
+
+    def loss(step: int) -> Tensor:
+        batch = data.take(torch.randint(len(data.configurations), (settings.batch,)))
+        latent, mean, log_variance = vae.sample(batch.configurations)
+        divergence = divergence_from_normal(mean, log_variance, batch.prior_means, variance)
+        means = vae.decoder.means(latent)
+        likelihood = gaussian_log_density(batch.configurations, means, inverse_sigma.expand_as(means))
+        if settings.volume_weight > 0.0:
+            likelihood = likelihood - settings.volume_weight * body.log_volume(means)
+        warm = min(1.0, step / max(1.0, settings.kl_warm_up * settings.steps))
+        return (warm * settings.kl_weight * divergence - likelihood).mean()
+
+    descend(loss, vae.parameters(), settings.steps, settings.learning_rate, "means", progress)
+
+
+def _fit_sigma(
+    vae: JointSpaceVAE, data: Samples, settings: JointTrainingSettings, progress: Progress | None
+) -> None:
+    """Maximum likelihood of sigma with the means frozen and z ~ q(z | theta) drawn once.
+
+    The volume does not depend on sigma.
+    """
+    joints = data.configurations.shape[1]
+    with torch.no_grad():
+        codes = vae.encoder(data.configurations)[0].numpy()
+        repeated = data.configurations.repeat(settings.precision_samples, 1)
+        latent, _, _ = vae.sample(repeated)
+        squared = (repeated - vae.decoder.means(latent)) ** 2 + settings.joint_resolution**2
+    centres = place_centres(codes, settings.kernels, settings.seed)
+    network = RadialBasisNetwork(
+        torch.tensor(centres),
+        torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor)),
+        torch.full((joints,), 1.0 / settings.far_sigma, dtype=torch.double),
+        torch.full((joints,), 1.0 / settings.fixed_sigma, dtype=torch.double),
+    )
+    vae.decoder.inverse_sigma = network
+    activations = network.activations(latent)
+
+    def negative_log_likelihood() -> Tensor:
+        inverse_sigma = network.combine(activations)
+        return (0.5 * squared * inverse_sigma**2 - torch.log(inverse_sigma)).sum(-1).mean()
+
+    minimise(negative_log_likelihood, [network.raw_weights], settings.precision_iterations, "sigma", progress)

@@ -1,0 +1,40 @@
+"""The prior of the latent codes: on the canonical sheet it tells how far along the demonstrations a sample lies.
+
+p(z | s) = N((PRIOR_REACH (2 s - 1), 0, ...), diag(progress_deviation^2, 1, ...)), s the fraction of the arc: it makes
+the sheet a strip. On the raw sheet, the paper's, p(z) = N(0, 1).
+"""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+#: The canonical sheet runs from -PRIOR_REACH to PRIOR_REACH on the first latent axis.
+PRIOR_REACH = 3.0
+
+
+class PriorSettings(Protocol):
+    """What of a training's settings the prior depends on."""
+
+    sheet: Literal["canonical", "raw"]
+    latent_dimension: int
+    progress_deviation: float
+
+
+def prior_means(fractions: np.ndarray, settings: PriorSettings) -> np.ndarray:
+    """Means (n, d) at fractions (n,) of the arc."""
+    means = np.zeros((len(fractions), settings.latent_dimension))
+    if settings.sheet == "canonical":
+        means[:, 0] = PRIOR_REACH * (2.0 * fractions - 1.0)
+    return means
+
+
+def prior_variance(settings: PriorSettings) -> Tensor:
+    """Variances (d,)."""
+    variance = torch.ones(settings.latent_dimension)
+    if settings.sheet == "canonical":
+        variance[0] = settings.progress_deviation**2
+    return variance
