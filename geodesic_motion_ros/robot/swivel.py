@@ -1,0 +1,143 @@
+"""The swivel angle: where the elbow of a seven-joint arm is on the circle that a tool pose leaves it.
+
+Symbols: S shoulder, E elbow, W wrist: origins of the frames of the second, fourth and sixth joint, base frame;
+n = (W - S) / |W - S|, e = E - S, z the vertical. The swivel angle is that of the elbow about the line from shoulder
+to wrist, right-handed about n, from the vertical plane that holds the line (D. Tolani, A. Goswami, N. Badler,
+"Real-time inverse kinematics techniques for anthropomorphic limbs", Graphical Models 62, 2000):
+
+    psi = atan2(y, x),    y = e . (n x z),    x = e . z - (e . n)(z . n),
+
+zero with the elbow above the line. It is not defined where the line is vertical or the elbow lies on it. Together with
+the pose of the tool it makes seven equations for seven joints, so that their solutions are points: as long as the
+determinant of the seven rows keeps its sign, a motion stays on one branch of them.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, pose_error
+from geodesic_motion_ros.robot.kinematics import CHAIN, VECTOR, Robot, contiguous, link_frames
+
+JOINTS = 7
+TOLERANCE = 1e-9
+"""Solutions are this near [m, rad]."""
+LARGEST_STEP = 0.2
+"""No joint turns farther than this [rad] in one step of the iteration, where the linearisation can be trusted."""
+STEPS = 100
+
+
+def swivel_angle(robot: Robot, joint_positions: np.ndarray) -> float:
+    """Swivel angle [rad] in [-pi, pi] of an arm at joint positions (7,) [rad].
+
+    Raises
+    ------
+    RobotError : the arm does not have seven revolute joints.
+    """
+    _refuse_other_arms(robot)
+    return float(_swivel(contiguous(joint_positions), robot.chain)[0])
+
+
+def swivel_gradient(robot: Robot, joint_positions: np.ndarray) -> np.ndarray:
+    """Derivatives (7,) of the swivel angle by the joint positions (7,) [rad]; errors as `swivel_angle`."""
+    _refuse_other_arms(robot)
+    return _swivel(contiguous(joint_positions), robot.chain)[1]
+
+
+def solve_with_swivel(
+    robot: Robot, position: np.ndarray, quaternion: np.ndarray, swivel: float, start: np.ndarray
+) -> np.ndarray:
+    """Joint positions (7,) [rad] with this tool pose and swivel angle, on the branch of the start.
+
+    Damped least squares (as `inverse_kinematics.solve`) on pose error and swivel error together. Nothing is tried
+    but this one descent: a solution on another branch would be a leap of the arm.
+
+    Parameters
+    ----------
+    position, quaternion : target (3,) [m] and (4,) unit, scalar first, base frame.
+    swivel : target [rad]; whole turns do not count.
+    start : (7,) where the descent begins [rad], near the solution: along a path, the solution before.
+
+    Raises
+    ------
+    RobotError : the arm does not have seven revolute joints; the pose is not finite; the descent ended before the
+        target (the remaining error is said), on another branch, or outside the position limits.
+    """
+    _refuse_other_arms(robot)
+    position, quaternion = checked_pose(position, quaternion)
+    q = robot.checked(start)
+    branch = np.sign(np.linalg.det(_rows(robot, q)))
+    for _ in range(STEPS):
+        error = _error(robot, q, position, quaternion, swivel)
+        if np.max(np.abs(error)) < TOLERANCE:
+            break
+        rows = _rows(robot, q)
+        step = rows.T @ np.linalg.solve(rows @ rows.T + 0.5 * (error @ error) * np.eye(JOINTS), error)
+        q = q + step / max(1.0, np.max(np.abs(step)) / LARGEST_STEP)
+    else:
+        raise RobotError(
+            f"no joint positions near {np.round(start, 3).tolist()} rad reach position "
+            f"{np.round(position, 3).tolist()} m, quaternion {np.round(quaternion, 3).tolist()} with swivel angle "
+            f"{np.degrees(swivel):.1f} deg: {1e3 * np.linalg.norm(error[:3]):.2g} mm, "
+            f"{np.degrees(np.linalg.norm(error[3:6])):.2g} deg and {np.degrees(abs(error[6])):.2g} deg of swivel remain"
+        )
+    if np.sign(np.linalg.det(_rows(robot, q))) != branch:
+        raise RobotError(
+            f"joint positions {np.round(q, 3).tolist()} rad lie on another branch than the start "
+            f"{np.round(start, 3).tolist()} rad: a singular posture is between them; start nearer to the target"
+        )
+    return robot.checked(q)
+
+
+def _refuse_other_arms(robot: Robot) -> None:
+    revolute = int(np.sum((robot.chain[3] >= 0) & ~robot.chain[4]))
+    if len(robot.joint_names) != JOINTS or revolute != JOINTS:
+        raise RobotError(
+            f"the arm to '{robot.tool_link}' has {len(robot.joint_names)} joints, {revolute} of them revolute: "
+            f"a swivel angle is that of an arm with {JOINTS} revolute joints"
+        )
+
+
+def _error(robot: Robot, q: np.ndarray, position: np.ndarray, quaternion: np.ndarray, swivel: float) -> np.ndarray:
+    """Pose error (6,) and swivel error, the short way round, in one (7,)."""
+    around = swivel - _swivel(q, robot.chain)[0]
+    return np.append(pose_error(*robot.forward(q), position, quaternion), np.arctan2(np.sin(around), np.cos(around)))
+
+
+def _rows(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Derivatives (7, 7) of tool pose and swivel angle by the joints."""
+    return np.vstack([robot.jacobian(q), _swivel(q, robot.chain)[1]])
+
+
+@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
+def _swivel(q, chain):
+    """Swivel angle and its gradient (7,)."""
+    rotations, origins = link_frames(q, chain)
+    axes, joint_index = chain[2], chain[3]
+    frame = np.zeros(7, np.int64)
+    for k in range(len(joint_index)):
+        if joint_index[k] >= 0:
+            frame[joint_index[k]] = k + 1
+    shoulder, elbow, wrist = origins[frame[1]], origins[frame[3]], origins[frame[5]]
+    vertical = np.array([0.0, 0.0, 1.0])
+    length = np.linalg.norm(wrist - shoulder)
+    n = (wrist - shoulder) / length
+    e = elbow - shoulder
+    x = e[2] - np.dot(e, n) * n[2]
+    y = np.dot(e, np.cross(n, vertical))
+    gradient = np.zeros(7)
+    # the shoulder moves with the first joint in arms where it does not lie on that axis
+    for j in range(5):
+        axis = rotations[frame[j]] @ axes[frame[j] - 1]
+        origin = origins[frame[j]]
+        of_shoulder = np.cross(axis, shoulder - origin) if j < 1 else np.zeros(3)
+        of_elbow = np.cross(axis, elbow - origin) if j < 3 else np.zeros(3)
+        de = of_elbow - of_shoulder
+        along = np.cross(axis, wrist - origin) - of_shoulder
+        dn = (along - np.dot(along, n) * n) / length
+        dx = de[2] - (np.dot(de, n) + np.dot(e, dn)) * n[2] - np.dot(e, n) * dn[2]
+        dy = np.dot(de, np.cross(n, vertical)) + np.dot(e, np.cross(dn, vertical))
+        gradient[j] = (x * dy - y * dx) / (x * x + y * y)
+    return np.arctan2(y, x), gradient
