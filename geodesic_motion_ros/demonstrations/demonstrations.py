@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
+from geodesic_motion_ros.demonstrations.checks import (
+    Abscissa,
+    check_equal_lengths,
+    check_resampling,
+    check_samples,
+    columns,
+    increasing_times,
+    split_items,
+)
 from geodesic_motion_ros.demonstrations.curves import PoseCurve, arc_length, interpolate
 from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.quaternions import continuous_signs, normalise
@@ -46,21 +54,17 @@ class Demonstration:
     name: str
 
     def __post_init__(self) -> None:
-        positions = _columns(self.positions, ("px", "py", "pz"), self.name)
-        quaternions = _columns(self.quaternions, ("qw", "qx", "qy", "qz"), self.name)
-        times = _columns(np.reshape(self.times, (-1, 1)), ("t",), self.name)[:, 0]
+        positions = columns(self.positions, ("px", "py", "pz"), self.name)
+        quaternions = columns(self.quaternions, ("qw", "qx", "qy", "qz"), self.name)
+        times = increasing_times(self.times, self.name)
         if not len(positions) == len(quaternions) == len(times):
             raise DemonstrationError(
                 f"demonstration '{self.name}' has {len(positions)} positions, {len(quaternions)} quaternions "
                 f"and {len(times)} times; it needs one of each per sample"
             )
-        if len(positions) < 2:
-            raise DemonstrationError(
-                f"demonstration '{self.name}' has {len(positions)} sample(s); a motion needs at least 2"
-            )
+        check_samples(len(positions), self.name)
         _check_reach(positions, self.name)
         _check_norms(quaternions, self.name)
-        _check_times(times, self.name)
         self._freeze(positions, continuous_signs(normalise(quaternions)), times)
 
     def _freeze(self, positions: np.ndarray, quaternions: np.ndarray, times: np.ndarray) -> None:
@@ -81,18 +85,13 @@ class Demonstration:
         """Length [m] of the path of the positions."""
         return float(arc_length(self.positions)[-1])
 
-    def resampled(
-        self, samples: int = 200, by: Literal["arc_length", "time"] = "arc_length"
-    ) -> Demonstration:
+    def resampled(self, samples: int = 200, by: Abscissa = "arc_length") -> Demonstration:
         """The same motion at `samples` instants, equally spaced in arc length of the positions or in time.
 
         Positions and times are interpolated linearly, quaternions on great circles. Times stay those of the
         recording. Raises DemonstrationError for fewer than 2 samples, another `by`, or an arc length of zero.
         """
-        if samples < 2:
-            raise DemonstrationError(f"cannot resample to {samples} sample(s); ask for at least 2")
-        if by not in ("arc_length", "time"):
-            raise DemonstrationError(f"cannot resample by '{by}'; choose 'arc_length' or 'time'")
+        check_resampling(samples, by)
         if by == "arc_length" and self.length < SHORTEST_PATH:
             raise DemonstrationError(
                 f"demonstration '{self.name}' moves {self.length * 1e3:.3g} mm in all: it has no arc length; "
@@ -134,9 +133,7 @@ class Demonstrations:
     def __getitem__(self, index: int) -> Demonstration:
         return self.items[index]
 
-    def resampled(
-        self, samples: int = 200, by: Literal["arc_length", "time"] = "arc_length"
-    ) -> Demonstrations:
+    def resampled(self, samples: int = 200, by: Abscissa = "arc_length") -> Demonstrations:
         """All demonstrations at equally many samples; see `Demonstration.resampled`."""
         return replace(self, items=tuple(item.resampled(samples, by) for item in self))
 
@@ -168,46 +165,11 @@ class Demonstrations:
 
     def split(self, held_out: Sequence[int]) -> tuple[Demonstrations, Demonstrations]:
         """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
-        indices = list(held_out)
-        wrong = [index for index in indices if index not in range(len(self))]
-        if wrong:
-            raise DemonstrationError(
-                f"cannot hold out demonstration {wrong[0]}: the {len(self)} are numbered 0 to {len(self) - 1}"
-            )
-        if len(set(indices)) != len(indices):
-            raise DemonstrationError(f"cannot hold out a demonstration twice: {indices}")
-        if not 0 < len(indices) < len(self):
-            raise DemonstrationError(
-                f"cannot hold out {len(indices)} of {len(self)} demonstrations: hold out at least one and "
-                "leave at least one to train on"
-            )
-        kept = tuple(item for index, item in enumerate(self) if index not in indices)
-        return replace(self, items=kept), replace(self, items=tuple(self[index] for index in indices))
+        kept, held = split_items(self.items, held_out)
+        return replace(self, items=kept), replace(self, items=held)
 
     def _check_equal_lengths(self) -> None:
-        lengths = sorted({len(item) for item in self})
-        if len(lengths) > 1:
-            raise DemonstrationError(
-                f"demonstrations have between {lengths[0]} and {lengths[-1]} samples: resample them first"
-            )
-
-
-def _columns(array: np.ndarray, names: tuple[str, ...], demonstration: str) -> np.ndarray:
-    """A float64 copy of shape (T, len(names)), every value finite."""
-    copy = np.array(array, dtype=float)
-    if copy.ndim != 2 or copy.shape[1] != len(names):
-        raise DemonstrationError(
-            f"demonstration '{demonstration}': an array of shape {copy.shape} cannot hold "
-            f"{', '.join(names)}; it needs shape (samples, {len(names)})"
-        )
-    bad = np.argwhere(~np.isfinite(copy))
-    if len(bad):
-        sample, column = bad[0]
-        raise DemonstrationError(
-            f"demonstration '{demonstration}', sample {sample}, column {names[column]}: "
-            f"{copy[sample, column]} is not a finite number ({len(bad)} such value(s) in these columns)"
-        )
-    return copy
+        check_equal_lengths([len(item) for item in self])
 
 
 def _check_reach(positions: np.ndarray, demonstration: str) -> None:
@@ -229,14 +191,4 @@ def _check_norms(quaternions: np.ndarray, demonstration: str) -> None:
         raise DemonstrationError(
             f"demonstration '{demonstration}', sample {sample}, columns qw,qx,qy,qz: the quaternion {what}; "
             f"it must have length 1 within {UNIT_NORM_TOLERANCE:g} (are the columns in the right order?)"
-        )
-
-
-def _check_times(times: np.ndarray, demonstration: str) -> None:
-    falls = np.flatnonzero(np.diff(times) <= 0.0)
-    if len(falls):
-        sample = falls[0] + 1
-        raise DemonstrationError(
-            f"demonstration '{demonstration}', sample {sample}, column t: {times[sample]:.6g} s does not "
-            f"come after {times[sample - 1]:.6g} s; times must be strictly increasing"
         )

@@ -1,0 +1,86 @@
+"""What recordings of every kind must satisfy, and how they are split."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, TypeVar
+
+import numpy as np
+
+from geodesic_motion_ros.errors import DemonstrationError
+
+Abscissa = Literal["arc_length", "time"]
+"""What samples can be equally spaced in."""
+Item = TypeVar("Item")
+
+
+def columns(array: np.ndarray, names: Sequence[str], demonstration: str) -> np.ndarray:
+    """A float64 copy of shape (T, len(names)), every value finite; DemonstrationError otherwise."""
+    copy = np.array(array, dtype=float)
+    if copy.ndim != 2 or copy.shape[1] != len(names):
+        raise DemonstrationError(
+            f"demonstration '{demonstration}': an array of shape {copy.shape} cannot hold "
+            f"{', '.join(names)}; it needs shape (samples, {len(names)})"
+        )
+    bad = np.argwhere(~np.isfinite(copy))
+    if len(bad):
+        sample, column = bad[0]
+        raise DemonstrationError(
+            f"demonstration '{demonstration}', sample {sample}, column {names[column]}: "
+            f"{copy[sample, column]} is not a finite number ({len(bad)} such value(s) in these columns)"
+        )
+    return copy
+
+
+def increasing_times(times: np.ndarray, demonstration: str) -> np.ndarray:
+    """A float64 copy of times (T,) [s], finite and strictly increasing; DemonstrationError otherwise."""
+    copy = columns(np.reshape(times, (-1, 1)), ("t",), demonstration)[:, 0]
+    falls = np.flatnonzero(np.diff(copy) <= 0.0)
+    if len(falls):
+        sample = falls[0] + 1
+        raise DemonstrationError(
+            f"demonstration '{demonstration}', sample {sample}, column t: {copy[sample]:.6g} s does not "
+            f"come after {copy[sample - 1]:.6g} s; times must be strictly increasing"
+        )
+    return copy
+
+
+def check_samples(samples: int, demonstration: str) -> None:
+    """Refuse fewer samples than a motion has: DemonstrationError."""
+    if samples < 2:
+        raise DemonstrationError(f"demonstration '{demonstration}' has {samples} sample(s); a motion needs at least 2")
+
+
+def check_resampling(samples: int, by: Abscissa) -> None:
+    """Refuse numbers of samples and abscissas that nothing can be resampled to: DemonstrationError."""
+    if samples < 2:
+        raise DemonstrationError(f"cannot resample to {samples} sample(s); ask for at least 2")
+    if by not in ("arc_length", "time"):
+        raise DemonstrationError(f"cannot resample by '{by}'; choose 'arc_length' or 'time'")
+
+
+def check_equal_lengths(lengths: Sequence[int]) -> None:
+    """Refuse different numbers of samples: DemonstrationError."""
+    if len(set(lengths)) > 1:
+        raise DemonstrationError(
+            f"demonstrations have between {min(lengths)} and {max(lengths)} samples: resample them first"
+        )
+
+
+def split_items(items: Sequence[Item], held_out: Sequence[int]) -> tuple[tuple[Item, ...], tuple[Item, ...]]:
+    """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
+    indices = list(held_out)
+    wrong = [index for index in indices if index not in range(len(items))]
+    if wrong:
+        raise DemonstrationError(
+            f"cannot hold out demonstration {wrong[0]}: the {len(items)} are numbered 0 to {len(items) - 1}"
+        )
+    if len(set(indices)) != len(indices):
+        raise DemonstrationError(f"cannot hold out a demonstration twice: {indices}")
+    if not 0 < len(indices) < len(items):
+        raise DemonstrationError(
+            f"cannot hold out {len(indices)} of {len(items)} demonstrations: hold out at least one and "
+            "leave at least one to train on"
+        )
+    kept = tuple(item for index, item in enumerate(items) if index not in indices)
+    return kept, tuple(items[index] for index in indices)

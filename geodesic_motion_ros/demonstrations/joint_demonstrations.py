@@ -1,0 +1,174 @@
+"""What was shown with the whole arm: recordings of its joints as checked arrays in SI units.
+
+Symbols: eta moving joints; a configuration is a point (eta,) [rad] of joint space.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geodesic_motion_ros.demonstrations.checks import (
+    Abscissa,
+    check_equal_lengths,
+    check_resampling,
+    check_samples,
+    columns,
+    increasing_times,
+    split_items,
+)
+from geodesic_motion_ros.demonstrations.curves import arc_length
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.errors import DemonstrationError, RobotError
+from geodesic_motion_ros.quaternions import continuous_signs
+from geodesic_motion_ros.robot.kinematics import Robot
+
+SHORTEST_PATH = 1e-3
+"""A path shorter than this [rad] is noise of an arm that stood still: nothing to resample by."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointDemonstration:
+    """One motion of an arm that a person guided. The arrays are checked copies and cannot be written to.
+
+    Attributes
+    ----------
+    configurations : (T, eta) joint positions [rad], base first.
+    times : (T,) [s], strictly increasing.
+    name : what error messages and tables call it.
+
+    Raises
+    ------
+    DemonstrationError
+        Names the demonstration, the sample and the joint (counted from 1) of what cannot be used: fewer than two
+        samples, wrong shapes, NaN or infinite values, times that do not increase.
+    """
+
+    configurations: np.ndarray
+    times: np.ndarray
+    name: str
+
+    def __post_init__(self) -> None:
+        joints = np.shape(self.configurations)[-1] if np.ndim(self.configurations) == 2 else 1
+        names = [f"joint {number}" for number in range(1, joints + 1)]
+        configurations = columns(self.configurations, names, self.name)
+        times = increasing_times(self.times, self.name)
+        if len(configurations) != len(times):
+            raise DemonstrationError(
+                f"demonstration '{self.name}' has {len(configurations)} configurations and {len(times)} times; "
+                "it needs one of each per sample"
+            )
+        check_samples(len(times), self.name)
+        for name, array in (("configurations", configurations), ("times", times)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @property
+    def length(self) -> float:
+        """Length [rad] of the path in joint space, the sum of sqrt(sum_j dq_j^2) over its steps."""
+        return float(arc_length(self.configurations)[-1])
+
+    def resampled(self, samples: int = 200, by: Abscissa = "arc_length") -> JointDemonstration:
+        """The same motion at `samples` instants, equally spaced in arc length in joint space or in time.
+
+        Configurations and times are interpolated linearly. Times stay those of the recording. Raises
+        DemonstrationError for fewer than 2 samples, another `by`, or an arc length of zero.
+        """
+        check_resampling(samples, by)
+        if by == "arc_length" and self.length < SHORTEST_PATH:
+            raise DemonstrationError(
+                f"demonstration '{self.name}' moves {self.length:.3g} rad in all: it has no arc length; "
+                "resample by 'time'"
+            )
+        abscissa = arc_length(self.configurations) if by == "arc_length" else self.times
+        at = np.linspace(abscissa[0], abscissa[-1], samples)
+        configurations = np.stack([np.interp(at, abscissa, joint) for joint in self.configurations.T], axis=1)
+        times = at if by == "time" else np.interp(at, abscissa, self.times)
+        return JointDemonstration(configurations, times, self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class JointDemonstrations:
+    """Demonstrations of one task by one arm.
+
+    Attributes
+    ----------
+    items : at least one JointDemonstration, all of the same joints.
+    joint_names : (eta,) names of the joints, base first.
+    robot : name of the arm, as `Robot.named` knows it.
+    """
+
+    items: tuple[JointDemonstration, ...]
+    joint_names: tuple[str, ...]
+    robot: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "items", tuple(self.items))
+        object.__setattr__(self, "joint_names", tuple(self.joint_names))
+        if not self.items:
+            raise DemonstrationError("no demonstrations: at least one is needed")
+        for item in self.items:
+            joints = item.configurations.shape[1]
+            if joints != len(self.joint_names):
+                raise DemonstrationError(
+                    f"demonstration '{item.name}' has {joints} joints; {len(self.joint_names)} are named: "
+                    f"{', '.join(self.joint_names)}"
+                )
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def __iter__(self) -> Iterator[JointDemonstration]:
+        return iter(self.items)
+
+    def __getitem__(self, index: int) -> JointDemonstration:
+        return self.items[index]
+
+    def resampled(self, samples: int = 200, by: Abscissa = "arc_length") -> JointDemonstrations:
+        """All demonstrations at equally many samples; see `JointDemonstration.resampled`."""
+        return replace(self, items=tuple(item.resampled(samples, by) for item in self))
+
+    def configurations_array(self) -> np.ndarray:
+        """Configurations (N, T, eta) [rad]; DemonstrationError where the numbers of samples differ."""
+        check_equal_lengths([len(item) for item in self])
+        return np.stack([item.configurations for item in self])
+
+    def split(self, held_out: Sequence[int]) -> tuple[JointDemonstrations, JointDemonstrations]:
+        """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
+        kept, held = split_items(self.items, held_out)
+        return replace(self, items=kept), replace(self, items=held)
+
+    def tool_demonstrations(self, robot: Robot) -> Demonstrations:
+        """The poses of the robot's tool in its base frame, by forward kinematics, with the same names and times.
+
+        Raises
+        ------
+        DemonstrationError : the robot has other joints, or a configuration is outside its limits.
+        """
+        self.check_robot(robot)
+        return Demonstrations(tuple(_tool_demonstration(item, robot) for item in self), frame=robot.base_link)
+
+    def check_robot(self, robot: Robot) -> None:
+        """Refuse a robot that cannot have moved so: DemonstrationError names joint, or demonstration and sample."""
+        if self.joint_names != robot.joint_names:
+            raise DemonstrationError(
+                f"the demonstrations are of the joints {', '.join(self.joint_names)}; "
+                f"the robot has {', '.join(robot.joint_names)}"
+            )
+        for item in self:
+            for sample, configuration in enumerate(item.configurations):
+                try:
+                    robot.checked(configuration)
+                except RobotError as error:
+                    raise DemonstrationError(f"demonstration '{item.name}', sample {sample}: {error}") from error
+
+
+def _tool_demonstration(item: JointDemonstration, robot: Robot) -> Demonstration:
+    poses = [robot.forward(configuration) for configuration in item.configurations]
+    positions, quaternions = map(np.array, zip(*poses, strict=True))
+    return Demonstration(positions, continuous_signs(quaternions), item.times, item.name)
