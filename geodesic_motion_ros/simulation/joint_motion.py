@@ -13,13 +13,15 @@ from geodesic_motion_ros.robot.kinematics import Robot
 
 @dataclass(frozen=True)
 class CatchUp:
-    """How an error to the target is closed: gain [1/s], and how hard the tool may brake and run doing so."""
+    """How an error to the target is closed: gain [1/s], and how hard tool or joints may brake and run doing so."""
 
     gain: float = 25.0
     linear_deceleration: float = 1.5
     linear_speed: float = 0.6
     angular_deceleration: float = 4.0
     angular_speed: float = 2.0
+    joint_deceleration: float = 5.0
+    joint_speed: float = 1.5
 
 
 class JointMotion:
@@ -53,6 +55,15 @@ class JointMotion:
         )
         self._advance(twist_step(self.robot, self.positions, twist + correction, dt), dt)
 
+    def follow_joints(self, positions: np.ndarray, velocities: np.ndarray, dt: float) -> None:
+        """Advance by `dt` [s] towards joint positions (n,) [rad] that themselves move with velocities (n,) [rad/s]."""
+        settings = self.catch_up
+        correction = _approach(
+            positions - self.positions, settings.gain, settings.joint_deceleration, settings.joint_speed
+        )
+        wanted = velocities + correction
+        self._advance(wanted / max(1.0, float(np.max(np.abs(wanted) / self.robot.velocity_limits))), dt)
+
     def stop(self, dt: float) -> None:
         """Advance by `dt` [s] while braking to rest as hard as the acceleration limits allow."""
         self._advance(np.zeros_like(self.velocities), dt)
@@ -81,7 +92,7 @@ class JointMotion:
 
 
 def _approach(error: np.ndarray, gain: float, deceleration: float, speed: float) -> np.ndarray:
-    """Velocity (3,) that closes an error (3,): gain * error when near, sqrt(2 deceleration error) when far.
+    """Velocity (k,) that closes an error (k,): gain * error when near, sqrt(2 deceleration error) when far.
 
     Both meet smoothly at deceleration / gain^2, so that the deceleration is never exceeded on the way in.
     """

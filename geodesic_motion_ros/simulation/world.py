@@ -1,8 +1,9 @@
-"""The digital twin: a Panda in PyBullet that follows tool poses, among moving spheres."""
+"""The digital twin: a Panda in PyBullet that follows tool poses or joint positions, among moving spheres."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ SMOOTH_SPHERE = Path(pybullet_data.getDataPath()) / "sphere_smooth.obj"  # of ra
 FINGER_OPENING = 0.02
 # Share of a position error that PyBullet's motor removes in one step.
 POSITION_GAIN = 0.5
+# How long a joint target goes on without the next one [s]: two periods of a stream at 100 Hz.
+JOINT_TARGET_LEAD = 0.02
 OBSTACLE_COLOURS = (
     (0.86, 0.24, 0.18),
     (0.93, 0.58, 0.12),
@@ -30,6 +33,24 @@ OBSTACLE_COLOURS = (
 )
 TABLE_COLOUR = (0.72, 0.75, 0.79, 1.0)
 TABLE_HALF_EXTENTS = (0.75, 0.9, 0.03)
+
+
+@dataclass(frozen=True, eq=False)
+class _JointTarget:
+    """Joint positions (7,) [rad] that move with velocities (7,) [rad/s] since `arrival` [s]."""
+
+    positions: np.ndarray
+    velocities: np.ndarray
+    arrival: float
+
+    def sample(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities at `time` [s]."""
+        elapsed = time - self.arrival
+        moving = elapsed <= JOINT_TARGET_LEAD + 1e-9
+        return (
+            self.positions + min(elapsed, JOINT_TARGET_LEAD) * self.velocities,
+            self.velocities if moving else np.zeros_like(self.velocities),
+        )
 
 
 class PandaWorld:
@@ -80,7 +101,7 @@ class PandaWorld:
             self._client.resetJointState(self._arm, index, FINGER_OPENING, 0.0)
         self.time = 0.0
         self._motion = JointMotion(self.robot, start)
-        self._target: TargetStream | None = None
+        self._target: TargetStream | _JointTarget | None = None
         self._drive(start, np.zeros(len(start)))
         self._client.performCollisionDetection()
 
@@ -99,9 +120,25 @@ class PandaWorld:
                 f"target {np.round(position, 3).tolist()} m is out of reach: "
                 f"the arm reaches {self._reach:.3f} m from {self.robot.shoulder.tolist()} m"
             )
-        if self._target is None:
+        if not isinstance(self._target, TargetStream):
             self._target = TargetStream(*self.robot.forward(self._motion.positions))
         self._target.accept(position, quaternion, self.time)
+
+    def set_joint_target(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        """Follow joint positions (7,) [rad], passed with velocities (7,) [rad/s], from now on.
+
+        Until the next target, but for `JOINT_TARGET_LEAD` seconds at most, the target moves on with its velocities.
+
+        Raises
+        ------
+        RobotError : positions outside the limits, velocities not seven finite numbers; the target stays what it was.
+        """
+        positions, velocities = self.robot.checked(positions), np.array(velocities, dtype=float)
+        if velocities.shape != positions.shape or not np.all(np.isfinite(velocities)):
+            raise RobotError(
+                f"joint velocities are {velocities.tolist()}: expected {len(positions)} finite numbers in rad/s"
+            )
+        self._target = _JointTarget(positions, velocities, self.time)
 
     def hold(self) -> None:
         """Brake to rest inside the acceleration limits and stay there until the next target."""
@@ -112,8 +149,10 @@ class PandaWorld:
         before = self._motion.positions
         if self._target is None:
             self._motion.stop(self.dt)
-        else:
+        elif isinstance(self._target, TargetStream):
             self._motion.follow(*self._target.sample(self.time + self.dt), self.dt)
+        else:
+            self._motion.follow_joints(*self._target.sample(self.time + self.dt), self.dt)
         # the motor adds its share of the position error to the velocity given: the error must be that of now
         self._drive(before, self._motion.velocities)
         self._client.stepSimulation()
@@ -167,6 +206,25 @@ class PandaWorld:
                     nearest = (point[8], self._link_names[point[3]])
         return nearest
 
+    def own_clearance(self, cutoff: float = 0.2) -> tuple[float, str]:
+        """Smallest signed distance [m] from the moving arm to the table or to itself, and what comes so near.
+
+        Links moved by neighbouring joints touch by design and do not count. (inf, "") beyond `cutoff` [m].
+        """
+        closest = self._client.getClosestPoints
+        nearest = (np.inf, "")
+        for point in closest(self._arm, self._table, cutoff):
+            # the first link turns about the vertical and comes no nearer to the table
+            if point[3] >= 1 and point[8] < nearest[0]:
+                nearest = (point[8], f"{self._link_names[point[3]]} and the table")
+        for point in closest(self._arm, self._arm, cutoff):
+            one, other = point[3], point[4]
+            # what is mounted on the flange moves with the last joint
+            apart = abs(min(one, len(self._joints) - 1) - min(other, len(self._joints) - 1))
+            if apart >= 2 and point[8] < nearest[0]:
+                nearest = (point[8], f"{self._link_names[one]} and {self._link_names[other]}")
+        return nearest
+
     def contacts(self) -> int:
         """Number of contact points (distance <= 0) between arm and obstacles at the last step."""
         return sum(
@@ -217,7 +275,7 @@ class PandaWorld:
         size = {"halfExtents": TABLE_HALF_EXTENTS}
         table = client.createCollisionShape(client.GEOM_BOX, **size)
         look = client.createVisualShape(client.GEOM_BOX, **size, rgbaColor=TABLE_COLOUR)
-        client.createMultiBody(0.0, table, look, basePosition=(0.15, 0.0, -TABLE_HALF_EXTENTS[2]))
+        self._table = client.createMultiBody(0.0, table, look, basePosition=(0.15, 0.0, -TABLE_HALF_EXTENTS[2]))
         self._arm = client.loadURDF(str(PANDA_URDF), useFixedBase=True)
         infos = [client.getJointInfo(self._arm, index) for index in range(client.getNumJoints(self._arm))]
         index_of = {info[1].decode(): info[0] for info in infos}

@@ -63,6 +63,31 @@ def test_stop_brakes_to_rest_as_fast_as_allowed() -> None:
     np.testing.assert_allclose(motion.velocities, 0.0, atol=1e-9)
 
 
+def test_limits_hold_for_leaping_joint_targets() -> None:
+    generator = np.random.default_rng(5)
+    motion = JointMotion(ROBOT, ROBOT.ready)
+    velocities = [motion.velocities]
+    for target in ROBOT.sample(6, generator):
+        passing = generator.normal(size=7)
+        for _ in range(60):
+            motion.follow_joints(target, passing, DT)
+            velocities.append(motion.velocities)
+    accelerations = np.diff(velocities, axis=0) / DT
+    assert np.all(np.abs(velocities) <= ROBOT.velocity_limits * (1.0 + 1e-9))
+    assert np.all(np.abs(accelerations) <= ROBOT.acceleration_limits * (1.0 + 1e-6))
+
+
+def test_a_far_joint_target_is_reached_and_not_overshot() -> None:
+    motion = JointMotion(ROBOT, ROBOT.ready)
+    target = ROBOT.ready + [0.5, 0.2, -0.4, 0.3, 0.0, -0.2, 0.6]
+    distances = []
+    for _ in range(720):
+        motion.follow_joints(target, np.zeros(7), DT)
+        distances.append(np.linalg.norm(target - motion.positions))
+    assert distances[-1] < 1e-4
+    assert np.all(np.diff(distances) < 1e-6)
+
+
 def test_a_joint_brakes_before_its_limit() -> None:
     """Pulled over the edge of joint 1 at speed, the arm decelerates within its limits and ends inside."""
     start = ROBOT.ready.copy()

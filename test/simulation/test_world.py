@@ -12,7 +12,7 @@ from geodesic_motion_ros.demonstrations.readers import read_demonstrations
 from geodesic_motion_ros.errors import ParameterError, RobotError
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error, solve
 from geodesic_motion_ros.simulation.camera import VIEWS
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import JOINT_TARGET_LEAD, PandaWorld
 
 Pose = tuple[np.ndarray, np.ndarray]
 
@@ -84,6 +84,68 @@ def test_joint_limits_hold_while_a_far_target_is_approached(world: PandaWorld) -
         world.step()
         assert np.all(np.abs(world.joint_velocities) <= world.robot.velocity_limits * 1.05)
     assert distance_to(world, (start + [0.1, -0.5, -0.2], quaternion))[0] < 1e-3
+
+
+def test_joint_positions_are_followed_through_a_smooth_motion(world: PandaWorld) -> None:
+    start = world.joint_positions
+    swing = np.array([0.4, 0.2, -0.3, 0.3, 0.5, -0.3, 0.6])
+    times = np.arange(0.0, 3.0, 0.01)
+    path = start + np.outer(0.5 - 0.5 * np.cos(np.pi * times / 3.0), swing)
+    velocities = np.gradient(path, 0.01, axis=0)
+    errors = []
+    for positions, passing in zip(path, velocities, strict=True):
+        errors.append(np.max(np.abs(world.joint_positions - positions)))
+        world.set_joint_target(positions, passing)
+        while world.time < 0.01 * len(errors) - 1e-9:
+            world.step()
+    assert max(errors) < 5e-3
+    assert errors[-1] < 1e-3
+
+
+def test_a_joint_target_that_ends_is_rested_at(world: PandaWorld) -> None:
+    """Without a next one it is carried on for `JOINT_TARGET_LEAD` and no farther; the limits hold on the way."""
+    target = world.joint_positions + [0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    drift = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    world.set_joint_target(target, drift)
+    velocities = []
+    for _ in range(600):
+        world.step()
+        velocities.append(world.joint_velocities)
+    np.testing.assert_allclose(world.joint_positions, target + JOINT_TARGET_LEAD * drift, atol=1e-3)
+    assert np.max(np.abs(velocities[-1])) < 1e-3
+    assert np.all(np.max(np.abs(velocities), axis=0) < world.robot.velocity_limits)
+
+
+def test_poses_and_joint_targets_take_turns(world: PandaWorld) -> None:
+    pose = world.tool_pose()
+    world.set_joint_target(world.robot.ready + 0.1, np.zeros(7))
+    for _ in range(400):
+        world.step()
+    np.testing.assert_allclose(world.joint_positions, world.robot.ready + 0.1, atol=1e-3)
+    world.set_target_pose(*pose)
+    for _ in range(600):
+        world.step()
+    assert distance_to(world, pose)[0] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("positions", "velocities", "message"),
+    [
+        (np.zeros(7), np.zeros(7), "joint 'panda_joint4' is at"),
+        (np.zeros(6), np.zeros(7), r"shape \(6,\)"),
+        (None, np.zeros(6), "expected 7 finite numbers in rad/s"),
+        (None, np.full(7, np.nan), "expected 7 finite numbers in rad/s"),
+    ],
+)
+def test_an_impossible_joint_target_is_refused_and_the_old_one_kept(
+    world: PandaWorld, positions: np.ndarray | None, velocities: np.ndarray, message: str
+) -> None:
+    world.set_joint_target(world.robot.ready + 0.05, np.zeros(7))
+    with pytest.raises(RobotError, match=message):
+        world.set_joint_target(world.robot.ready if positions is None else positions, velocities)
+    for _ in range(400):
+        world.step()
+    np.testing.assert_allclose(world.joint_positions, world.robot.ready + 0.05, atol=1e-3)
 
 
 def test_hold_stops_and_stays(world: PandaWorld) -> None:
@@ -198,6 +260,22 @@ def test_clearance_names_the_elbow(world: PandaWorld) -> None:
     distance, link = world.clearance()
     assert link in ("panda_link3", "panda_link4")
     assert 0.3 - 0.05 - 0.12 < distance < 0.3 - 0.05
+
+
+def test_the_arm_sees_the_table_and_itself(world: PandaWorld) -> None:
+    assert world.own_clearance()[0] > 0.02
+    down = np.array([0.0, 1.0, 0.0, 0.0])
+    heights = []
+    for height in (0.012, 0.022):
+        world.reset(tool_pose=(np.array([0.5, 0.0, height]), down))
+        clearance, between = world.own_clearance()
+        assert between in ("panda_leftfinger and the table", "panda_rightfinger and the table")
+        heights.append(clearance)
+    assert heights[1] - heights[0] == pytest.approx(0.01, abs=1e-3)
+    world.reset(np.array([0.0, -0.4, 0.0, -3.05, 0.0, 0.1, 0.8]))
+    clearance, between = world.own_clearance()
+    assert clearance < 0.0
+    assert "table" not in between
 
 
 def test_without_obstacles_clearance_is_infinite(world: PandaWorld) -> None:
