@@ -29,6 +29,18 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.quaternions import continuous_signs, from_rotation, rotate_by
 from geodesic_motion_ros.robot.inverse_kinematics import solve
+from geodesic_motion_ros.simulation.gestures import (
+    DOWN,
+    RATE_HZ,
+    STEPS_PER_SAMPLE,
+    about,
+    check_count,
+    hand,
+    outwards,
+    pacing,
+    smooth_step,
+    style,
+)
 from geodesic_motion_ros.simulation.tabletop import (
     Colour,
     Cylinder,
@@ -39,9 +51,6 @@ from geodesic_motion_ros.simulation.tabletop import (
 )
 
 Pose = tuple[np.ndarray, np.ndarray]
-
-RATE_HZ = 100.0
-STEPS_PER_SAMPLE = 2  # physics at 200 Hz, so that every sample falls on a step
 
 BOTTLE_REGION = Region((0.48, -0.42), (0.63, -0.17))
 """Where bottles stand in the pouring task (axis of the bottle, from above)."""
@@ -140,7 +149,7 @@ def grasp_pose(bottle: np.ndarray, yaw: float) -> Pose:
 
 def pouring_pose(cup: np.ndarray, yaw: float, tilt: float = POURING_TILT) -> Pose:
     """Tool pose in which the bottle, tilted by `tilt` [rad], has its mouth above the cup at (2,) [m]."""
-    aside = _about("z", yaw).apply([0.0, 1.0, 0.0])
+    aside = about("z", yaw).apply([0.0, 1.0, 0.0])
     position = np.array([*cup[:2], POURING_HEIGHT]) - MOUTH_ABOVE_GRASP * np.sin(tilt) * aside
     return position, from_rotation(_side_grasp(yaw, tilt))
 
@@ -157,13 +166,13 @@ def draw_pouring_query(generator: np.random.Generator) -> tuple[Pose, Pose]:
 def draw_passing_query(generator: np.random.Generator) -> tuple[Pose, Pose]:
     """A start and a goal (position (3,) [m], quaternion (4,)) past the pillar, drawn uniformly from what is shown."""
     start, goal = _passing_ends(generator)
-    turned = from_rotation(_about("z", PASS_TURN) * _DOWN)
+    turned = from_rotation(about("z", PASS_TURN) * DOWN)
     return (start, turned[0]), (goal, turned[1])
 
 
 def multi_goal_motions(count: int, seed: int) -> tuple[Motion, ...]:
     """The motions of `multi_goal_demonstrations`, before the arm makes them."""
-    _check_count("count", count)
+    check_count("count", count)
     generator = np.random.default_rng(seed)
     cells = generator.permuted(np.tile(np.arange(count), (6, 1)), axis=1).T
     places = (cells + generator.random((count, 6))) / count
@@ -172,7 +181,7 @@ def multi_goal_motions(count: int, seed: int) -> tuple[Motion, ...]:
 
 def two_mode_motions(count_per_mode: int, seed: int) -> tuple[Motion, ...]:
     """The motions of `two_mode_demonstrations`, before the arm makes them."""
-    _check_count("count_per_mode", count_per_mode)
+    check_count("count_per_mode", count_per_mode)
     generator = np.random.default_rng(seed)
     return tuple(
         _passing(f"{side}_{index}", group, generator)
@@ -235,11 +244,6 @@ def _first_posture(world: TabletopWorld, motion: Motion) -> np.ndarray:
     return solve(world.robot, motion.positions[0], motion.quaternions[0], start=towards)
 
 
-def _check_count(name: str, count: int) -> None:
-    if count < 1:
-        raise ParameterError(f"{name} is {count}: at least one demonstration is needed")
-
-
 def _between(limits: np.ndarray, fraction: float) -> float:
     return float(limits[0] + fraction * (limits[1] - limits[0]))
 
@@ -248,21 +252,21 @@ def _pouring(name: str, place: np.ndarray, generator: np.random.Generator) -> Mo
     """Lift, carry in an arch, tilt over the cup; `place` (6,) in [0, 1]: bottle x, y, yaw, cup x, y, yaw."""
     bottle, yaw_at_bottle = BOTTLE_REGION.at(place[:2]), _between(BOTTLE_YAW, place[2])
     cup, yaw_at_cup = CUP_REGION.at(place[3:5]), _between(CUP_YAW, place[5])
-    bold, early = _style(generator)
+    bold, early = style(generator)
     start, _ = grasp_pose(bottle, yaw_at_bottle)
     goal, _ = pouring_pose(cup, yaw_at_cup)
     distance = float(np.linalg.norm(goal - start))
-    times, phase = _pacing(3.5 + 4.0 * distance, generator)
+    times, phase = pacing(3.5 + 4.0 * distance, generator)
     # up before across; wide of the straight line first, then from a little inside
-    across = _smooth_step((phase - 0.08) / 0.87)
+    across = smooth_step((phase - 0.08) / 0.87)
     arch = (0.04 + 0.18 * distance + 0.014 * bold) * np.sin(np.pi * phase ** (0.72 + 0.03 * early))
     bulge = (0.01 + 0.06 * distance + 0.010 * bold) * np.sin(np.pi * phase)
     bulge += (0.012 + 0.007 * early) * np.sin(2.0 * np.pi * phase)
-    positions = start + across[:, None] * (goal - start) + _hand(phase, 0.003, generator)
-    positions += bulge[:, None] * _outwards(start, goal) + arch[:, None] * [0.0, 0.0, 1.0]
-    tilt = POURING_TILT * _smooth_step((phase - 0.42 + 0.035 * early) / (0.55 + 0.035 * early))
+    positions = start + across[:, None] * (goal - start) + hand(phase, 0.003, generator)
+    positions += bulge[:, None] * outwards(start, goal) + arch[:, None] * [0.0, 0.0, 1.0]
+    tilt = POURING_TILT * smooth_step((phase - 0.42 + 0.035 * early) / (0.55 + 0.035 * early))
     yaw = yaw_at_bottle + across * (yaw_at_cup - yaw_at_bottle)
-    quaternions = rotate_by(_hand(phase, np.radians(1.5), generator), from_rotation(_side_grasp(yaw, tilt)))
+    quaternions = rotate_by(hand(phase, np.radians(1.5), generator), from_rotation(_side_grasp(yaw, tilt)))
     solid = (
         standing(cup, CUP_RADIUS + 0.005, STAND_HEIGHT, STAND_COLOUR),
         standing(cup, CUP_RADIUS, CUP_HEIGHT, CUP_COLOUR, on=STAND_HEIGHT),
@@ -274,18 +278,18 @@ def _pouring(name: str, place: np.ndarray, generator: np.random.Generator) -> Mo
 def _passing(name: str, group: int, generator: np.random.Generator) -> Motion:
     """From area to area in a bow around the pillar, group 0 on its left, group 1 on its right."""
     start, goal = _passing_ends(generator)
-    bold, early = _style(generator)
+    bold, early = style(generator)
     distance = float(np.linalg.norm(goal - start))
-    times, phase = _pacing(2.0 + 3.5 * distance, generator)
+    times, phase = pacing(2.0 + 3.5 * distance, generator)
     side = (-1.0, 1.0)[group]
     bow = np.clip(np.sin(np.pi * phase), 0.0, 1.0) ** 1.3 * (PASS_WIDTH + 0.006 * bold)
     bow += 0.006 * early * np.sin(2.0 * np.pi * phase)
     arch = (0.04 + 0.006 * bold) * np.sin(np.pi * phase)
-    positions = start + _smooth_step(phase, gentle=True)[:, None] * (goal - start) + _hand(phase, 0.002, generator)
-    positions += (side * bow)[:, None] * _outwards(start, goal) + arch[:, None] * [0.0, 0.0, 1.0]
-    turned = PASS_TURN[0] + _smooth_step((phase - 0.1 + 0.03 * early) / 0.8) * np.ptp(PASS_TURN)
-    upright = from_rotation(_about("z", turned) * _DOWN)
-    quaternions = rotate_by(_hand(phase, np.radians(1.5), generator), upright)
+    positions = start + smooth_step(phase, gentle=True)[:, None] * (goal - start) + hand(phase, 0.002, generator)
+    positions += (side * bow)[:, None] * outwards(start, goal) + arch[:, None] * [0.0, 0.0, 1.0]
+    turned = PASS_TURN[0] + smooth_step((phase - 0.1 + 0.03 * early) / 0.8) * np.ptp(PASS_TURN)
+    upright = from_rotation(about("z", turned) * DOWN)
+    quaternions = rotate_by(hand(phase, np.radians(1.5), generator), upright)
     return Motion(name, times, positions, continuous_signs(quaternions), (PILLAR,), group=group)
 
 
@@ -295,49 +299,9 @@ def _passing_ends(generator: np.random.Generator) -> tuple[np.ndarray, np.ndarra
     return start, goal
 
 
-def _style(generator: np.random.Generator) -> np.ndarray:
-    """The two hidden numbers of a demonstration (2,)."""
-    return np.clip(generator.normal(size=2), -2.0, 2.0)
-
-
-def _pacing(duration: float, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Times (T,) [s] and phases (T,) in [0, 1], from rest to rest; the pace varies by some 8 %."""
-    samples = int(RATE_HZ * duration * np.exp(0.08 * np.clip(generator.normal(), -2.0, 2.0))) + 1
-    # clipped, as rounding may pass one
-    return np.arange(samples) / RATE_HZ, np.clip(_smooth_step(np.linspace(0.0, 1.0, samples)), 0.0, 1.0)
-
-
-def _smooth_step(fraction: np.ndarray, gentle: bool = False) -> np.ndarray:
-    """From 0 at 0 to 1 at 1; with zero velocity and acceleration at both ends, or gentle: nearly straight."""
-    x = np.clip(fraction, 0.0, 1.0)
-    step = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
-    return 0.7 * x + 0.3 * step if gentle else step
-
-
-def _hand(phase: np.ndarray, size: float, generator: np.random.Generator) -> np.ndarray:
-    """Slow waves (T, 3) that vanish at both ends; `size` is about their standard deviation in the middle."""
-    waves = np.arange(1, 4)
-    heights = size / waves[:, None] * generator.normal(size=(3, 3))
-    return np.sin(np.pi * phase[:, None] * waves) @ heights
-
-
-def _outwards(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Horizontal unit vector (3,) to the right of the way from start to goal."""
-    way = goal - start
-    return np.array([way[1], -way[0], 0.0]) / np.hypot(way[0], way[1])
-
-
-def _about(axis: str, angle: float | np.ndarray) -> Rotation:
-    """Rotation, or n of them, about a fixed axis by an angle [rad], or n of them."""
-    return Rotation.from_rotvec(np.multiply.outer(angle, np.eye(3)["xyz".index(axis)]))
-
-
-_DOWN = _about("x", np.pi)  # of a hand that points straight down
-
-
 def _side_grasp(yaw: float | np.ndarray, tilt: float | np.ndarray) -> Rotation:
     """Rotation of a tool that holds a bottle from behind and above, the bottle tilted to its left by `tilt`."""
-    return _about("z", yaw) * _about("x", np.negative(tilt)) * _about("y", GRASP_PITCH - 0.5 * np.pi) * _DOWN
+    return about("z", yaw) * about("x", np.negative(tilt)) * about("y", GRASP_PITCH - 0.5 * np.pi) * DOWN
 
 
 def _bottle_in_hand() -> tuple[Cylinder, ...]:

@@ -1,0 +1,256 @@
+"""A scripted teacher who guides the whole arm: joint-space demonstrations made by a simulated Panda.
+
+A tool pose leaves the arm a circle of elbows. The teacher says both: the pose of the tool along the motion, made up as
+in `simulation.teacher` (laws, a hidden style of two numbers, a slow unsteady hand), and the swivel angle of the elbow
+(`robot.swivel`). Families of demonstrations differ by the swivel angle alone.
+
+*Reach to grasp*: the hand, pointing down beside the robot, is brought before an object and turns by 90 degrees until it
+points at it. *Separated* families keep swivel angles of their own all the way; *connected* ones begin and end with the
+elbow up, and open in between as sin^2.
+
+With u in [0, 1] how far a motion has come, the tool follows
+
+    x(u) = start + h(u) (goal - start) + n(u) . (laws + style) + hand(u),    psi(u) = psi_family(u) + style + hand(u).
+
+Each sample is solved on the branch of the sample before. What comes out is refused unless it keeps `LIMIT_MARGIN` from
+the position limits and `SPEED_SHARE` of the velocity limits; it is then played by the arm in PyBullet, which must come
+near neither the table nor itself, and what is returned is what the arm did: joint positions at 100 Hz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
+from geodesic_motion_ros.errors import DemonstrationError, RobotError
+from geodesic_motion_ros.quaternions import from_rotation, rotate_by, slerp
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.swivel import solve_with_swivel
+from geodesic_motion_ros.simulation.gestures import (
+    DOWN,
+    RATE_HZ,
+    STEPS_PER_SAMPLE,
+    about,
+    check_count,
+    hand,
+    outwards,
+    pacing,
+    smooth_step,
+    style,
+)
+from geodesic_motion_ros.simulation.tabletop import TabletopWorld
+
+ROBOT_NAME = "panda"
+
+LIMIT_MARGIN = 0.05
+"""Demonstrations stay this far [rad] inside the position limits."""
+SPEED_SHARE = 0.5
+"""Demonstrations move with at most this share of the velocity limits: a leap to another branch is faster."""
+FOLLOWING_ERROR = 0.02
+"""The arm stays this near [rad] to what it is to do."""
+OWN_CLEARANCE = 0.01
+"""The arm stays this far [m] from the table and from itself."""
+SAMPLES_PER_CLEARANCE = 5
+
+REACHING = (0.0, 0.3, 0.0, -1.9, 0.0, 2.2, 0.8)
+"""Joint positions (7,) [rad] of an arm that reaches out, elbow up: all demonstrations are on its branch."""
+LARGEST_SWIVEL = np.radians(75.0)
+"""Swivel angles of families are spread evenly from minus this to this [rad]."""
+SWIVEL_SPREAD = np.radians(2.5)
+"""Standard deviation [rad] of the swivel angle inside a family."""
+
+REACH_START, REACH_GOAL = np.array([0.55, -0.34, 0.18]), np.array([0.74, 0.15, 0.35])
+"""Middles (3,) [m] of starts and goals of the tool in the reach to grasp."""
+REACH_SPREAD = np.array([0.03, 0.03, 0.02]), np.array([0.01, 0.01, 0.005])
+"""Starts and goals lie within these [m] of the middles."""
+REACH_TURN_SPREAD = np.radians((3.0, 1.5))
+"""Starts and goals are turned about each axis by these standard deviations [rad]."""
+# Raised by 30 degrees, and turned about the vertical by as much as makes 90 degrees of rotation in all:
+# cos(90/2) = cos(30/2) cos(yaw/2).
+GRASP_RISE = np.radians(30.0)
+GRASP_YAW = 2.0 * np.arccos(np.cos(np.radians(45.0)) / np.cos(0.5 * GRASP_RISE))
+
+
+@dataclass(frozen=True, eq=False)
+class Guidance:
+    """What the teacher is about to show.
+
+    Attributes
+    ----------
+    name : what the demonstration will be called.
+    times : (T,) [s].
+    positions : (T, 3) [m]; quaternions : (T, 4), scalar first: the wanted tool poses, base frame.
+    swivels : (T,) wanted swivel angles [rad].
+    group : number of the family that the motion belongs to.
+    """
+
+    name: str
+    times: np.ndarray
+    positions: np.ndarray
+    quaternions: np.ndarray
+    swivels: np.ndarray
+    group: int = 0
+
+
+def reach_to_grasp(
+    count_per_family: int, seed: int, families: int = 3, connected: bool = True
+) -> JointDemonstrations:
+    """The hand is brought over 0.5 m to an object and turned by 90 degrees, the elbow each time elsewhere.
+
+    `count_per_family` demonstrations of the first family are followed by as many of the next. The same seed gives the
+    same arrays bit by bit.
+
+    Parameters
+    ----------
+    families : how many; their swivel angles are spread evenly from -`LARGEST_SWIVEL` to `LARGEST_SWIVEL`, with the
+        elbow to the right of the arm first; one alone has its elbow up.
+    connected : whether all families begin and end alike, with the elbow up.
+
+    Raises
+    ------
+    ParameterError : count_per_family or families is below one.
+    DemonstrationError : a demonstration fails a check; which and why is said.
+    """
+    return performed(reach_guidances(count_per_family, seed, families, connected))
+
+
+def reach_guidances(count_per_family: int, seed: int, families: int, connected: bool) -> tuple[Guidance, ...]:
+    """The guidances of `reach_to_grasp`, before the arm makes them."""
+    check_count("count_per_family", count_per_family)
+    check_count("families", families)
+    generator = np.random.default_rng(seed)
+    swivels = np.linspace(-LARGEST_SWIVEL, LARGEST_SWIVEL, families) if families > 1 else np.zeros(1)
+    return tuple(
+        _reach(f"family_{group}_{index}", group, swivel, connected, generator)
+        for group, swivel in enumerate(swivels)
+        for index in range(count_per_family)
+    )
+
+
+def configurations(robot: Robot, guidance: Guidance) -> np.ndarray:
+    """Joint positions (T, 7) [rad] of a guidance, each on the branch of the one before.
+
+    Raises
+    ------
+    DemonstrationError : a pose cannot be reached with its swivel angle on that branch inside the limits.
+    """
+    position, quaternion = guidance.positions[0], guidance.quaternions[0]
+    q = np.array(REACHING)
+    q[0] += np.arctan2(position[1], position[0])
+    try:
+        # from the elbow above the arm to where it is to be
+        for swivel in np.linspace(0.0, guidance.swivels[0], 20):
+            q = solve_with_swivel(robot, position, quaternion, swivel, q)
+        path = []
+        for pose in zip(guidance.positions, guidance.quaternions, guidance.swivels, strict=True):
+            q = solve_with_swivel(robot, *pose, q)
+            path.append(q)
+    except RobotError as error:
+        raise DemonstrationError(f"demonstration '{guidance.name}' cannot be shown: {error}") from error
+    return np.array(path)
+
+
+def performed(guidances: Sequence[Guidance], progress: Callable[[Iterable], Iterable] = iter) -> JointDemonstrations:
+    """What the arm does of each guidance, checked as the head of this file says.
+
+    `progress` is handed the guidances and gives them back one by one, as a progress bar does.
+
+    Raises
+    ------
+    DemonstrationError : a guidance fails a check; which and why is said.
+    """
+    with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE) as world:
+        items = tuple(perform(world, guidance) for guidance in progress(guidances))
+        return JointDemonstrations(items, world.robot.joint_names, ROBOT_NAME)
+
+
+def perform(world: TabletopWorld, guidance: Guidance) -> JointDemonstration:
+    """Let the arm do what a guidance says, in a world that takes `STEPS_PER_SAMPLE` steps a sample, and record it.
+
+    Raises
+    ------
+    DemonstrationError : the guidance fails a check; which and why is said.
+    """
+    wanted = configurations(world.robot, guidance)
+    _check_motion(world.robot, wanted, guidance.name)
+    velocities = np.gradient(wanted, 1.0 / RATE_HZ, axis=0)
+    world.reset(wanted[0])
+    done = []
+    for sample, (positions, passing) in enumerate(zip(wanted, velocities, strict=True)):
+        done.append(world.joint_positions)
+        if sample % SAMPLES_PER_CLEARANCE == 0:
+            _check_clearance(world, sample, guidance.name)
+        world.set_joint_target(positions, passing)
+        for _ in range(STEPS_PER_SAMPLE):
+            world.step()
+    measured = np.array(done)
+    behind = np.max(np.abs(measured - wanted))
+    if behind > FOLLOWING_ERROR:
+        raise DemonstrationError(
+            f"demonstration '{guidance.name}': the arm is up to {behind:.3f} rad behind; {FOLLOWING_ERROR} are allowed"
+        )
+    _check_motion(world.robot, measured, guidance.name)
+    return JointDemonstration(measured, guidance.times, guidance.name)
+
+
+def _check_motion(robot: Robot, path: np.ndarray, name: str) -> None:
+    margins = np.minimum(path - robot.lower, robot.upper - path)
+    sample, joint = np.unravel_index(np.argmin(margins), margins.shape)
+    if margins[sample, joint] < LIMIT_MARGIN:
+        raise DemonstrationError(
+            f"demonstration '{name}', sample {sample}: '{robot.joint_names[joint]}' is "
+            f"{margins[sample, joint]:.3f} rad from its limit; {LIMIT_MARGIN} are needed"
+        )
+    shares = np.abs(np.diff(path, axis=0)) * RATE_HZ / robot.velocity_limits
+    sample, joint = np.unravel_index(np.argmax(shares), shares.shape)
+    if shares[sample, joint] > SPEED_SHARE:
+        raise DemonstrationError(
+            f"demonstration '{name}', sample {sample}: '{robot.joint_names[joint]}' moves with "
+            f"{shares[sample, joint]:.2f} of its velocity limit; {SPEED_SHARE} are allowed"
+        )
+
+
+def _check_clearance(world: TabletopWorld, sample: int, name: str) -> None:
+    clearance, between = world.own_clearance()
+    if clearance < OWN_CLEARANCE:
+        raise DemonstrationError(
+            f"demonstration '{name}', sample {sample}: {between} are {1e3 * clearance:.1f} mm apart; "
+            f"{1e3 * OWN_CLEARANCE:g} mm are needed"
+        )
+
+
+def _reach(name: str, group: int, swivel: float, connected: bool, generator: np.random.Generator) -> Guidance:
+    """From beside the robot, the hand down, in a bow to before the object, the hand at it."""
+    start, goal = (
+        middle + spread * generator.uniform(-1.0, 1.0, 3)
+        for middle, spread in zip((REACH_START, REACH_GOAL), REACH_SPREAD, strict=True)
+    )
+    down, at_object = (
+        rotate_by(spread * np.clip(generator.normal(size=3), -2.0, 2.0), from_rotation(rotation))
+        for rotation, spread in zip(_reach_rotations(), REACH_TURN_SPREAD, strict=True)
+    )
+    bold, early = style(generator)
+    times, phase = pacing(8.0, generator)
+    arch = (0.05 + 0.006 * bold) * np.sin(np.pi * phase)
+    bow = (0.04 + 0.005 * bold) * np.sin(np.pi * phase) + 0.005 * early * np.sin(2.0 * np.pi * phase)
+    positions = start + smooth_step(phase, gentle=True)[:, None] * (goal - start) + hand(phase, 0.002, generator)
+    positions += bow[:, None] * outwards(start, goal) + arch[:, None] * [0.0, 0.0, 1.0]
+    turned = smooth_step((phase - 0.12 + 0.04 * early) / 0.8)
+    quaternions = rotate_by(hand(phase, np.radians(1.0), generator), slerp(down, at_object, turned))
+    # the elbow takes the whole time, so that it need not hurry
+    opened = np.sin(np.pi * times / times[-1]) ** 2 if connected else np.ones_like(times)
+    swivels = opened * swivel + SWIVEL_SPREAD * np.clip(generator.normal(), -2.0, 2.0)
+    swivels = swivels + hand(phase, np.radians(1.0), generator, components=1)[:, 0]
+    return Guidance(name, times, positions, quaternions, swivels, group)
+
+
+def _reach_rotations() -> tuple[Rotation, Rotation]:
+    """Rotations of the tool at start and goal, 90 degrees apart: down; raised to the object."""
+    return (
+        about("z", -0.5 * GRASP_YAW) * DOWN,
+        about("z", 0.5 * GRASP_YAW) * about("y", -GRASP_RISE) * DOWN,
+    )
