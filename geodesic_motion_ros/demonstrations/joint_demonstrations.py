@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +24,9 @@ from geodesic_motion_ros.demonstrations.curves import arc_length
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.errors import DemonstrationError, RobotError
 from geodesic_motion_ros.quaternions import continuous_signs
-from geodesic_motion_ros.robot.kinematics import Robot
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.robot.kinematics import Robot
 
 SHORTEST_PATH = 1e-3
 """A path shorter than this [rad] is noise of an arm that stood still: nothing to resample by."""

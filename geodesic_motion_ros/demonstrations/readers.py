@@ -1,18 +1,22 @@
-"""Recordings on disk -> Demonstrations. Units are always said, never guessed; nothing is ever unpickled."""
+"""Recordings on disk -> Demonstrations, JointDemonstrations. Units are said, never guessed; nothing is unpickled."""
 
 from __future__ import annotations
 
 import csv
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 from zipfile import BadZipFile
 
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.demonstrations import ARM_REACH, Demonstration, Demonstrations
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.errors import DemonstrationError
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.robot.kinematics import Robot
 
 Units = Literal["m", "cm", "mm"]
 METRES_PER_UNIT: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
@@ -26,6 +30,8 @@ SHORTEST_MOTION = 0.01
 
 Table = dict[str, np.ndarray]
 """One demonstration as read: column name -> values (T,), positions still in the units of the file."""
+Reader = Callable[[Path, tuple[str, ...]], dict[str, Table]]
+"""From a file and the names of its columns to tables by the names of the demonstrations."""
 
 
 def read_demonstrations(
@@ -58,18 +64,7 @@ def read_demonstrations(
     """
     path = Path(path)
     scale = _metres_per(units)
-    names = parse_columns(columns)
-    if not (np.isfinite(rate_hz) and rate_hz > 0.0):
-        raise DemonstrationError(f"rate_hz is {rate_hz}; it must be a positive number of samples a second")
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
-        raise DemonstrationError(f"{path}: cannot read '{path.suffix}' files, only {', '.join(_READERS)}")
-    try:
-        tables = reader(path, names)
-    except OSError as error:
-        raise DemonstrationError(f"{path}: cannot be read ({error.strerror or error})") from error
-    if not tables:
-        raise DemonstrationError(f"{path}: holds no demonstrations")
+    tables = _read_tables(path, _READERS, parse_columns(columns), rate_hz)
     _check_reach(tables, scale, units, path)
     try:
         items = tuple(_demonstration(name, table, scale, rate_hz) for name, table in tables.items())
@@ -77,6 +72,49 @@ def read_demonstrations(
         raise DemonstrationError(f"{path}: {error}") from error
     _check_motion(items, scale, units, path)
     return Demonstrations(items, has_orientation=all(QUATERNION[0] in table for table in tables.values()))
+
+
+def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100.0) -> JointDemonstrations:
+    """Read a recording of an arm's joints, in radians.
+
+    Parameters
+    ----------
+    path : one of
+        `.npz`: keys `configurations` (N, T, eta) [rad] and `joint_names` (eta,), in the order of the columns; where it
+        has them also `times` (N, T) or (T,) [s], `names` (N,) and `robot`;
+        `.csv`: a header, then one row a sample; column `demonstration` says which one it belongs to, the others are
+        called like the joints, in any order; `t` [s] may be among them.
+    robot : name of the arm, as `Robot.named` knows it; the joints of the file must be its joints.
+    rate_hz : samples a second of files that have no times.
+
+    Returns
+    -------
+    JointDemonstrations, their joints in the order of the robot.
+
+    Raises
+    ------
+    RobotError : there is no such robot.
+    DemonstrationError
+        Says which file, demonstration, sample and joint cannot be used, and what would be right: joints of another
+        robot, joints outside their limits (degrees are), and what `read_demonstrations` refuses.
+    """
+    # compiled kernels, which readers of poses and the help of the command line do without
+    from geodesic_motion_ros.robot.kinematics import Robot
+
+    path = Path(path)
+    arm = Robot.named(robot)
+
+    def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
+        return _joint_arrays(_load(path, dict), names, robot, path)
+
+    tables = _read_tables(path, {".npz": read_npz, ".csv": _read_csv}, arm.joint_names, rate_hz)
+    try:
+        items = tuple(_joint_demonstration(name, table, arm, rate_hz) for name, table in tables.items())
+        demonstrations = JointDemonstrations(items, arm.joint_names, robot)
+        demonstrations.check_robot(arm)
+    except DemonstrationError as error:
+        raise DemonstrationError(f"{path}: {error}") from error
+    return demonstrations
 
 
 def parse_columns(columns: str) -> tuple[str, ...]:
@@ -106,6 +144,23 @@ def _check_complete(names: tuple[str, ...], where: str) -> None:
             f"{where} lacks {', '.join(missing)}; needed are px,py,pz,qw,qx,qy,qz, or px,py,pz, or px,py, "
             "each with or without t"
         )
+
+
+def _read_tables(
+    path: Path, readers: Mapping[str, Reader], names: tuple[str, ...], rate_hz: float
+) -> dict[str, Table]:
+    if not (np.isfinite(rate_hz) and rate_hz > 0.0):
+        raise DemonstrationError(f"rate_hz is {rate_hz}; it must be a positive number of samples a second")
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise DemonstrationError(f"{path}: cannot read '{path.suffix}' files, only {', '.join(readers)}")
+    try:
+        tables = reader(path, names)
+    except OSError as error:
+        raise DemonstrationError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if not tables:
+        raise DemonstrationError(f"{path}: holds no demonstrations")
+    return tables
 
 
 def _metres_per(units: str) -> float:
@@ -188,9 +243,7 @@ def _named_arrays(arrays: dict[str, np.ndarray], path: Path) -> dict[str, Table]
         stacked.append(_shaped(arrays["quaternions"], (*positions.shape[:2], 4), "quaternions", path))
         names = (*names, *QUATERNION)
     if "times" in arrays:
-        times = _numbers(arrays["times"], "times", path)
-        times = np.broadcast_to(times, positions.shape[:2]) if times.shape == positions.shape[1:2] else times
-        stacked.append(_shaped(times, positions.shape[:2], "times", path)[..., None])
+        stacked.append(_times_of_each(arrays["times"], positions.shape[:2], path)[..., None])
         names = (*names, TIME)
     _check_complete(names, str(path))
     return _split_array(np.concatenate(stacked, axis=2), names, path)
@@ -200,6 +253,11 @@ def _shaped(array: np.ndarray, shape: tuple[int, ...], what: str, path: Path) ->
     if array.shape != shape:
         raise DemonstrationError(f"{path}: {what} have shape {array.shape}; beside the positions: {shape}")
     return _numbers(array, what, path)
+
+
+def _times_of_each(times: np.ndarray, shape: tuple[int, ...], path: Path) -> np.ndarray:
+    """Times (N, T) of all demonstrations, given as such or once for all of them (T,)."""
+    return _shaped(np.broadcast_to(times, shape) if times.shape == shape[1:] else times, shape, "times", path)
 
 
 def _read_csv(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
@@ -244,7 +302,7 @@ def _number(cell: str, path: Path, line: int, column: str) -> float:
         raise DemonstrationError(f"{path}, line {line}, column {column}: '{cell}' is not a number") from None
 
 
-_READERS: dict[str, Callable[[Path, tuple[str, ...]], dict[str, Table]]] = {
+_READERS: dict[str, Reader] = {
     ".npy": _read_npy,
     ".npz": _read_npz,
     ".csv": _read_csv,
@@ -264,8 +322,50 @@ def _demonstration(name: str, table: Table, scale: float, rate_hz: float) -> Dem
         quaternions = np.stack([table[column] for column in QUATERNION], axis=1)
     else:
         quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (samples, 1))
-    times = table[TIME] if TIME in table else np.arange(samples) / rate_hz
-    return Demonstration(positions, quaternions, times, name)
+    return Demonstration(positions, quaternions, _times(table, samples, rate_hz), name)
+
+
+def _times(table: Table, samples: int, rate_hz: float) -> np.ndarray:
+    return table[TIME] if TIME in table else np.arange(samples) / rate_hz
+
+
+def _joint_arrays(
+    arrays: dict[str, np.ndarray], joint_names: tuple[str, ...], robot: str, path: Path
+) -> dict[str, Table]:
+    """configurations (N, T, eta), joint_names (eta,), perhaps times (N, T) or (T,), names (N,) and robot."""
+    missing = [key for key in ("configurations", "joint_names") if key not in arrays]
+    unknown = [key for key in arrays if key not in ("configurations", "joint_names", "times", "names", "robot")]
+    if missing or unknown:
+        what = f"lacks {missing[0]}" if missing else f"has the unknown key '{unknown[0]}'"
+        raise DemonstrationError(
+            f"{path}: {what}; a recording of joints has the keys configurations and joint_names, and may have times, "
+            "names and robot"
+        )
+    if "robot" in arrays and str(arrays["robot"]) != robot:
+        raise DemonstrationError(f"{path}: recorded with the robot '{arrays['robot']}', not with '{robot}'")
+    configurations = _numbers(arrays["configurations"], "configurations", path)
+    present = tuple(map(str, np.atleast_1d(arrays["joint_names"])))
+    if sorted(present) != sorted(joint_names):
+        raise DemonstrationError(
+            f"{path}: joint_names are {', '.join(present)}; those of '{robot}', in any order, are {', '.join(joint_names)}"
+        )
+    if configurations.ndim != 3 or configurations.shape[2] != len(present):
+        raise DemonstrationError(
+            f"{path}: configurations have shape {configurations.shape}, not (N, T, {len(present)}) for the joints named"
+        )
+    tables = _split_array(configurations, present, path)
+    names = tuple(map(str, np.atleast_1d(arrays.get("names", list(tables)))))
+    if len(set(names)) != len(configurations) or len(names) != len(configurations):
+        raise DemonstrationError(f"{path}: {len(set(names))} different names for {len(configurations)} demonstrations")
+    if "times" in arrays:
+        times = _times_of_each(arrays["times"], configurations.shape[:2], path)
+        tables = {name: table | {TIME: row} for (name, table), row in zip(tables.items(), times, strict=True)}
+    return dict(zip(names, tables.values(), strict=True))
+
+
+def _joint_demonstration(name: str, table: Table, robot: Robot, rate_hz: float) -> JointDemonstration:
+    configurations = np.stack([table[joint] for joint in robot.joint_names], axis=1)
+    return JointDemonstration(configurations, _times(table, len(configurations), rate_hz), name)
 
 
 def _check_reach(tables: dict[str, Table], scale: float, units: str, path: Path) -> None:

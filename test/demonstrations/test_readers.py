@@ -3,8 +3,13 @@ import csv
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.readers import parse_columns, read_demonstrations
-from geodesic_motion_ros.errors import DemonstrationError
+from geodesic_motion_ros.demonstrations.readers import (
+    parse_columns,
+    read_demonstrations,
+    read_joint_demonstrations,
+)
+from geodesic_motion_ros.errors import DemonstrationError, RobotError
+from geodesic_motion_ros.robot.kinematics import Robot
 
 HEADER = ["demonstration", "t", "px", "py", "pz", "qw", "qx", "qy", "qz"]
 
@@ -294,3 +299,94 @@ def test_real_letters(recordings):
     letters = read_demonstrations(recordings / "hello_world" / "h.npy", "cm", columns="px,py")
     assert len(letters) == 8
     assert not letters.has_orientation
+
+
+PANDA = Robot.panda()
+
+
+def joint_arrays(**changes) -> dict[str, np.ndarray]:
+    """Two demonstrations of 20 samples as a `.npz` file has them."""
+    s = np.linspace(0.0, 0.4, 20)[None, :, None]
+    arrays = {
+        "configurations": PANDA.ready + s * np.array([1.0, -1.0])[:, None, None],
+        "joint_names": np.array(PANDA.joint_names),
+    }
+    return arrays | changes
+
+
+def test_joints_in_an_npz(tmp_path):
+    np.savez(tmp_path / "reach.npz", **joint_arrays())
+    shown = read_joint_demonstrations(tmp_path / "reach.npz", "panda", rate_hz=50.0)
+    assert [item.name for item in shown] == ["reach_0", "reach_1"]
+    np.testing.assert_array_equal(shown.configurations_array(), joint_arrays()["configurations"])
+    np.testing.assert_allclose(shown[0].times, np.arange(20) / 50.0)
+    more = {"names": np.array(["left", "right"]), "robot": np.array("panda"), "times": np.linspace(1.0, 2.0, 20)}
+    np.savez(tmp_path / "reach.npz", **joint_arrays(), **more)
+    shown = read_joint_demonstrations(tmp_path / "reach.npz", "panda")
+    assert [item.name for item in shown] == ["left", "right"]
+    np.testing.assert_array_equal(shown[1].times, more["times"])
+
+
+def test_joints_in_any_order(tmp_path):
+    order = [3, 0, 6, 1, 2, 5, 4]
+    arrays = joint_arrays()
+    shuffled = {"configurations": arrays["configurations"][..., order], "joint_names": arrays["joint_names"][order]}
+    np.savez(tmp_path / "reach.npz", **shuffled)
+    shown = read_joint_demonstrations(tmp_path / "reach.npz", "panda")
+    np.testing.assert_array_equal(shown.configurations_array(), arrays["configurations"])
+    names = [PANDA.joint_names[joint] for joint in order]
+    rows = [
+        [f"d{number}", *values[order], sample / 25.0]
+        for number, sheet in enumerate(arrays["configurations"])
+        for sample, values in enumerate(sheet)
+    ]
+    write_csv(tmp_path / "reach.csv", ["demonstration", *names, "t"], rows)
+    shown = read_joint_demonstrations(tmp_path / "reach.csv", "panda")
+    np.testing.assert_array_equal(shown.configurations_array(), arrays["configurations"])
+    np.testing.assert_allclose(shown[1].times, np.arange(20) / 25.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"robot": np.array("iiwa")}, "recorded with the robot 'iiwa', not with 'panda'"),
+        ({"joint_names": np.array([f"lbr_{n}" for n in range(7)])}, r"joint_names are lbr_0, .*; those of 'panda', .* panda_joint7"),
+        (
+            {"configurations": np.zeros((2, 20, 6)), "joint_names": np.array(PANDA.joint_names[:6])},
+            r"joint_names are panda_joint1, .*panda_joint6; those of 'panda'",
+        ),
+        ({"configurations": np.zeros((2, 20, 6))}, r"shape \(2, 20, 6\), not \(N, T, 7\)"),
+        ({"configurations": np.zeros((2, 20, 7), dtype=complex)}, "real numbers are needed"),
+        (
+            {"configurations": np.degrees(joint_arrays()["configurations"])},
+            r"'reach_0', sample 0: joint 'panda_joint2' is at -45\.0000 rad",
+        ),
+        (
+            {"configurations": np.full((2, 20, 7), np.nan)},
+            "'reach_0', sample 0, column joint 1: nan is not a finite number",
+        ),
+        ({"names": np.array(["same", "same"])}, "1 different names for 2 demonstrations"),
+        ({"times": np.zeros((2, 19))}, r"times have shape \(2, 19\)"),
+        ({"speeds": np.zeros(2)}, "unknown key 'speeds'; a recording of joints has"),
+    ],
+)
+def test_recordings_of_another_arm_and_bad_joints_are_refused_by_name(tmp_path, changes, message):
+    np.savez(tmp_path / "reach.npz", **joint_arrays(**changes))
+    with pytest.raises(DemonstrationError, match=f"reach.npz.*{message}"):
+        read_joint_demonstrations(tmp_path / "reach.npz", "panda")
+
+
+def test_what_no_joints_can_be_read_from_is_refused(tmp_path):
+    np.savez(tmp_path / "reach.npz", positions=np.zeros((2, 20, 3)))
+    with pytest.raises(DemonstrationError, match="lacks configurations"):
+        read_joint_demonstrations(tmp_path / "reach.npz", "panda")
+    with pytest.raises(DemonstrationError, match=r"cannot read '\.npy' files, only \.npz, \.csv"):
+        read_joint_demonstrations(tmp_path / "reach.npy", "panda")
+    with pytest.raises(DemonstrationError, match=r"none\.csv: cannot be read"):
+        read_joint_demonstrations(tmp_path / "none.csv", "panda")
+    with pytest.raises(RobotError, match="robot 'robby' is not known here"):
+        read_joint_demonstrations(tmp_path / "reach.npz", "robby")
+    header = ["demonstration", "t", *PANDA.joint_names[:-1], "gripper"]
+    write_csv(tmp_path / "reach.csv", header, [["d0", 0.0, *PANDA.ready]])
+    with pytest.raises(DemonstrationError, match="unknown column 'gripper'"):
+        read_joint_demonstrations(tmp_path / "reach.csv", "panda")
