@@ -25,13 +25,13 @@ _SMOOTHING = 0.034
 #: The same for stops: the sooner they begin the better.
 _STOP_SMOOTHING = 0.02
 #: Share of the limits of velocity and of acceleration that laws are planned with; averaging and corrections add to it.
-_VELOCITY_SHARE, _ACCELERATION_SHARE = 0.97, 0.85
+_VELOCITY_SHARE, _ACCELERATION_SHARE = 0.95, 0.85
 #: Share of the accelerations that a correction at the start is planned with, and what its length [s] may be.
-_CORRECTION_SHARE, _SHORTEST_CORRECTION, _LONGEST_CORRECTION = 0.4, 0.06, 1.0
+_CORRECTION_SHARE, _SHORTEST_CORRECTION, _LONGEST_CORRECTION = 0.5, 0.06, 1.0
 #: How often a law is slowed down where it exceeds limits before it is given up.
 _ATTEMPTS = 8
-#: The most by which a law is slowed down at once.
-_SLOWEST_STEP = 0.6
+#: Share of the limits to which a law is slowed down where it exceeds them, and the least factor of a rate at once.
+_SLOWED_TO, _LEAST_FACTOR = 0.92, 0.5
 #: Shares of the accelerations that stops are tried with, one after the other.
 _BRAKING_SHARES = (0.97, 0.9, 0.8, 0.65, 0.5, 0.3)
 #: Points of a path nearer than this [s at full speed] are one.
@@ -182,9 +182,7 @@ def stopping_reference(
     grid = np.append(np.arange(width, going.duration, 0.5 * period), going.duration)
     _, slopes, bends = going.samples(grid)
     for share in _BRAKING_SHARES if going.duration > width else ():
-        rates, stop = braking_rates(
-            grid, slopes, bends, np.broadcast_to(share * limits.acceleration, slopes.shape)
-        )
+        rates, stop = braking_rates(grid, slopes, bends, np.broadcast_to(share * limits.acceleration, slopes.shape))
         passed = grid < stop
         knots, rates = np.append(grid[passed], stop), np.append(rates[passed], rates[-1])
         law = SmoothLaw.along(knots, rates, width)
@@ -279,9 +277,7 @@ def _averaging_width(least: float, limits: JointLimits) -> float:
     return max(least, 4.0 * float(np.max(limits.acceleration / limits.jerk)))
 
 
-def _check(
-    path: np.ndarray, latent: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, joints: int
-) -> None:
+def _check(path: np.ndarray, latent: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, joints: int) -> None:
     if path.ndim != 2 or path.shape[1] != joints or len(path) < 2 or len(latent) != len(path):
         raise PlanningError(
             f"path {path.shape} and latent {latent.shape}: they must be (m, {joints}) and (m, d), m at least 2"
@@ -391,5 +387,5 @@ def _slower(grid: np.ndarray, law: SmoothLaw, times: np.ndarray, strain: np.ndar
     first = np.searchsorted(grid, law.sample(times[over] - law.width)[0]) - 1
     last = np.searchsorted(grid, law.sample(times[over + 1] + law.width)[0]) + 1
     for i, begin, end in zip(over, np.maximum(first, 0), last, strict=True):
-        result[begin:end] = np.minimum(result[begin:end], max(_SLOWEST_STEP, 0.97 / excess[i]))
+        result[begin:end] = np.minimum(result[begin:end], max(_LEAST_FACTOR, _SLOWED_TO / excess[i]))
     return result

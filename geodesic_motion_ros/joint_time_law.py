@@ -179,9 +179,7 @@ class SmoothLaw:
 
 
 @numba.njit(cache=True, nogil=True)
-def _averaged(
-    times: np.ndarray, values: np.ndarray, rates: np.ndarray, width: float, at: np.ndarray
-) -> np.ndarray:
+def _averaged(times: np.ndarray, values: np.ndarray, rates: np.ndarray, width: float, at: np.ndarray) -> np.ndarray:
     count = len(times)
     once, twice = np.zeros(count), np.zeros(count)
     for i in range(count - 1):
