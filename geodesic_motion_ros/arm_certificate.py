@@ -1,0 +1,251 @@
+"""The arm's certificate: how far its collision spheres stay from obstacles and from each other, between knots too.
+
+Between two knots a sphere's centre p(t) leaves the motion along the straight segment between them, at the same
+instant, by at most max |p''| h^2 / 8. With r_j the lever of joint j (how far the centre can be from its axis),
+
+    |p''| <= sum_j r_j |q''_j| + sum_ij r_max(i,j) |q'_i| |q'_j|,
+
+because d^2 p / dq_i dq_j = a_i x (a_j x (p - o_j)) for joints i <= j of axes (o, a). Velocities and accelerations are
+bounded by the control points of the quintics that are played (`quintic.py`). Straight segments have exact distances,
+also relative to an obstacle that itself moves linearly.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.quintic import quintic_bounds
+from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
+from geodesic_motion_ros.robot.kinematics import Robot, contiguous
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is guaranteed of a reference between its n knots.
+
+    Attributes
+    ----------
+    times : (n,) of the knots [s].
+    clearance : (n - 1,) smallest distance [m] of the arm from obstacles, negative inside; inf without obstacles.
+    sphere : (n - 1,) the collision sphere that has it, -1 without obstacles.
+    self_clearance, pair : (n - 1,) the same of pairs of spheres.
+    """
+
+    times: np.ndarray
+    clearance: np.ndarray
+    sphere: np.ndarray
+    self_clearance: np.ndarray
+    pair: np.ndarray
+
+
+class ArmCertifier:
+    """Certifies references of one arm, whose body is covered by S collision spheres.
+
+    Spheres that no joint moves are checked against the rest of the arm and not against obstacles, which no motion of
+    the arm keeps away from them.
+    """
+
+    def __init__(
+        self, robot: Robot, frames: np.ndarray, offsets: np.ndarray, radii: np.ndarray, self_pairs: np.ndarray
+    ) -> None:
+        """Spheres fixed to rows `frames` (S,) of `robot.link_names`, with centres `offsets` (S, 3) [m] in those links'
+        frames and `radii` (S,) [m]; `self_pairs` (P, 2) are checked against each other."""
+        self._robot = robot
+        self._frames, self._offsets = np.array(frames, dtype=np.int64), np.array(offsets, dtype=float)
+        self._radii, self._pairs = np.array(radii, dtype=float), np.array(self_pairs, dtype=np.int64).reshape(-1, 2)
+        self._levers = lever_bounds(robot, self._frames, self._offsets)
+        self._moving = np.flatnonzero(np.any(self._levers > 0.0, axis=0))
+
+    def certify(
+        self,
+        reference: JointReference,
+        centres: np.ndarray,
+        obstacle_radii: np.ndarray,
+        obstacle_velocities: np.ndarray,
+        horizon: float,
+    ) -> Certificate:
+        """The certificate of a reference that begins now, among obstacles as `arm_clearances` takes them."""
+        times = reference.times
+        _, largest = quintic_bounds(times, reference.positions, reference.velocities, reference.accelerations)
+        bulges = sphere_bulges(times, largest[0], largest[1], self._levers)
+        placed = place_body_points(contiguous(reference.positions), self._frames, self._offsets, self._robot.chain)
+        obstacles = (np.array(part, dtype=float) for part in (centres, obstacle_radii, obstacle_velocities))
+        clearance, sphere = arm_clearances(
+            times, placed[:, self._moving], bulges[:, self._moving], self._radii[self._moving], *obstacles, horizon
+        )
+        sphere = np.where(sphere < 0, -1, self._moving[sphere])
+        return Certificate(times, clearance, sphere, *self_clearances(placed, bulges, self._radii, self._pairs))
+
+    def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
+        """Why a reference must not be followed, naming the link; None where `margin` [m] is kept from obstacles and
+        the arm stays off itself."""
+        i, j = int(np.argmin(certificate.clearance)), int(np.argmin(certificate.self_clearance))
+        if certificate.clearance[i] < margin:
+            return (
+                f"'{self._link(certificate.sphere[i])}' comes within {certificate.clearance[i]:.3f} m of an obstacle "
+                f"after {certificate.times[i]:.2f} s; {margin:.3f} m are to be kept"
+            )
+        if certificate.self_clearance[j] < 0.0:
+            first, second = (self._link(sphere) for sphere in self._pairs[certificate.pair[j]])
+            return f"'{first}' and '{second}' touch after {certificate.times[j]:.2f} s"
+        return None
+
+    def _link(self, sphere: int) -> str:
+        return self._robot.link_names[self._frames[sphere]]
+
+
+@numba.njit(cache=True, nogil=True)
+def sphere_bulges(
+    times: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray, levers: np.ndarray
+) -> np.ndarray:
+    """How far sphere centres may leave the segments between knots, (n - 1, S) [m].
+
+    Parameters
+    ----------
+    times : (n,) of the knots [s].
+    velocities, accelerations : (n - 1, eta) what magnitudes [rad/s], [rad/s^2] do not exceed between them.
+    levers : (eta, S) largest distance [m] of each centre from each joint's axis, joints base first.
+    """
+    intervals, joints = velocities.shape
+    result = np.zeros((intervals, levers.shape[1]))
+    for i in range(intervals):
+        h = times[i + 1] - times[i]
+        before = 0.0
+        for j in range(joints):
+            speed = velocities[i, j]
+            factor = 0.125 * h * h * (accelerations[i, j] + speed * (speed + 2.0 * before))
+            before += speed
+            for s in range(levers.shape[1]):
+                result[i, s] += factor * levers[j, s]
+    return result
+
+
+@numba.njit(cache=True, nogil=True)
+def _distance(point: np.ndarray, other: np.ndarray) -> float:
+    dx, dy, dz = other[0] - point[0], other[1] - point[1], other[2] - point[2]
+    return math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@numba.njit(cache=True, nogil=True)
+def _closest_approach(begin: np.ndarray, end: np.ndarray, other_begin: np.ndarray, other_end: np.ndarray) -> float:
+    """Smallest distance of two points (3,) that move in the same time, each at constant velocity, from begin to end."""
+    x, y, z = begin[0] - other_begin[0], begin[1] - other_begin[1], begin[2] - other_begin[2]
+    dx, dy, dz = end[0] - other_end[0] - x, end[1] - other_end[1] - y, end[2] - other_end[2] - z
+    squared, along = dx * dx + dy * dy + dz * dz, -(x * dx + y * dy + z * dz)
+    share = 0.0 if along <= 0.0 or squared == 0.0 else min(1.0, along / squared)
+    x, y, z = x + share * dx, y + share * dy, z + share * dz
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@numba.njit(cache=True, nogil=True)
+def arm_clearances(
+    times: np.ndarray,
+    placed: np.ndarray,
+    bulges: np.ndarray,
+    radii: np.ndarray,
+    centres: np.ndarray,
+    obstacle_radii: np.ndarray,
+    obstacle_velocities: np.ndarray,
+    horizon: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Guaranteed clearance [m] from obstacles between knots, (n - 1,), and the sphere that has it, (n - 1,).
+
+    Parameters
+    ----------
+    times : (n,) of the knots [s] from now. placed : (n, S, 3) sphere centres [m] at the knots.
+    bulges : (n - 1, S) from `sphere_bulges` [m]. radii : (S,) [m].
+    centres, obstacle_radii, obstacle_velocities : (o, 3) [m], (o,) [m], (o, 3) [m/s] of the obstacles now.
+    horizon : obstacles move linearly for this long [s] and then stand: predictions are not trusted for longer.
+
+    Without obstacles the clearance is inf and the sphere -1.
+    """
+    intervals, spheres, obstacles = len(times) - 1, len(radii), len(obstacle_radii)
+    clearances, worst = np.full(intervals, np.inf), np.full(intervals, -1)
+    if obstacles == 0:
+        return clearances, worst
+    begins, ends = np.empty((obstacles, 3)), np.empty((obstacles, 3))
+    middles, squared = np.empty((3, obstacles)), np.empty(obstacles)
+    reaches, bounds = np.empty(obstacles), np.empty(obstacles)
+    sphere, obstacle = 0, 0
+    for i in range(intervals):
+        first, last = min(times[i], horizon), min(times[i + 1], horizon)
+        # An obstacle that stops within the interval is this much, in seconds of its motion, off its straight segment.
+        turn = (last - first) * (times[i + 1] - last) / (times[i + 1] - times[i])
+        for o in range(obstacles):
+            speed = 0.0
+            for k in range(3):
+                begins[o, k] = centres[o, k] + first * obstacle_velocities[o, k]
+                ends[o, k] = centres[o, k] + last * obstacle_velocities[o, k]
+                middles[k, o] = 0.5 * (begins[o, k] + ends[o, k])
+                speed += obstacle_velocities[o, k] ** 2
+            speed = math.sqrt(speed)
+            reaches[o] = obstacle_radii[o] + turn * speed
+            bounds[o] = reaches[o] + 0.5 * (last - first) * speed
+        # The pair that was nearest before is likely to be near: most others are then left out by their middles.
+        best = _closest_approach(placed[i, sphere], placed[i + 1, sphere], begins[obstacle], ends[obstacle])
+        best -= bulges[i, sphere] + radii[sphere] + reaches[obstacle]
+        for s in range(spheres):
+            begin, end = placed[i, s], placed[i + 1, s]
+            inside = radii[s] + bulges[i, s]
+            bound = inside + 0.5 * _distance(begin, end)
+            x, y, z = 0.5 * (begin[0] + end[0]), 0.5 * (begin[1] + end[1]), 0.5 * (begin[2] + end[2])
+            # In a loop of its own, which is compiled to vector instructions.
+            for o in range(obstacles):
+                dx, dy, dz = middles[0, o] - x, middles[1, o] - y, middles[2, o] - z
+                squared[o] = dx * dx + dy * dy + dz * dz
+            for o in range(obstacles):
+                far = best + bound + bounds[o]
+                if squared[o] > far * far:
+                    continue
+                clearance = _closest_approach(begin, end, begins[o], ends[o]) - inside - reaches[o]
+                if clearance < best:
+                    best, sphere, obstacle = clearance, s, o
+        clearances[i], worst[i] = best, sphere
+    return clearances, worst
+
+
+@numba.njit(cache=True, nogil=True)
+def self_clearances(
+    placed: np.ndarray, bulges: np.ndarray, radii: np.ndarray, pairs: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Guaranteed clearance [m] of pairs of spheres between knots, (n - 1,), and the pair that has it, (n - 1,).
+
+    pairs : (P, 2) of spheres that are checked against each other; the rest as in `arm_clearances`. Without pairs the
+    clearance is inf and the pair -1.
+    """
+    intervals = len(bulges)
+    clearances, worst = np.full(intervals, np.inf), np.full(intervals, -1)
+    lengths = np.empty(len(radii))
+    middles = np.empty((len(radii), 3))
+    for i in range(intervals):
+        for s in range(len(radii)):
+            lengths[s] = 0.5 * _distance(placed[i, s], placed[i + 1, s])
+            for k in range(3):
+                middles[s, k] = 0.5 * (placed[i, s, k] + placed[i + 1, s, k])
+        best = np.inf
+        pair = worst[i - 1] if i > 0 else -1
+        if pair >= 0:
+            best = _pair_clearance(i, pairs[pair], placed, bulges, radii)
+        for p in range(len(pairs)):
+            a, b = pairs[p, 0], pairs[p, 1]
+            far = best + bulges[i, a] + bulges[i, b] + radii[a] + radii[b] + lengths[a] + lengths[b]
+            dx, dy, dz = middles[a, 0] - middles[b, 0], middles[a, 1] - middles[b, 1], middles[a, 2] - middles[b, 2]
+            if dx * dx + dy * dy + dz * dz > far * far:
+                continue
+            clearance = _pair_clearance(i, pairs[p], placed, bulges, radii)
+            if clearance < best:
+                best, pair = clearance, p
+        clearances[i], worst[i] = best, pair
+    return clearances, worst
+
+
+@numba.njit(cache=True, nogil=True)
+def _pair_clearance(i: int, pair: np.ndarray, placed: np.ndarray, bulges: np.ndarray, radii: np.ndarray) -> float:
+    a, b = pair[0], pair[1]
+    distance = _closest_approach(placed[i, a], placed[i + 1, a], placed[i, b], placed[i + 1, b])
+    return distance - bulges[i, a] - bulges[i, b] - radii[a] - radii[b]

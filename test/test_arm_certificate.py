@@ -1,0 +1,218 @@
+"""The certificate is a lower bound of what is played between knots, costs little, and names what it objects to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.arm_certificate import ArmCertifier, arm_clearances, self_clearances, sphere_bulges
+from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
+from geodesic_motion_ros.quintic import quintic_bounds
+from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
+from geodesic_motion_ros.robot.kinematics import Robot
+
+ROBOT = Robot.panda()
+LIMITS = JointLimits.of(ROBOT)
+FRAMES = np.array([0, 2, 3, 4, 5, 7, 8, len(ROBOT.link_names) - 1], dtype=np.int64)
+OFFSETS = np.random.default_rng(0).uniform(-0.06, 0.06, (len(FRAMES), 3))
+RADII = np.linspace(0.04, 0.08, len(FRAMES))
+PAIRS = np.array([(0, 4), (0, 6), (1, 5), (1, 7), (2, 7), (3, 7), (0, 7)])
+LEVERS = lever_bounds(ROBOT, FRAMES, OFFSETS)
+CERTIFIER = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII, PAIRS)
+MOVING = slice(1, None)  # the first sphere is on the base
+HORIZON = 0.3
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    centres: np.ndarray
+    radii: np.ndarray
+    velocities: np.ndarray
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Centres (k, o, 3): in linear motion for a while, then at rest."""
+        return self.centres + np.minimum(times, HORIZON)[:, None, None] * self.velocities
+
+
+def scene(seed: int) -> tuple[JointReference, Obstacles]:
+    """A fast motion of about half a second to a second, and four obstacles where the arm is."""
+    random = np.random.default_rng(seed)
+    start = ROBOT.ready + random.uniform(-0.4, 0.4, 7)
+    share = np.linspace(0.0, 1.0, 30)[:, None]
+    path = start + share * random.normal(scale=0.35, size=7) + np.sin(3.0 * share) * random.normal(scale=0.15, size=7)
+    path = np.clip(path, LIMITS.lower + 0.01, LIMITS.upper - 0.01)
+    reference = timed_joint_reference(path, np.zeros((30, 1)), LIMITS)
+    centres = random.uniform([-0.2, -0.6, 0.0], [0.8, 0.6, 1.0], (4, 3))
+    return reference, Obstacles(centres, random.uniform(0.02, 0.15, 4), random.normal(scale=0.5, size=(4, 3)))
+
+
+def placed_at(reference: JointReference, times: np.ndarray) -> np.ndarray:
+    positions = np.ascontiguousarray(reference.samples(times)[0])
+    return place_body_points(positions, FRAMES, OFFSETS, ROBOT.chain)
+
+
+def bulges_of(reference: JointReference) -> np.ndarray:
+    _, largest = quintic_bounds(reference.times, reference.positions, reference.velocities, reference.accelerations)
+    return sphere_bulges(reference.times, largest[0], largest[1], LEVERS)
+
+
+def densely(reference: JointReference, obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray]:
+    """What 200 samples an interval find: clearance from obstacles and of pairs, (n - 1,) each."""
+    times = np.linspace(reference.times[:-1], reference.times[1:], 200, axis=1).ravel()
+    spheres = placed_at(reference, times)
+    gaps = np.linalg.norm(spheres[:, MOVING, None] - obstacles.at(times)[:, None], axis=3)
+    gaps = (gaps - obstacles.radii - RADII[MOVING, None]).min(axis=(1, 2))
+    pairs = np.linalg.norm(spheres[:, PAIRS[:, 0]] - spheres[:, PAIRS[:, 1]], axis=2)
+    pairs = (pairs - RADII[PAIRS].sum(axis=1)).min(axis=1)
+    return gaps.reshape(-1, 200).min(axis=1), pairs.reshape(-1, 200).min(axis=1)
+
+
+def certified(reference: JointReference, obstacles: Obstacles):
+    return CERTIFIER.certify(reference, obstacles.centres, obstacles.radii, obstacles.velocities, HORIZON)
+
+
+def test_it_is_never_optimistic_and_costs_a_millimetre():
+    costs, own_costs = [], []
+    for seed in range(100):
+        reference, obstacles = scene(seed)
+        certificate = certified(reference, obstacles)
+        true, own = densely(reference, obstacles)
+        assert np.all(certificate.clearance <= true + 1e-9)
+        assert np.all(certificate.self_clearance <= own + 1e-9)
+        costs.append(true - certificate.clearance)
+        own_costs.append(own - certificate.self_clearance)
+    assert np.median(np.concatenate(costs)) < 1e-3
+    assert np.median(np.concatenate(own_costs)) < 2e-3
+    # An obstacle that stops between knots costs up to a quarter of its way in that interval, here 10 mm at 2 m/s.
+    assert np.max(np.concatenate(costs)) < 0.015
+
+
+def test_without_the_bulge_it_would_be_optimistic():
+    """The control: the same with straight segments alone."""
+    optimistic = 0
+    for seed in range(40):
+        reference, obstacles = scene(seed)
+        spheres = placed_at(reference, reference.times)
+        straight = np.zeros((len(reference.times) - 1, len(RADII)))
+        clearance, _ = arm_clearances(
+            reference.times, spheres[:, MOVING], straight[:, MOVING], RADII[MOVING],
+            obstacles.centres, obstacles.radii, obstacles.velocities, HORIZON,
+        )  # fmt: skip
+        true, own = densely(reference, obstacles)
+        optimistic += np.any(clearance > true + 1e-6)
+        optimistic += np.any(self_clearances(spheres, straight, RADII, PAIRS)[0] > own + 1e-6)
+    assert optimistic > 20
+
+
+def test_bulges_hold_every_sphere_near_its_segment():
+    for seed in range(30):
+        reference, _ = scene(seed)
+        bulges = bulges_of(reference)
+        times = np.linspace(reference.times[:-1], reference.times[1:], 41, axis=1)
+        spheres = placed_at(reference, times.ravel()).reshape(*times.shape, -1, 3)
+        share = np.linspace(0.0, 1.0, 41)[:, None, None]
+        straight = (1.0 - share) * spheres[:, :1] + share * spheres[:, -1:]
+        off = np.linalg.norm(spheres - straight, axis=3).max(axis=1)
+        assert np.all(off <= bulges + 1e-9)
+        assert not np.any(bulges[:, 0])
+        assert np.median(bulges[:, 1:]) < 2e-3
+
+
+def test_twice_as_many_knots_have_a_quarter_of_the_bulge():
+    reference, _ = scene(0)
+    times = np.linspace(0.0, reference.duration, 2 * len(reference.times) - 1)
+    halved = JointReference(
+        times, *reference.samples(times), np.zeros((len(times), 1)), np.full(len(times) - 1, np.inf)
+    )
+    halved.velocities[-1] = halved.accelerations[-1] = 0.0
+    assert bulges_of(halved).mean() == pytest.approx(bulges_of(reference).mean() / 4.0, rel=0.15)
+
+
+def test_culling_changes_nothing():
+    """Against every sphere, obstacle and pair in turn."""
+    for seed in range(40):
+        reference, obstacles = scene(seed)
+        certificate = certified(reference, obstacles)
+        spheres, bulges = placed_at(reference, reference.times), bulges_of(reference)
+        each = [
+            arm_clearances(
+                reference.times, spheres[:, [s]], bulges[:, [s]], RADII[[s]],
+                obstacles.centres[[o]], obstacles.radii[[o]], obstacles.velocities[[o]], HORIZON,
+            )[0]
+            for s in range(1, len(RADII)) for o in range(4)
+        ]  # fmt: skip
+        every = np.min(each, axis=0)
+        np.testing.assert_allclose(certificate.clearance, every, atol=1e-12)
+        by_sphere = np.min(np.reshape(each, (len(RADII) - 1, 4, -1)), axis=1)
+        chosen = by_sphere[certificate.sphere - 1, np.arange(len(every))]
+        np.testing.assert_allclose(chosen, every, atol=1e-12)
+        pairs = np.array([self_clearances(spheres, bulges, RADII, PAIRS[[p]])[0] for p in range(len(PAIRS))])
+        np.testing.assert_allclose(certificate.self_clearance, pairs.min(axis=0), atol=1e-12)
+        np.testing.assert_allclose(pairs[certificate.pair, np.arange(len(every))], pairs.min(axis=0), atol=1e-12)
+
+
+def test_an_obstacle_that_moves_away_is_passed_and_one_that_comes_is_not():
+    reference, _ = scene(5)
+    hand = placed_at(reference, reference.times[[-1]])[0, -1]
+    outwards = np.array([0.0, 0.0, 1.0])
+    leaving = Obstacles((hand + 0.1 * outwards)[None], np.array([0.05]), 1.0 * outwards[None])
+    coming = Obstacles((hand + 0.4 * outwards)[None], np.array([0.05]), -1.0 * outwards[None])
+    standing = Obstacles(coming.centres, coming.radii, 0.0 * coming.velocities)
+    assert certified(reference, leaving).clearance[-1] > 0.1
+    assert certified(reference, standing).clearance[-1] > 0.1
+    assert certified(reference, coming).clearance[-1] < 0.0
+
+
+def test_a_prediction_ends_at_its_horizon():
+    reference, _ = scene(5)
+    hand = placed_at(reference, reference.times[[-1]])[0, -1]
+    far, velocity = hand + np.array([0.0, 0.0, 1.0]), np.array([[0.0, 0.0, -2.0]])
+
+    def clearance(centre: np.ndarray, horizon: float) -> float:
+        return CERTIFIER.certify(reference, centre[None], np.array([0.05]), velocity, horizon).clearance[-1]
+
+    assert reference.duration > 0.5
+    assert clearance(far, 0.5) < 0.0
+    assert clearance(far, 0.2) == pytest.approx(clearance(far + 0.2 * velocity[0], 0.0), abs=1e-12)
+    assert clearance(far, 0.2) < clearance(far, 0.0) - 0.2
+
+
+def test_it_objects_by_name_and_only_with_reason():
+    reference, _ = scene(5)
+    hand = placed_at(reference, reference.times[[-1]])[0, -1]
+    nothing = (np.empty((0, 3)), np.empty(0), np.empty((0, 3)), HORIZON)
+    free = CERTIFIER.certify(reference, *nothing)
+    assert np.all(np.isinf(free.clearance))
+    assert np.all(free.sphere == -1)
+    assert CERTIFIER.objection(free, 0.02) is None
+    touched = CERTIFIER.certify(reference, hand[None], np.array([0.01]), np.zeros((1, 3)), HORIZON)
+    assert f"'{ROBOT.tool_link}' comes within" in CERTIFIER.objection(touched, 0.02)
+    near = CERTIFIER.certify(reference, hand[None] + [0.0, 0.0, 0.5], np.array([0.01]), np.zeros((1, 3)), HORIZON)
+    kept = float(near.clearance.min())
+    assert CERTIFIER.objection(near, kept - 0.001) is None
+    assert f"{kept + 0.001:.3f} m are to be kept" in CERTIFIER.objection(near, kept + 0.001)
+    wide = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII + 0.3, PAIRS)
+    complaint = wide.objection(wide.certify(reference, *nothing))
+    assert "touch after" in complaint
+    assert any(f"'{ROBOT.link_names[frame]}' and" in complaint for frame in FRAMES)
+
+
+def test_what_cannot_move_is_not_checked_against_obstacles_but_against_the_arm():
+    reference, _ = scene(5)
+    base = placed_at(reference, reference.times[[0]])[0, 0]
+    around = CERTIFIER.certify(reference, base[None], np.array([0.01]), np.zeros((1, 3)), HORIZON)
+    assert np.all(around.clearance > 0.0)
+    own = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII + np.eye(len(RADII))[0], [(0, 7)])
+    free = own.certify(reference, np.empty((0, 3)), np.empty(0), np.empty((0, 3)), HORIZON)
+    assert np.all(free.self_clearance < 0.0)
+
+
+def test_without_pairs_the_arm_is_clear_of_itself():
+    reference, _ = scene(5)
+    alone = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII, np.empty((0, 2)))
+    certificate = alone.certify(reference, np.empty((0, 3)), np.empty(0), np.empty((0, 3)), HORIZON)
+    assert np.all(np.isinf(certificate.self_clearance))
+    assert alone.objection(certificate) is None
