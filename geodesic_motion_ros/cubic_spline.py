@@ -1,7 +1,8 @@
-"""The natural cubic spline: the curve through points whose second derivative is continuous, and 0 at both ends.
+"""The cubic spline through points whose first and last pieces are parabolas.
 
-Between knots the second derivative is linear; its values at the knots solve a tridiagonal system (C. de Boor, "A
-Practical Guide to Splines", ch. IV).
+Its second derivative is continuous, linear between knots, and constant on the end pieces: a path that is cut off bends
+at its new begin as it bent there before, which it would not with a second derivative of 0. The values at the knots
+solve a tridiagonal system (C. de Boor, "A Practical Guide to Splines", ch. IV).
 """
 
 from __future__ import annotations
@@ -11,10 +12,13 @@ import numpy as np
 
 
 @numba.njit(cache=True, nogil=True)
-def natural_bends(knots: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Second derivatives (n, d) at knots (n,), increasing, of the natural spline through values (n, d)."""
+def spline_bends(knots: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Second derivatives (n, d) at knots (n,), increasing, of the spline through values (n, d); two make a line."""
     count, size = values.shape
     bends, factors = np.zeros((count, size)), np.zeros(count)
+    if count == 2:
+        return bends
+    factors[0] = -1.0
     for i in range(1, count - 1):
         before, after = knots[i] - knots[i - 1], knots[i + 1] - knots[i]
         pivot = 2.0 * (before + after) - before * factors[i - 1]
@@ -22,7 +26,9 @@ def natural_bends(knots: np.ndarray, values: np.ndarray) -> np.ndarray:
         for j in range(size):
             turn = (values[i + 1, j] - values[i, j]) / after - (values[i, j] - values[i - 1, j]) / before
             bends[i, j] = (6.0 * turn - before * bends[i - 1, j]) / pivot
-    for i in range(count - 2, 0, -1):
+    for j in range(size):
+        bends[-1, j] = bends[-2, j] / (1.0 + factors[-2])
+    for i in range(count - 2, -1, -1):
         for j in range(size):
             bends[i, j] -= factors[i] * bends[i + 1, j]
     return bends

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from geodesic_motion_ros.cubic_spline import natural_bends, spline_samples
+from geodesic_motion_ros.cubic_spline import spline_bends, spline_samples
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_time_law import SmoothLaw, braking_rates, fastest_rates
@@ -314,7 +314,7 @@ class _PathCurve:
         kept = np.concatenate([[0], inner, [len(path) - 1]])
         knots = passed[kept]
         knots[-1] = max(knots[-1], knots[-2] + _SHORTEST_CHORD)
-        bends = natural_bends(knots, path[kept])
+        bends = spline_bends(knots, path[kept])
         pieces = int(np.ceil(_SEGMENTS / (len(kept) - 1)))
         grid = np.interp(np.arange(pieces * (len(kept) - 1) + 1) / pieces, np.arange(len(kept)), knots)
         _, grid_slopes, grid_bends = spline_samples(knots, path[kept], bends, grid)

@@ -159,7 +159,7 @@ def test_a_replan_in_motion_never_jumps_and_keeps_all_limits(kink):
         np.testing.assert_allclose(found.positions[-1], path[-1], atol=1e-9)
         assert_plays_within_limits(found)
     assert tried > 30
-    assert accepted >= 0.9 * tried
+    assert accepted >= 0.97 * tried
 
 
 def test_chains_of_replans_play_as_one_smooth_motion():
