@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numba
 import numpy as np
 
 from geodesic_motion_ros.cubic_spline import spline_bends, spline_samples
@@ -65,6 +66,11 @@ class JointReference:
     latent: np.ndarray
     clearance: np.ndarray
 
+    @classmethod
+    def standing(cls, position: np.ndarray, latent: np.ndarray) -> JointReference:
+        """Stay at a position (eta,) [rad], whose latent point is (d,)."""
+        return _standing(position, latent, float(np.inf))
+
     @property
     def duration(self) -> float:
         """Time [s] until rest."""
@@ -78,6 +84,10 @@ class JointReference:
     def samples(self, times: np.ndarray) -> np.ndarray:
         """The same at many times (k,) at once: (3, k, eta)."""
         return quintic_samples(self.times, self.positions, self.velocities, self.accelerations, times)
+
+    def latent_at(self, time: float) -> np.ndarray:
+        """Latent point (d,) at `time` [s], held at both ends."""
+        return _interpolated(np.array([time]), self.times, self.latent)[0]
 
     def rest(self, time: float) -> JointReference:
         """What is left of the motion from `time` [s] on: the same quintics, with a knot where it begins."""
@@ -201,6 +211,27 @@ def stopping_reference(
     return going
 
 
+def joined(old: JointReference, since: float, new: JointReference, until: float) -> JointReference:
+    """An old reference from its knot at `since` [s] to its knot at `until` [s], and from there on a new one.
+
+    Both times may lie beyond the old one's end, where the arm stands.
+    """
+    if since >= old.duration:
+        old = _standing(old.positions[-1], old.latent[-1], float(old.clearance[-1]))
+        kept = np.array([0])
+        before = np.zeros(1)
+    else:
+        kept = np.flatnonzero((old.times >= since - _ROUNDING) & (old.times < until - _ROUNDING))
+        before = old.times[kept] - since
+    return JointReference(
+        np.concatenate([before, until - since + new.times]),
+        *(
+            np.concatenate([getattr(old, name)[kept], getattr(new, name)])
+            for name in ("positions", "velocities", "accelerations", "latent", "clearance")
+        ),
+    )
+
+
 def bridge_to_rest(
     position: np.ndarray,
     velocity: np.ndarray,
@@ -269,7 +300,18 @@ def _interpolated(at: np.ndarray, knots: np.ndarray, values: np.ndarray) -> np.n
 
 def _strain(largest: np.ndarray, limits: JointLimits) -> np.ndarray:
     """Of magnitudes (3, n, eta) of velocity, acceleration and jerk: (3, n) over the limits, by the worst joint."""
-    return np.max(largest / np.stack([limits.velocity, limits.acceleration, limits.jerk])[:, None], axis=2)
+    return _worst_share(largest, np.stack([limits.velocity, limits.acceleration, limits.jerk]))
+
+
+@numba.njit(cache=True, nogil=True)
+def _worst_share(largest: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """Maxima (k, n) over the joints of largest (k, n, eta) over limits (k, eta)."""
+    result = np.zeros(largest.shape[:2])
+    for k in range(len(largest)):
+        for i in range(largest.shape[1]):
+            for j in range(largest.shape[2]):
+                result[k, i] = max(result[k, i], largest[k, i, j] / limits[k, j])
+    return result
 
 
 def _averaging_width(least: float, limits: JointLimits) -> float:

@@ -1,9 +1,10 @@
-"""PlannerSettings: what a user may choose about planning."""
+"""What a user may choose about planning: on skills of poses, and of configurations."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,33 +13,60 @@ from geodesic_motion_ros.motion_curve import MotionLimits
 
 
 @dataclass(frozen=True)
-class PlannerSettings:
-    """What a user may choose. Lengths in metres, angles in radians.
+class SearchSettings:
+    """What planning on every kind of skill has in common. Lengths in metres.
+
+    Attributes
+    ----------
+    obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
+    ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + body radius), of the soft metric.
+    ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
+    query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.
+    avoidance : False ignores obstacles altogether; for control experiments only.
+    grid_shape, neighbours : of the latent graph; None: the skill's own.
+    """
+
+    obstacle_margin: float = 0.005
+    ambient_strength: float = 1000.0
+    ambient_width_ratio: float = 0.5
+    ridge_strength: float = 1.0
+    query_conditioning: bool = True
+    avoidance: bool = True
+    grid_shape: tuple[int, ...] | None = None
+    neighbours: int | None = None
+
+    #: Settings that may be 0.
+    may_be_zero: ClassVar[tuple[str, ...]] = ("obstacle_margin", "ambient_strength", "ridge_strength")
+
+    def __post_init__(self) -> None:
+        for setting in fields(self):
+            value = getattr(self, setting.name)
+            # A whole number is a number too; the grid judges its own settings.
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                continue
+            allowed = value >= 0.0 if setting.name in self.may_be_zero else value > 0.0
+            if not (allowed and math.isfinite(value)):
+                wanted = "0 or positive" if setting.name in self.may_be_zero else "positive"
+                raise PlanningError(f"setting {setting.name} is {value}, must be finite and {wanted}")
+
+
+@dataclass(frozen=True)
+class PlannerSettings(SearchSettings):
+    """Of planning on a task-space skill. Lengths in metres, angles in radians.
 
     Attributes
     ----------
     tool_points, tool_radii : spheres (K, 3), (K,) fixed in the tool frame that obstacles are kept away from.
-    obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
-    ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + tool radius), of the soft metric.
-    ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
-    query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.
     maximum_offset, maximum_offset_angle : how far start and goal may lie from the manifold, or beyond the starts and
         goals that were demonstrated.
     reanchor_distance, reanchor_angle : a start further than this from the current reference begins a new query.
     speed, angular_speed : limits of the tool [m/s], [rad/s].
     acceleration : limit of the tool's acceleration [m/s^2], tangential and centripetal together. That of the angular
         acceleration follows: full angular speed is reached in the time that full speed takes.
-    avoidance : False ignores obstacles altogether; for control experiments only.
-    grid_shape, neighbours : of the latent graph.
     """
 
     tool_points: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),)
     tool_radii: tuple[float, ...] = (0.04,)
-    obstacle_margin: float = 0.005
-    ambient_strength: float = 1000.0
-    ambient_width_ratio: float = 0.5
-    ridge_strength: float = 1.0
-    query_conditioning: bool = True
     maximum_offset: float = 0.05
     maximum_offset_angle: float = 0.5
     reanchor_distance: float = 0.02
@@ -46,9 +74,8 @@ class PlannerSettings:
     speed: float = 0.2
     angular_speed: float = 0.8
     acceleration: float = 0.5
-    avoidance: bool = True
-    grid_shape: tuple[int, ...] = (100, 100)
-    neighbours: int = 16
+
+    may_be_zero: ClassVar[tuple[str, ...]] = (*SearchSettings.may_be_zero, "reanchor_distance", "reanchor_angle")
 
     @property
     def limits(self) -> MotionLimits:
@@ -66,13 +93,29 @@ class PlannerSettings:
             raise PlanningError("tool_points must be finite (x, y, z) triples in the tool frame [m]")
         if not all(math.isfinite(radius) and radius >= 0.0 for radius in self.tool_radii):
             raise PlanningError(f"tool radii {self.tool_radii} must be finite and not negative [m]")
-        may_be_zero = ("obstacle_margin", "ambient_strength", "ridge_strength", "reanchor_distance", "reanchor_angle")
-        for setting in fields(self):
-            value = getattr(self, setting.name)
-            # A whole number is a number too; the grid judges its own settings.
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                continue
-            allowed = value >= 0.0 if setting.name in may_be_zero else value > 0.0
-            if not (allowed and math.isfinite(value)):
-                wanted = "0 or positive" if setting.name in may_be_zero else "positive"
-                raise PlanningError(f"setting {setting.name} is {value}, must be finite and {wanted}")
+        super().__post_init__()
+
+
+@dataclass(frozen=True)
+class JointPlannerSettings(SearchSettings):
+    """Of planning on a joint-space skill, with the whole arm.
+
+    Attributes
+    ----------
+    body_radius : radius of the body around its points, as the soft metric sees it [m]. What is hard, the removal of
+        nodes and the certificate, knows the arm's collision spheres.
+    maximum_joint_offset : how far start and goal may lie from the manifold, or beyond the starts and goals that were
+        demonstrated, over all joints [rad].
+    speed_scale, acceleration_scale : share of the joints' velocity limits, and of their acceleration and jerk limits.
+    latency : a new reference takes over so long after its planning began [s].
+    prediction : obstacles are expected to move on linearly for so long [s], and to stand then.
+    """
+
+    body_radius: float = 0.08
+    maximum_joint_offset: float = 0.5
+    speed_scale: float = 0.3
+    acceleration_scale: float = 0.2
+    latency: float = 0.03
+    prediction: float = 0.5
+
+    may_be_zero: ClassVar[tuple[str, ...]] = (*SearchSettings.may_be_zero, "prediction")

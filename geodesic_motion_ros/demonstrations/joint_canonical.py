@@ -1,8 +1,11 @@
 """Canonical form of joint-space demonstrations: where a task begins and ends taken out, the way of doing it left.
 
-As in `canonical`, y(s) = theta(s) - (1 - s) d0 - s d1 with s in [0, 1] the fraction of the arc and d0, d1 the offsets
-of start and goal. They are counted from the mean of those demonstrations alone that start (end) in the same family of
-configurations: two configurations that hold the tool in one pose with the elbow on two sides are never averaged.
+With s in [0, 1] the fraction of a demonstration's arc, canonical curves y(s) are those that `graph.joint_transport`
+carries onto the demonstrations: theta(s) = y(s) + D(y(s), s). The arc counts what the metric counts: the mean squared
+motion of the body points, and with a small weight that of the joints.
+
+Offsets are counted from the mean of those demonstrations alone that start (end) in the same family of configurations:
+two configurations that hold the tool in one pose with the elbow on two sides are never averaged.
 """
 
 from __future__ import annotations
@@ -14,9 +17,15 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.errors import DemonstrationError
+from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.graph.joint_transport import JointOffsets
+from geodesic_motion_ros.robot.body_points import place_body_points
+from geodesic_motion_ros.robot.kinematics import Robot
 
 #: Starts and goals may lie this far [rad], over all joints, from the mean of their group.
 LARGEST_OFFSET = 1.5
+#: y = theta - D(y, s) is solved by so many fixed-point iterations.
+_ITERATIONS = 4
 
 
 @dataclass(frozen=True)
@@ -39,16 +48,34 @@ class CanonicalJointDemonstrations:
     goal_poles: np.ndarray
 
 
-def canonical_joint_form(demonstrations: JointDemonstrations, samples: int) -> CanonicalJointDemonstrations:
+def along_body_arc(
+    configurations: np.ndarray, robot: Robot, metric: JointMetricSettings, samples: int
+) -> np.ndarray:
+    """Configurations (samples, eta) [rad], equally spaced along the arc of a motion (T, eta) [rad].
+
+    The arc counts sqrt(mean_k |dp_k|^2 + joint_weight^2 |dtheta|^2), with p_k the metric's body points.
+    """
+    body = metric.body_points(robot)
+    points = place_body_points(np.ascontiguousarray(configurations), body.frames, body.offsets, robot.chain)
+    moved = np.sum(np.diff(points, axis=0) ** 2, axis=-1).mean(axis=1)
+    turned = np.sum(np.diff(configurations, axis=0) ** 2, axis=1)
+    arc = np.append(0.0, np.cumsum(np.sqrt(moved + metric.joint_weight**2 * turned)))
+    at = np.linspace(0.0, arc[-1], samples)
+    return np.stack([np.interp(at, arc, column) for column in configurations.T], axis=1)
+
+
+def canonical_joint_form(
+    demonstrations: JointDemonstrations, robot: Robot, metric: JointMetricSettings, samples: int
+) -> CanonicalJointDemonstrations:
     """Resample demonstrations along their arcs and take their start and goal offsets out.
 
     Raises
     ------
     DemonstrationError : a demonstration starts or ends far from all others of its group.
     """
-    configurations = demonstrations.resampled(samples).configurations_array()
-    start_groups, start_poles, start_offsets = _grouped(configurations[:, 0])
-    goal_groups, goal_poles, goal_offsets = _grouped(configurations[:, -1])
+    shown = np.stack([along_body_arc(item.configurations, robot, metric, samples) for item in demonstrations])
+    start_groups, start_poles, start_offsets = _grouped(shown[:, 0])
+    goal_groups, goal_poles, goal_offsets = _grouped(shown[:, -1])
     for verb, offsets in (("starts", start_offsets), ("ends", goal_offsets)):
         sizes = np.linalg.norm(offsets, axis=1)
         if np.any(sizes > LARGEST_OFFSET):
@@ -58,11 +85,21 @@ def canonical_joint_form(demonstrations: JointDemonstrations, samples: int) -> C
                 f"{LARGEST_OFFSET:g} rad from the others like it: one skill is learned from demonstrations of one "
                 f"task; distances [rad] from the mean are {told}"
             )
-    s = np.linspace(0.0, 1.0, samples)[:, None]
-    blend = (1.0 - s) * start_offsets[:, None] + s * goal_offsets[:, None]
+    ends = np.stack([start_poles[start_groups], goal_poles[goal_groups]], axis=1)
+    canonical = np.stack([_without_offsets(curve, pole, robot) for curve, pole in zip(shown, ends, strict=True)])
     return CanonicalJointDemonstrations(
-        configurations - blend, start_offsets, goal_offsets, start_groups, goal_groups, start_poles, goal_poles
+        canonical, start_offsets, goal_offsets, start_groups, goal_groups, start_poles, goal_poles
     )
+
+
+def _without_offsets(curve: np.ndarray, poles: np.ndarray, robot: Robot) -> np.ndarray:
+    """y (T, eta) with y + D(y, s) = curve, from the poles (2, eta)."""
+    offsets = JointOffsets.between(robot, poles, curve[[0, -1]])
+    s = np.linspace(0.0, 1.0, len(curve))
+    canonical = curve
+    for _ in range(_ITERATIONS):
+        canonical = curve - offsets.displacements(canonical, s)
+    return canonical
 
 
 def _grouped(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

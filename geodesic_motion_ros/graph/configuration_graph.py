@@ -22,10 +22,10 @@ import numpy as np
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.graph.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
 from geodesic_motion_ros.graph.progress import ProgressMap
 from geodesic_motion_ros.graph.ridge import Ridges
-from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.robot.body_points import (
     BodyPoints,
@@ -75,9 +75,9 @@ class ConfigurationGraph(LatentGraph):
     _sigma_fixed: np.ndarray
     _sigma_shares: np.ndarray
 
-    def transported(self, offsets: Offsets, conformal: np.ndarray | None = None) -> CarriedConfigurations:
-        """Carry the nodes to a query, theta + D; `conformal` (n,) >= 1, None for 1, as in `PoseGraph.transported`."""
-        configurations = self.configurations + offsets.displacements(self.progress, self.ridge_shares)
+    def transported(self, offsets: JointOffsets, conformal: np.ndarray | None = None) -> CarriedConfigurations:
+        """Carry the nodes to a query; `conformal` (n,) >= 1, None for 1, as in `PoseGraph.transported`."""
+        configurations = offsets.carried(self.configurations, self.progress, self.ridge_shares)
         points = place_body_points(configurations, self.body.frames, self.body.offsets, self.robot.chain)
         first, second = self.edges.T
         factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])

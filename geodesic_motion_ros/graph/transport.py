@@ -5,8 +5,7 @@ A pose at progress tau in [0, 1] between start and goal is moved by the displace
     D = (1 - tau) d0 + tau d1 + c
 
 of a translation [m] and a rotation vector [rad, base frame], x + D_x and exp(D_r) q: the offsets d0 of the start and d1
-of the goal, and a correction c of the decoder that is known along the demonstrations (zero where none is). In joint
-space D is a displacement of the joints, theta + D.
+of the goal, and a correction c of the decoder that is known along the demonstrations (zero where none is).
 """
 
 from __future__ import annotations
@@ -24,10 +23,9 @@ class Offsets:
 
     Attributes
     ----------
-    start, goal : (D,) offsets d0 and d1: translation [m] and rotation vector [rad] in the base frame, D = 6; or of
-        joints [rad].
+    start, goal : (6,) offsets d0 and d1: translation [m] and rotation vector [rad], base frame.
     start_progress, goal_progress : progress of the latent points that are carried onto start and goal.
-    corrections : (K, S, D) corrections c_k along K ridges at S equally spaced values of progress; K may be 0.
+    corrections : (K, S, 6) corrections c_k along K ridges at S equally spaced values of progress; K may be 0.
     """
 
     start: np.ndarray
@@ -37,23 +35,24 @@ class Offsets:
     corrections: np.ndarray
 
     @classmethod
-    def none(cls, ridges: int = 0, size: int = 6) -> Offsets:
-        """Leaves everything of a graph with so many ridges, and displacements (size,), where it is."""
-        return cls(np.zeros(size), np.zeros(size), 0.0, 1.0, np.zeros((ridges, 2, size)))
-
-    def blend(self, progress: np.ndarray) -> np.ndarray:
-        """tau (n,) in [0, 1]: 0 at the start's progress, 1 at the goal's, linear between."""
-        span = self.goal_progress - self.start_progress
-        if abs(span) < 1e-6:
-            return np.ones_like(progress)
-        return np.clip((progress - self.start_progress) / span, 0.0, 1.0)
+    def none(cls, ridges: int = 0) -> Offsets:
+        """Leaves every pose of a graph with so many ridges where it is."""
+        return cls(np.zeros(6), np.zeros(6), 0.0, 1.0, np.zeros((ridges, 2, 6)))
 
     def displacements(self, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """D (..., D) at progress (...) and shares (..., K) of the ridges."""
-        tau = self.blend(progress).reshape(-1)
+        """D (..., 6) at progress (...) and shares (..., K) of the ridges."""
+        tau = blended(progress, self.start_progress, self.goal_progress).reshape(-1)
         flat = shares.reshape(len(tau), self.corrections.shape[0])
         moved = _displacements(tau, progress.reshape(-1), flat, self.start, self.goal, self.corrections)
-        return moved.reshape(*progress.shape, len(self.start))
+        return moved.reshape(*progress.shape, 6)
+
+
+def blended(progress: np.ndarray, start_progress: float, goal_progress: float) -> np.ndarray:
+    """tau (n,) in [0, 1] at progress (n,): 0 at the start's, 1 at the goal's, linear between."""
+    span = goal_progress - start_progress
+    if abs(span) < 1e-6:
+        return np.ones_like(progress)
+    return np.clip((progress - start_progress) / span, 0.0, 1.0)
 
 
 def corrections_at(corrections: np.ndarray, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:

@@ -40,22 +40,26 @@ class BodyLayer(nn.Module):
         # Whether joint j moves point k, (K, eta).
         self.register_buffer("moves", self.frames[:, None] >= self.joint_rows[None])
 
-    def forward(self, configurations: Tensor) -> tuple[Tensor, Tensor]:
-        """Body points (B, K, 3) [m] and their Jacobians (B, K, 3, eta) at configurations (B, eta) [rad]."""
+    def points(self, configurations: Tensor) -> Tensor:
+        """Body points (B, K, 3) [m] at configurations (B, eta) [rad]."""
+        return self._placed(*self._link_frames(configurations))
+
+    def jacobians(self, configurations: Tensor) -> Tensor:
+        """Jacobians (B, K, 3, eta) [m/rad] of the body points at configurations (B, eta) [rad]."""
         rotations, origins = self._link_frames(configurations)
-        offsets = self.offsets.to(configurations)
-        points = origins[:, self.frames] + torch.einsum("bkij,kj->bki", rotations[:, self.frames], offsets)
-        axes = torch.einsum("bjac,jc->bja", rotations[:, self.joint_rows], self.axes.to(configurations))
-        arms = points[:, :, None] - origins[:, None, self.joint_rows]
-        turning = torch.linalg.cross(axes[:, None].expand_as(arms), arms)
-        columns = torch.where(self.prismatic[:, None], axes[:, None].expand_as(arms), turning)
-        columns = columns * self.moves[None, :, :, None]
-        return points, columns.transpose(-1, -2)
+        axes = torch.einsum("bjac,jc->bja", rotations[:, self.joint_rows], self.axes.to(configurations))[:, None]
+        arms = self._placed(rotations, origins)[:, :, None] - origins[:, None, self.joint_rows]
+        axes = axes.expand_as(arms)
+        columns = torch.where(self.prismatic[:, None], axes, torch.linalg.cross(axes, arms))
+        return (columns * self.moves[None, :, :, None]).transpose(-1, -2)
+
+    def _placed(self, rotations: Tensor, origins: Tensor) -> Tensor:
+        turned = torch.einsum("bkij,kj->bki", rotations[:, self.frames], self.offsets.to(rotations))
+        return origins[:, self.frames] + turned
 
     def log_volume(self, configurations: Tensor) -> Tensor:
         """log V (B,) at configurations (B, eta)."""
-        _, jacobians = self(configurations)
-        stacked = jacobians.flatten(1, 2)
+        stacked = self.jacobians(configurations).flatten(1, 2)
         identity = torch.eye(stacked.shape[-1], dtype=stacked.dtype)
         return 0.5 * torch.logdet(stacked.transpose(1, 2) @ stacked + self.epsilon**2 * identity)
 

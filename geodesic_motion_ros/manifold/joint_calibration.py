@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from geodesic_motion_ros.demonstrations.joint_canonical import CanonicalJointDemonstrations, canonical_joint_form
+from geodesic_motion_ros.demonstrations.joint_canonical import (
+    CanonicalJointDemonstrations,
+    along_body_arc,
+    canonical_joint_form,
+)
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.transport import Offsets
+from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.joint_sheet import JointSheet
 from geodesic_motion_ros.manifold.calibration import CODE_SAMPLES, SUPPORT_PERCENTILE, dearest_energy
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
@@ -43,10 +47,12 @@ def assemble_joint_skill(
     SkillError : no demonstration's ends are connected inside the support.
     """
     sheet = None
-    configurations = demonstrations.resampled(CODE_SAMPLES).configurations_array()
+    configurations = np.stack(
+        [along_body_arc(item.configurations, robot, settings.metric, CODE_SAMPLES) for item in demonstrations]
+    )
     start, goal = configurations[:, 0].mean(axis=0), configurations[:, -1].mean(axis=0)
     if settings.sheet == "canonical":
-        form = canonical_joint_form(demonstrations, CODE_SAMPLES)
+        form = canonical_joint_form(demonstrations, robot, settings.metric, CODE_SAMPLES)
         sheet, configurations = joint_sheet(form), form.configurations
         start, goal = form.start_poles[0], form.goal_poles[0]
     with torch.no_grad():
@@ -92,8 +98,8 @@ def joint_sheet(form: CanonicalJointDemonstrations) -> JointSheet:
 
 def calibrated_energy(graph: ConfigurationGraph, codes: np.ndarray) -> float:
     """Largest squared length of one edge that a feasible path may have; see `calibration.dearest_energy`."""
-    still = Offsets.none(graph.ridge_count, graph.configurations.shape[1])
-    return dearest_energy(graph, graph.transported(still).energies(), codes)
+    still = graph.transported(JointOffsets.none(graph.robot, graph.ridge_count))
+    return dearest_energy(graph, still.energies(), codes)
 
 
 def _reconstruction_quality(

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from geodesic_motion_ros.demonstrations.joint_canonical import canonical_joint_form
+from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc, canonical_joint_form
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_modes
 from geodesic_motion_ros.errors import ParameterError
@@ -27,6 +27,7 @@ from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
 from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
 from geodesic_motion_ros.manifold.optimisation import Progress, descend, minimise, one_seeded_thread
 from geodesic_motion_ros.manifold.progress_prior import prior_means, prior_variance
+from geodesic_motion_ros.robot.body_points import BodyPoints, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 
@@ -41,7 +42,7 @@ class JointTrainingSettings:
     sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
     latent_dimension : d, 3 or 2.
     hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
-    samples : configurations per demonstration that are trained on, equally spaced along its arc in joint space.
+    samples : configurations per demonstration that are trained on, equally spaced along its arc.
     steps, batch, learning_rate : Adam steps with cosine decay, configurations per step, initial rate.
     kl_weight, kl_warm_up : weight of the divergence in the evidence lower bound (the paper: 1), and the fraction of the
         steps over which it grows from 0.
@@ -49,7 +50,9 @@ class JointTrainingSettings:
         paper's is 1. With sigma as small as it is here it changes nothing but the time; the default leaves it out.
     progress_deviation : of the canonical sheet's prior along the strip.
     blends : random convex combinations of canonical demonstrations of one mode that are learned besides each.
-    fixed_sigma : likelihood scale while the means are learned [rad].
+    fixed_sigma : likelihood scale of the joints while the means are learned [rad].
+    body_sigma : the same of the body's points, through the forward kinematics [m]. What a joint's error does to the
+        tool depends on the joint and the posture; without this term the tool is off by more.
     kernels, bandwidth_factor : radial-basis kernels, at most, and their width over the distance between neighbours.
     precision_samples, precision_iterations : latent draws per configuration that sigma is fitted on, and L-BFGS steps.
     far_sigma : deviation far from all data [rad]: the height of the walls.
@@ -71,7 +74,8 @@ class JointTrainingSettings:
     volume_weight: float = 0.0
     progress_deviation: float = 0.2
     blends: int = 2
-    fixed_sigma: float = 0.02
+    fixed_sigma: float = 0.05
+    body_sigma: float = 0.003
     kernels: int = 500
     bandwidth_factor: float = 1.0
     precision_samples: int = 4
@@ -97,13 +101,18 @@ class JointTrainingSettings:
             raise ParameterError(f"training settings must be positive and finite: {', '.join(not_positive)}")
 
 
+#: How far beside the tool points are watched while learning [m]: a turn by a radian counts so much.
+TOOL_AXES = 0.1
 _MAY_BE_ZERO = {"seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "margin"}
 
 
 class Samples(NamedTuple):
-    """Training samples: configurations (n, eta) [rad] and the means (n, d) of their prior."""
+    """Training samples: configurations (n, eta) [rad], their body points (n, K, 3) [m], and the means (n, d) of their
+    prior.
+    """
 
     configurations: Tensor
+    points: Tensor
     prior_means: Tensor
 
     def take(self, index: Tensor) -> Samples:
@@ -134,21 +143,29 @@ def train_joint_space_skill(
     DemonstrationError : demonstrations that have no form in common.
     SkillError : the model that came out is unusable.
     """
-    configurations = training_configurations(demonstrations, settings)
-    body = settings.metric.body_points(robot)
-    vae = train_joint_model(configurations, settings, BodyLayer(robot, body), progress)
+    configurations = training_configurations(demonstrations, robot, settings)
+    vae = train_joint_model(configurations, settings, body_layer(robot, settings.metric), progress)
     described = {"demonstrations": [item.name for item in demonstrations], "frame": robot.base_link}
     described |= {"seed": settings.seed, "settings": asdict(settings)} | (provenance or {})
     return assemble_joint_skill(vae, demonstrations, robot, name, settings, described)
 
 
-def training_configurations(demonstrations: JointDemonstrations, settings: JointTrainingSettings) -> np.ndarray:
+def training_configurations(
+    demonstrations: JointDemonstrations, robot: Robot, settings: JointTrainingSettings
+) -> np.ndarray:
     """Configurations (curves, samples, eta) [rad] that are learned, equally spaced along their arcs."""
     if settings.sheet == "raw":
-        return demonstrations.resampled(settings.samples).configurations_array()
-    shown = canonical_joint_form(demonstrations, settings.samples).configurations
+        metric, samples = settings.metric, settings.samples
+        return np.stack([along_body_arc(item.configurations, robot, metric, samples) for item in demonstrations])
+    shown = canonical_joint_form(demonstrations, robot, settings.metric, settings.samples).configurations
     weights = blend_weights(cluster_modes(shown), settings.blends, settings.seed)
     return np.concatenate([shown, np.einsum("bn,ntj->btj", weights, shown)])
+
+
+def body_layer(robot: Robot, metric: JointMetricSettings) -> BodyLayer:
+    """The metric's body points, and three beside the tool, which tell how it is turned."""
+    beside = {robot.tool_link: (TOOL_AXES * np.eye(3)).tolist()}
+    return BodyLayer(robot, BodyPoints.of(robot, points_along_links(robot, metric.point_spacing) | beside))
 
 
 def train_joint_model(
@@ -167,7 +184,8 @@ def train_joint_model(
         vae = JointSpaceVAE(
             settings.latent_dimension, settings.hidden, torch.tensor(offset).float(), torch.tensor(scale).float()
         )
-        data = Samples(*(torch.tensor(values).float() for values in (flat, prior_means(fractions, settings))))
+        points = body.points(torch.tensor(flat)).numpy()
+        data = Samples(*(torch.tensor(values).float() for values in (flat, points, prior_means(fractions, settings))))
         _fit_means(vae, data, settings, body, progress)
         vae.double()
         _fit_sigma(vae, data.double(), settings, progress)
@@ -186,6 +204,8 @@ def _fit_means(
         divergence = divergence_from_normal(mean, log_variance, batch.prior_means, variance)
         means = vae.decoder.means(latent)
         likelihood = gaussian_log_density(batch.configurations, means, inverse_sigma.expand_as(means))
+        off = (body.points(means) - batch.points) / settings.body_sigma
+        likelihood = likelihood - 0.5 * (off**2).sum(-1).mean(-1)
         if settings.volume_weight > 0.0:
             likelihood = likelihood - settings.volume_weight * body.log_volume(means)
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * settings.steps))

@@ -219,7 +219,7 @@ def _solve_factored(factor, right):
 
 
 @numba.njit((MATRIX, VECTOR, VECTOR, VECTOR, numba.float64), cache=True, nogil=True)
-def _damped_step(matrix, free, task, drift, damping):
+def damped_step(matrix, free, task, drift, damping):
     """Damped least-squares step of the free joints for a displacement (6,), with drift in the null space."""
     count = len(free)
     gram = np.zeros((6, 6))
@@ -256,7 +256,7 @@ def _joint_step(q, task, drift, damping, lower, upper, chain):
     step = np.zeros(count)
     for _ in range(count):
         fixed = step * (1.0 - free)
-        step = fixed + _damped_step(matrix, free, task - matrix @ fixed, drift, damping)
+        step = fixed + damped_step(matrix, free, task - matrix @ fixed, drift, damping)
         worst, excess = -1, 1e-12
         for i in range(count):
             over = max(q[i] + step[i] - upper[i], lower[i] - q[i] - step[i])

@@ -1,0 +1,521 @@
+"""JointSpacePlanner: goal, obstacles and the time -> joint reference and verdict, once per tick. Knows nothing of ROS.
+
+The planner owns the stream: it knows the reference that is being played, and therefore the state of motion in which a
+new one takes over, a moment (`latency`) from now, at one of the old one's knots. A new reference repeats the old one
+until there, and is continuous with it in position, velocity and acceleration; every reference ends at rest. It is
+certified for the whole arm, against obstacles that move on linearly for a while, before it is handed out.
+
+While nothing changes the reference stays. Otherwise the search is repeated, and the new way taken where it is a gain.
+Where no way is left that can be certified the arm stops along the way it was going.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate
+from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.graph.ambient import ambient_factors, clearances
+from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.graph.decoder import rms_sigma
+from geodesic_motion_ros.graph.shortest_path import shortest_path, touched_nodes
+from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
+from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference, timed_joint_reference
+from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.query import checked_pose
+from geodesic_motion_ros.reference import resample_latent, smooth_latent
+from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance, self_clearance
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+#: The smoothed curve may leave the pruned nodes by this factor of sigma before it counts as unsupported.
+_CURVE_SIGMA_MULTIPLE = 1.2
+#: What is tried in one tick until a curve is certified: multiples of the obstacle margin, and for each of them
+#: smoothing widths in grid steps, of the latent path and of the configurations decoded from it.
+_MARGIN_MULTIPLES = (1.0, 4.0)
+_SMOOTHING_WIDTHS = ((2.0, 2.0), (1.0, 1.0))
+#: A path may enter the graph this many grid steps from the start.
+_ENTRY_STEPS = 3
+#: Samples of the curve per grid step.
+_SAMPLES_PER_STEP = 2.0
+#: A new way must take so much less time than the one being followed, or keep so much further [m] from obstacles.
+_WORTHWHILE, _SAFER = 1.05, 2e-3
+#: Obstacles nearer than this to the way being followed make every bit of clearance a gain [m].
+_CLOSE = 0.03
+#: Where along its expected motion an obstacle is looked for by the search: shares of the prediction.
+_PREDICTED_AT = (0.0, 0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class MovingSpheres:
+    """Obstacles: centres (o, 3), radii (o,) [m], velocities (o, 3) [m/s], all at `time` [s]."""
+
+    centres: np.ndarray
+    radii: np.ndarray
+    velocities: np.ndarray
+    time: float
+
+    @classmethod
+    def none(cls) -> MovingSpheres:
+        return cls(np.empty((0, 3)), np.empty(0), np.empty((0, 3)), 0.0)
+
+    @property
+    def stand(self) -> bool:
+        return not np.any(self.velocities)
+
+    def at(self, time: float, prediction: float) -> MovingSpheres:
+        """Moved on linearly to `time` [s], by `prediction` [s] at most."""
+        centres = self.centres + np.clip(time - self.time, 0.0, prediction) * self.velocities
+        return MovingSpheres(centres, self.radii, self.velocities, time)
+
+    def swept(self, prediction: float) -> tuple[np.ndarray, np.ndarray]:
+        """Centres (p, 3) and radii (p,) of where the obstacles are now and will be within the prediction."""
+        if self.stand:
+            return self.centres, self.radii
+        steps = prediction * np.array(_PREDICTED_AT)
+        centres = (self.centres + steps[:, None, None] * self.velocities).reshape(-1, 3)
+        return centres, np.tile(self.radii, len(steps))
+
+
+@dataclass(frozen=True)
+class JointPlan:
+    """Answer of one planning step.
+
+    Attributes
+    ----------
+    reference : what is to be played from `begin` on, in the place of everything before; None: what is being played
+        stays, or the arm stands.
+    begin : time of the reference's first knot [s].
+    verdict : OK comes with a way to the goal. With any other verdict the reference is a stop.
+    """
+
+    reference: JointReference | None
+    begin: float
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class _Played:
+    """A reference and when it begins [s]."""
+
+    reference: JointReference
+    begin: float
+
+    @property
+    def end(self) -> float:
+        return self.begin + self.reference.duration
+
+    def switch(self, earliest: float) -> float:
+        """The first knot at or after a time [s]; that time itself where the arm stands by then."""
+        knots = self.begin + self.reference.times
+        at = int(np.searchsorted(knots, earliest))
+        return float(knots[at]) if at < len(knots) else earliest
+
+    def knot_before(self, time: float) -> float:
+        """The last knot at or before a time [s]; that time itself where the arm stands by then."""
+        if time >= self.end:
+            return time
+        knots = self.begin + self.reference.times
+        return float(knots[max(0, int(np.searchsorted(knots, time, side="right")) - 1)])
+
+
+@dataclass(frozen=True)
+class _Followed:
+    """What the reference being played was planned for, and its verdict."""
+
+    query: JointQuery
+    verdict: Verdict
+    obstacles: MovingSpheres
+
+
+@dataclass(frozen=True)
+class _State:
+    """State of motion in which a new reference takes over, at `time` [s]: (eta,) each, and its latent point (d,)."""
+
+    time: float
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    latent: np.ndarray | None
+
+    @property
+    def rests(self) -> bool:
+        return not (np.any(self.velocity) or np.any(self.acceleration))
+
+
+class JointSpacePlanner:
+    """Plans on one joint-space skill: set a goal, set obstacles, tick.
+
+    `tick`, `stop`, `reset` and what sets or clears the goal are called by one thread. `plan` answers on its own, from
+    any thread. Obstacles are replaced as a whole. All times are of one clock, the caller's.
+    """
+
+    def __init__(self, skill: Skill, settings: JointPlannerSettings | None = None) -> None:
+        self.skill = skill
+        self.settings = settings or JointPlannerSettings()
+        self.robot = Robot.named(skill.robot)
+        self.collision = CollisionModel.named(skill.robot)
+        self.graph: ConfigurationGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
+        self.limits = JointLimits.of(self.robot, self.settings.speed_scale, self.settings.acceleration_scale)
+        self._certifier = ArmCertifier(
+            self.robot, self.collision.points.frames, self.collision.points.offsets, self.collision.radii,
+            self.collision.self_pairs,
+        )  # fmt: skip
+        self._sphere_radii = self.collision.radii[self.collision.moving]
+        self._queries = JointQueryBuilder(skill, self.graph, self.settings, self.collision)
+        self._point_radii = np.full(self.graph.body.offsets.shape[0], self.settings.body_radius)
+        self._obstacles = MovingSpheres.none()
+        self._goal: GoalChoice | None = None
+        self._query: JointQuery | None = None
+        self._played: _Played | None = None
+        self._followed: _Followed | None = None
+
+    # ---------------------------------------------------------------- inputs
+
+    def set_goal(self, position: np.ndarray, quaternion: np.ndarray) -> Verdict:
+        """Ask for a goal pose of the tool, (3,) [m] and (4,) in the base frame.
+
+        BAD_INPUT, GOAL_OUT_OF_SUPPORT or IN_COLLISION where the goal is refused; then the old goal stays. The reason of
+        an OK verdict states how the configuration was chosen.
+        """
+        pose, reason = checked_pose("goal", position, quaternion)
+        if pose is None:
+            return Verdict(VerdictCode.BAD_INPUT, reason)
+        if not self.robot.within_reach(pose.position):
+            distance = np.linalg.norm(pose.position - self.robot.shoulder)
+            return Verdict(
+                VerdictCode.GOAL_OUT_OF_SUPPORT,
+                f"the goal is {distance:.2f} m from the shoulder; the tool of the {self.skill.robot} reaches "
+                f"{self.robot.reach:.2f} m",
+            )
+        return self._take_goal(self._queries.goal_by_pose(pose))
+
+    def set_goal_configuration(self, configuration: np.ndarray) -> Verdict:
+        """Ask for a goal configuration (eta,) [rad]; verdicts as of `set_goal`."""
+        configuration, reason = self._checked("goal", configuration)
+        if configuration is None:
+            return Verdict(VerdictCode.BAD_INPUT, reason)
+        return self._take_goal(self._queries.goal_by_configuration(configuration))
+
+    def _take_goal(self, choice: GoalChoice | Verdict) -> Verdict:
+        judged = self._free_of_itself(choice) if isinstance(choice, GoalChoice) else choice
+        if isinstance(judged, Verdict):
+            return judged
+        self._goal, self._query = judged, None
+        return Verdict(VerdictCode.OK, f"goal: {judged.stated}")
+
+    def _free_of_itself(self, choice: GoalChoice) -> GoalChoice | Verdict:
+        """The configurations in which no two links touch."""
+        found = [self_clearance(self.collision, self.robot, goal) for goal in choice.configurations]
+        free = np.array([clearance > 0.0 for clearance, _ in found])
+        if np.any(free):
+            return replace(choice, configurations=choice.configurations[free])
+        clearance, pair = found[0]
+        first, second = (self.collision.link_of(sphere) for sphere in pair)
+        reason = f"at the goal '{first}' and '{second}' would overlap by {-1000 * clearance:.0f} mm"
+        return Verdict(VerdictCode.IN_COLLISION, reason, clearance=clearance)
+
+    def clear_goal(self) -> None:
+        """Forget the goal; ticks answer NO_GOAL until the next."""
+        self._goal = self._query = None
+
+    def set_obstacles(
+        self, centres: np.ndarray, radii: np.ndarray, velocities: np.ndarray | None = None, time: float = 0.0
+    ) -> Verdict:
+        """Replace all obstacles by spheres, centres (o, 3), radii (o,) [m] and velocities (o, 3) [m/s] at `time` [s].
+
+        BAD_INPUT names the first obstacle that is not finite or has no positive radius; then the old ones stay.
+        """
+        centres, radii = np.array(centres, dtype=float).reshape(-1, 3), np.array(radii, dtype=float).reshape(-1)
+        velocities = np.zeros_like(centres) if velocities is None else np.array(velocities, dtype=float).reshape(-1, 3)
+        if not len(centres) == len(radii) == len(velocities):
+            reason = f"{len(centres)} obstacle centres, {len(radii)} radii, {len(velocities)} velocities"
+            return Verdict(VerdictCode.BAD_INPUT, f"{reason}: expected as many of each")
+        good = np.all(np.isfinite(centres) & np.isfinite(velocities), axis=1) & np.isfinite(radii) & (radii > 0.0)
+        if not np.all(good):
+            i = int(np.argmin(good))
+            reason = (
+                f"obstacle {i} has centre {centres[i].tolist()}, radius {radii[i]} and velocity "
+                f"{velocities[i].tolist()}: all must be finite and the radius positive"
+            )
+            return Verdict(VerdictCode.BAD_INPUT, reason)
+        self._obstacles = MovingSpheres(centres, radii, velocities, time)
+        return Verdict(VerdictCode.OK)
+
+    def reset(self, configuration: np.ndarray) -> Verdict:
+        """The arm stands in a configuration (eta,) [rad]: what was being played is forgotten, the goal is not.
+
+        BAD_INPUT names the joint that is not finite or outside its limits; then nothing changes.
+        """
+        configuration, reason = self._checked("state", configuration)
+        if configuration is None:
+            return Verdict(VerdictCode.BAD_INPUT, reason)
+        nowhere = np.zeros(self.graph.latent.shape[1])
+        self._played = _Played(JointReference.standing(configuration, nowhere), -math.inf)
+        self._followed = self._query = None
+        return Verdict(VerdictCode.OK)
+
+    def _checked(self, what: str, configuration: np.ndarray) -> tuple[np.ndarray | None, str]:
+        try:
+            return self.robot.checked(configuration), ""
+        except RobotError as error:
+            return None, f"{what}: {error}"
+
+    # ------------------------------------------------------------- planning
+
+    def commanded(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Position, velocity and acceleration (eta,) that are played at `time` [s]; None before the first `reset`."""
+        if self._played is None:
+            return None
+        return self._played.reference.sample(time - self._played.begin)
+
+    def tick(self, now: float) -> JointPlan:
+        """One step of the stream at `now` [s]: what is to be played, and the verdict."""
+        if self._played is None:
+            return JointPlan(None, now, Verdict(VerdictCode.STALE_STATE, "where the arm stands is not known yet"))
+        if self._goal is None:
+            return self._stopped(now, Verdict(VerdictCode.NO_GOAL, "no goal has been given"))
+        kept = self._kept(now)
+        if kept is not None:
+            return kept
+        state = self._state_at_switch(now)
+        obstacles = self._obstacles.at(state.time, self.settings.prediction)
+        query = self._query or self._next_query(state, self._goal)
+        if isinstance(query, Verdict):
+            return self._stopped(now, query)
+        self._query = query
+        plan = self._solve(query, state, obstacles)
+        if self._keep_rather(plan, state, obstacles):
+            return self._keep(obstacles)
+        if plan.reference is None:
+            return self._stopped(now, plan.verdict)
+        self._followed = _Followed(query, plan.verdict, self._obstacles)
+        return self._play(plan.reference, now, state.time, plan.verdict)
+
+    def stop(self, now: float, verdict: Verdict) -> JointPlan:
+        """Come to rest along the way being gone, for a reason."""
+        return JointPlan(None, now, verdict) if self._played is None else self._stopped(now, verdict)
+
+    def plan(self, start: np.ndarray, goal: GoalChoice) -> JointPlan:
+        """A reference from rest in a configuration to a goal under the present obstacles; the stream stays as it is."""
+        query = self._queries.build(start, goal)
+        if isinstance(query, Verdict):
+            return JointPlan(None, 0.0, query)
+        still = np.zeros_like(start)
+        state = _State(self._obstacles.time, start, still, still, query.start_latent)
+        return self._solve(query, state, self._obstacles)
+
+    def _state_at_switch(self, now: float) -> _State:
+        assert self._played is not None
+        time = self._played.switch(now + self.settings.latency)
+        reference, local = self._played.reference, time - self._played.begin
+        latent = None if self._followed is None else reference.latent_at(local)
+        return _State(time, *reference.sample(local), latent)
+
+    def _next_query(self, state: _State, goal: GoalChoice) -> JointQuery | Verdict:
+        """From where the stream is on its way, so that it goes on smoothly; anew where it stands at an end of it."""
+        if self._followed is not None and state.latent is not None:
+            query = self._queries.redirected(self._followed.query, state.position, state.latent, goal)
+            if query is not None:
+                return query
+        return self._queries.build(state.position, goal)
+
+    def _kept(self, now: float) -> JointPlan | None:
+        """What is being played, where nothing has changed: it is still the best way."""
+        followed = self._followed
+        if followed is None or followed.query is not self._query or not followed.verdict.ok:
+            return None
+        before, obstacles = followed.obstacles, self._obstacles
+        same = before is obstacles or (
+            np.array_equal(before.centres, obstacles.centres) and np.array_equal(before.radii, obstacles.radii)
+        )
+        return JointPlan(None, now, followed.verdict) if same and obstacles.stand and before.stand else None
+
+    def _keep(self, obstacles: MovingSpheres) -> JointPlan:
+        assert self._followed is not None
+        self._followed = replace(self._followed, obstacles=self._obstacles)
+        return JointPlan(None, obstacles.time, self._followed.verdict)
+
+    def _keep_rather(self, plan: JointPlan, state: _State, obstacles: MovingSpheres) -> bool:
+        """Whether what is being played leads to the same goal, is free, and the new plan is no gain.
+
+        A gain is a safer way, or one that takes clearly less time.
+        """
+        followed, played = self._followed, self._played
+        if followed is None or played is None or followed.query is not self._query or not followed.verdict.ok:
+            return False
+        rest = played.reference.rest(state.time - played.begin)
+        certificate = self._certify(rest, obstacles)
+        nearest = float(np.min(certificate.clearance))
+        if self.settings.avoidance and self._certifier.objection(certificate) is not None:
+            return False
+        self._followed = replace(followed, verdict=replace(followed.verdict, clearance=nearest))
+        if plan.reference is None:
+            return True
+        gain = plan.verdict.clearance - (0.0 if nearest <= _CLOSE else _SAFER)
+        no_safer = gain <= nearest or nearest > _CLOSE
+        return no_safer and rest.duration <= _WORTHWHILE * plan.reference.duration
+
+    def _stopped(self, now: float, verdict: Verdict) -> JointPlan:
+        """A stop along the way being gone, or what is being played where that is one already."""
+        assert self._played is not None
+        stops_already = self._followed is None or not self._followed.verdict.ok
+        if stops_already or now >= self._played.end:
+            return JointPlan(None, now, verdict)
+        state_time = self._played.switch(now + self.settings.latency)
+        stop = stopping_reference(self._played.reference, state_time - self._played.begin, self.limits)
+        certificate = self._certify(stop, self._obstacles.at(state_time, self.settings.prediction))
+        objection = self._certifier.objection(certificate)
+        verdict = replace(verdict, clearance=float(np.min(certificate.clearance)))
+        if objection is not None and self.settings.avoidance:
+            verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
+        assert self._followed is not None
+        self._followed = _Followed(self._followed.query, verdict, self._obstacles)
+        return self._play(stop, now, state_time, verdict)
+
+    def _play(self, reference: JointReference, now: float, switch: float, verdict: Verdict) -> JointPlan:
+        """Hand out what is being played until the switch, and the new reference from there on."""
+        assert self._played is not None
+        begin = self._played.knot_before(now)
+        whole = joined(self._played.reference, begin - self._played.begin, reference, switch - begin)
+        self._played = _Played(whole, begin)
+        return JointPlan(whole, begin, verdict)
+
+    # --------------------------------------------------------------- solve
+
+    def _solve(self, query: JointQuery, state: _State, obstacles: MovingSpheres) -> JointPlan:
+        """Reweight once; then search, smooth, decode, time and certify until an attempt is certified."""
+        settings = self.settings
+        avoided = obstacles if settings.avoidance else MovingSpheres.none()
+        ends = self._end_clearance(query, state, avoided)
+        if isinstance(ends, Verdict):
+            return JointPlan(None, state.time, ends)
+        centres, radii = avoided.swept(settings.prediction)
+        factors = np.ones((len(self.graph.latent), len(self._point_radii)))
+        factors[query.members] = ambient_factors(
+            query.body_points, self._point_radii, centres, radii,
+            settings.ambient_strength, settings.ambient_width_ratio,
+        )  # fmt: skip
+        touched = touched_nodes(factors)
+        query.graph.fill_shares(self.graph.adjacency, touched)
+        within = max(_MARGIN_MULTIPLES) * settings.obstacle_margin
+        free = np.full(len(self.graph.latent), -math.inf)
+        free[query.members] = clearances(query.spheres, self._sphere_radii, centres, radii, within)
+        # The goal itself was found free; its node lies under it but for rounding.
+        free[query.goal_node] = math.inf
+        verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
+        for multiple in _MARGIN_MULTIPLES:
+            # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
+            blocked = free < min(multiple * settings.obstacle_margin, 0.5 * ends)
+            found = self._search(query, state, factors, touched, blocked)
+            if isinstance(found, Verdict):
+                return JointPlan(None, state.time, found if not verdict.reason else verdict)
+            for widths in _SMOOTHING_WIDTHS:
+                plan = self._certified(query, state, *found, obstacles, widths)
+                if plan.reference is not None:
+                    return plan
+                verdict = plan.verdict
+        return JointPlan(None, state.time, verdict)
+
+    def _end_clearance(self, query: JointQuery, state: _State, obstacles: MovingSpheres) -> float | Verdict:
+        """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered."""
+        nearest = []
+        for where, configuration, code in (
+            ("stands", state.position, VerdictCode.IN_COLLISION),
+            ("is to go", query.goal, VerdictCode.NO_FEASIBLE_PATH),
+        ):
+            clearance, sphere = configuration_clearance(
+                self.collision, self.robot, configuration, obstacles.centres, obstacles.radii
+            )
+            if clearance <= 0.0:
+                link = self.collision.link_of(sphere)
+                reason = f"'{link}' overlaps an obstacle by {-1000 * clearance:.0f} mm where the arm {where}"
+                return Verdict(code, reason, clearance=clearance, **query.misfits)
+            nearest.append(clearance)
+        return min(nearest)
+
+    def _search(
+        self, query: JointQuery, state: _State, factors: np.ndarray, touched: np.ndarray, blocked: np.ndarray
+    ) -> tuple[np.ndarray, float] | Verdict:
+        """Latent polyline (m, d) of the cheapest path and its largest energy per edge, or the refusal."""
+        start = query.start_latent if state.latent is None else state.latent
+        source = self.graph.node_near(start, ~blocked, _ENTRY_STEPS)
+        if source is None:
+            reason = "obstacles leave no free node near the start"
+            return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
+        nodes, edges, cost = shortest_path(
+            self.graph.adjacency, query.base, query.graph.fixed, query.graph.shares, factors, touched, blocked,
+            query.to_goal, source, query.goal_node,
+        )  # fmt: skip
+        if not math.isfinite(cost):
+            reason = "obstacles block every way to the goal that was demonstrated"
+            return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
+        energy = float(np.max(query.graph.energies(edges), initial=0.0))
+        points = self.graph.latent[nodes]
+        if len(points) > 1 and (points[1] - points[0]) @ (start - points[0]) > 0.0:
+            points = points[1:]
+        return np.concatenate([start[None], points]), energy
+
+    def _certified(
+        self,
+        query: JointQuery,
+        state: _State,
+        polyline: np.ndarray,
+        energy: float,
+        obstacles: MovingSpheres,
+        widths: tuple[float, float],
+    ) -> JointPlan:
+        """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be played."""
+        step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
+        latent = smooth_latent(resample_latent(polyline, step), widths[0] * _SAMPLES_PER_STEP)
+        carried = query.offsets.carried(self.graph.decoder.configurations(latent), *self.graph.progress_map(latent))
+        path = smooth_latent(carried, widths[1] * _SAMPLES_PER_STEP)
+        path, correction = _meeting(path, state.position, query.goal)
+        reference = timed_joint_reference(path, latent, self.limits, state.velocity, state.acceleration)
+        if reference is None:
+            reason = "stopping first: the way to the goal turns off the present motion, or leaves the joints' limits"
+            return JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
+        certificate = self._certify(reference, obstacles)
+        sigma = float(np.max(rms_sigma(self.graph.decoder.uncertainty(latent))))
+        in_support = sigma <= _CURVE_SIGMA_MULTIPLE * self.skill.sigma_limit
+        clearance = float(np.min(certificate.clearance))
+        found = dict(
+            clearance=clearance, energy_per_edge=energy, in_support=in_support, end_correction=correction,
+            **query.misfits,
+        )  # fmt: skip
+        objection = self._certifier.objection(certificate)
+        if self.settings.avoidance and objection is not None:
+            reason = f"on the best way {objection}"
+        elif not in_support:
+            reason = "the best path leaves the part of the latent space that demonstrations support"
+        elif energy > self.graph.energy_limit:
+            reason = (
+                f"the best path has an edge of energy {energy:.3g}, demonstrations stay below "
+                f"{self.graph.energy_limit:.3g}: it crosses where nobody moved"
+            )
+        else:
+            certified = replace(reference, clearance=certificate.clearance)
+            return JointPlan(certified, state.time, Verdict(VerdictCode.OK, **found))
+        return JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **found))
+
+    def _certify(self, reference: JointReference, obstacles: MovingSpheres) -> Certificate:
+        return self._certifier.certify(
+            reference, obstacles.centres, obstacles.radii, obstacles.velocities, self.settings.prediction
+        )
+
+
+def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:
+    """A path (m, eta) moved linearly along its arc so that it begins and ends at two configurations.
+
+    Also how far [rad] its ends were moved.
+    """
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
+    share = (length / max(length[-1], 1e-12))[:, None]
+    at_start, at_goal = start - path[0], goal - path[-1]
+    moved = float(max(np.linalg.norm(at_start), np.linalg.norm(at_goal)))
+    return path + (1.0 - share) * at_start + share * at_goal, moved
