@@ -69,7 +69,7 @@ class ArmCertifier:
         obstacle_velocities: np.ndarray,
         horizon: float,
     ) -> Certificate:
-        """The certificate of a reference that begins now, among obstacles as `arm_clearances` takes them."""
+        """The certificate of a reference among obstacles (o, ...) as `arm_clearances` takes them."""
         times = reference.times
         _, largest = quintic_bounds(times, reference.positions, reference.velocities, reference.accelerations)
         bulges = sphere_bulges(times, largest[0], largest[1], self._levers)
@@ -157,9 +157,9 @@ def arm_clearances(
 
     Parameters
     ----------
-    times : (n,) of the knots [s] from now. placed : (n, S, 3) sphere centres [m] at the knots.
+    times : (n,) of the knots [s]. placed : (n, S, 3) sphere centres [m] at the knots.
     bulges : (n - 1, S) from `sphere_bulges` [m]. radii : (S,) [m].
-    centres, obstacle_radii, obstacle_velocities : (o, 3) [m], (o,) [m], (o, 3) [m/s] of the obstacles now.
+    centres, obstacle_radii, obstacle_velocities : (o, 3) [m], (o,) [m], (o, 3) [m/s] at time 0.
     horizon : obstacles move linearly for this long [s] and then stand: predictions are not trusted for longer.
 
     Without obstacles the clearance is inf and the sphere -1.

@@ -90,7 +90,10 @@ class JointReference:
         return _interpolated(np.array([time]), self.times, self.latent)[0]
 
     def rest(self, time: float) -> JointReference:
-        """What is left of the motion from `time` [s] on: the same quintics, with a knot where it begins."""
+        """What is left of the motion from `time` [s] on: the same quintics, with a knot where it begins.
+
+        Within a microsecond of a knot it begins at that knot.
+        """
         i = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2))
         if self.times[i + 1] - time <= _SHORTEST_INTERVAL:
             i, time = i + 1, self.times[i + 1]
@@ -161,9 +164,9 @@ def timed_joint_reference(
     PlanningError : shapes do not fit, or values that are not finite.
     """
     joints = len(limits.velocity)
-    still = np.zeros(joints)
-    velocity = still if start_velocity is None else start_velocity
-    acceleration = still if start_acceleration is None else start_acceleration
+    path, latent = np.asarray(path, dtype=float), np.asarray(latent, dtype=float)
+    velocity = np.zeros(joints) if start_velocity is None else np.asarray(start_velocity, dtype=float)
+    acceleration = np.zeros(joints) if start_acceleration is None else np.asarray(start_acceleration, dtype=float)
     _check(path, latent, velocity, acceleration, joints)
     curve = _PathCurve.through(path, latent, limits)
     state = np.stack([path[0], velocity, acceleration])

@@ -186,6 +186,32 @@ def test_chains_of_replans_play_as_one_smooth_motion():
     assert replans > 60
 
 
+def test_replanning_an_unchanged_path_at_every_knot_costs_no_time():
+    delays = []
+    for seed in range(6):
+        path = random_path(np.random.default_rng(seed))
+        reference = timed(path)
+        planned, passed = reference.duration, 0.0
+        while reference.duration > 0.3:
+            passed += PERIOD
+            rest = reference.rest(PERIOD)
+            ahead = np.linalg.norm(path - rest.positions[0], axis=1)
+            left = np.concatenate([rest.positions[:1], path[np.argmin(ahead) + 2 :]])
+            found = timed(left, rest.velocities[0], rest.accelerations[0])
+            reference = rest if found is None else found
+        delays.append((passed + reference.duration) / planned - 1.0)
+    assert np.median(delays) < 0.02
+    assert max(delays) < 0.1
+
+
+def test_knots_are_a_period_apart():
+    path = random_path(np.random.default_rng(0))
+    for period in (0.01, 0.02):
+        reference = timed_joint_reference(path, np.zeros((100, 1)), LIMITS, period=period)
+        np.testing.assert_allclose(np.diff(reference.times), period)
+        assert_plays_within_limits(reference)
+
+
 def test_without_the_state_of_motion_a_replan_would_jump():
     """The control: the same replans, planned as if from rest."""
     jumps = []
