@@ -347,7 +347,8 @@ def _joint_arrays(
     present = tuple(map(str, np.atleast_1d(arrays["joint_names"])))
     if sorted(present) != sorted(joint_names):
         raise DemonstrationError(
-            f"{path}: joint_names are {', '.join(present)}; those of '{robot}', in any order, are {', '.join(joint_names)}"
+            f"{path}: joint_names are {', '.join(present)}; "
+            f"those of '{robot}', in any order, are {', '.join(joint_names)}"
         )
     if configurations.ndim != 3 or configurations.shape[2] != len(present):
         raise DemonstrationError(

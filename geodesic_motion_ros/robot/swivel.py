@@ -7,9 +7,10 @@ to wrist, right-handed about n, from the vertical plane that holds the line (D. 
 
     psi = atan2(y, x),    y = e . (n x z),    x = e . z - (e . n)(z . n),
 
-zero with the elbow above the line. It is not defined where the line is vertical or the elbow lies on it. Together with
-the pose of the tool it makes seven equations for seven joints, so that their solutions are points: as long as the
-determinant of the seven rows keeps its sign, a motion stays on one branch of them.
+zero with the elbow above the line. Where the last three axes do not meet in W, as those of the Panda, W moves a little
+with the angle, and the circle is only nearly one. It is not defined where the line is vertical or the elbow lies on it.
+Together with the pose of the tool it makes seven equations for seven joints, so that their solutions are points: as
+long as the determinant of the seven rows keeps its sign, a motion stays on one branch of them.
 """
 
 from __future__ import annotations
@@ -44,6 +45,13 @@ def swivel_gradient(robot: Robot, joint_positions: np.ndarray) -> np.ndarray:
     """Derivatives (7,) of the swivel angle by the joint positions (7,) [rad]; errors as `swivel_angle`."""
     _refuse_other_arms(robot)
     return _swivel(contiguous(joint_positions), robot.chain)[1]
+
+
+def elbow_position(robot: Robot, joint_positions: np.ndarray) -> np.ndarray:
+    """Where the elbow is (3,) [m], base frame, at joint positions (7,) [rad]; errors as `swivel_angle`."""
+    _refuse_other_arms(robot)
+    frame = int(np.flatnonzero(robot.chain[3] == 3)[0]) + 1
+    return robot.link_frames(joint_positions)[1][frame]
 
 
 def solve_with_swivel(

@@ -8,28 +8,31 @@ in `simulation.teacher` (laws, a hidden style of two numbers, a slow unsteady ha
 points at it. *Separated* families keep swivel angles of their own all the way; *connected* ones begin and end with the
 elbow up, and open in between as sin^2.
 
+*Circle*: once around in an upright plane. *Pouring*: three bottles, three cups, the ways of whose pairs cross.
+
 With u in [0, 1] how far a motion has come, the tool follows
 
     x(u) = start + h(u) (goal - start) + n(u) . (laws + style) + hand(u),    psi(u) = psi_family(u) + style + hand(u).
 
 Each sample is solved on the branch of the sample before. What comes out is refused unless it keeps `LIMIT_MARGIN` from
-the position limits and `SPEED_SHARE` of the velocity limits; it is then played by the arm in PyBullet, which must come
-near neither the table nor itself, and what is returned is what the arm did: joint positions at 100 Hz.
+the position limits and `SPEED_SHARE` of the velocity limits. It is then played by the arm in PyBullet, which must come
+near neither the table, nor what stands on it, nor itself, and what is returned is what the arm did: joint positions at
+100 Hz.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.errors import DemonstrationError, RobotError
-from geodesic_motion_ros.quaternions import from_rotation, rotate_by, slerp
+from geodesic_motion_ros.quaternions import continuous_signs, from_rotation, rotate_by, slerp
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.swivel import solve_with_swivel
+from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel
 from geodesic_motion_ros.simulation.gestures import (
     DOWN,
     RATE_HZ,
@@ -42,7 +45,14 @@ from geodesic_motion_ros.simulation.gestures import (
     smooth_step,
     style,
 )
-from geodesic_motion_ros.simulation.tabletop import TabletopWorld
+from geodesic_motion_ros.simulation.tabletop import Colour, TabletopWorld, fixed_to
+from geodesic_motion_ros.simulation.teacher import (
+    BOTTLE_REGION,
+    CUP_REGION,
+    Motion,
+    pouring_motion,
+    pouring_stands,
+)
 
 ROBOT_NAME = "panda"
 
@@ -75,25 +85,37 @@ GRASP_RISE = np.radians(30.0)
 GRASP_YAW = 2.0 * np.arccos(np.cos(np.radians(45.0)) / np.cos(0.5 * GRASP_RISE))
 
 
+CIRCLE_CENTRE = np.array([0.62, 0.0, 0.38])
+"""Middle (3,) [m] of the circles."""
+CIRCLE_RADIUS = 0.12
+CIRCLE_SPREAD = np.array([0.015, 0.015, 0.015])
+"""Middles of the circles lie within this [m] of `CIRCLE_CENTRE`."""
+CIRCLE_SWIVEL = np.radians(40.0)
+
+BOTTLE_PLACES = ((0.1, 0.1), (0.5, 0.5), (0.9, 0.9))
+"""Where the three bottles of the pouring stand, as shares of `teacher.BOTTLE_REGION`."""
+CUP_PLACES = ((0.9, 0.1), (0.5, 0.5), (0.1, 0.9))
+"""Where the cups of the bottles of `BOTTLE_PLACES` stand, as shares of `teacher.CUP_REGION`: the ways cross."""
+PLACE_SPREAD = 0.08
+"""Bottles, cups and yaws lie within this share of their ranges of their places."""
+POURING_SWIVEL = np.radians(-45.0)
+POURING_SLOWNESS = 2.8  # of a person who guides a whole arm, beside one who guides a tool
+
+GROUP_COLOURS: tuple[Colour, ...] = ((0.16, 0.50, 0.73), (0.93, 0.58, 0.12), (0.15, 0.63, 0.45), (0.56, 0.27, 0.68))
+
+
 @dataclass(frozen=True, eq=False)
 class Guidance:
     """What the teacher is about to show.
 
     Attributes
     ----------
-    name : what the demonstration will be called.
-    times : (T,) [s].
-    positions : (T, 3) [m]; quaternions : (T, 4), scalar first: the wanted tool poses, base frame.
+    motion : of the tool, and what stands on the table and is carried.
     swivels : (T,) wanted swivel angles [rad].
-    group : number of the family that the motion belongs to.
     """
 
-    name: str
-    times: np.ndarray
-    positions: np.ndarray
-    quaternions: np.ndarray
+    motion: Motion
     swivels: np.ndarray
-    group: int = 0
 
 
 def reach_to_grasp(
@@ -107,7 +129,7 @@ def reach_to_grasp(
     Parameters
     ----------
     families : how many; their swivel angles are spread evenly from -`LARGEST_SWIVEL` to `LARGEST_SWIVEL`, with the
-        elbow to the right of the arm first; one alone has its elbow up.
+        elbow to the left of the arm first; one alone has its elbow up.
     connected : whether all families begin and end alike, with the elbow up.
 
     Raises
@@ -116,6 +138,31 @@ def reach_to_grasp(
     DemonstrationError : a demonstration fails a check; which and why is said.
     """
     return performed(reach_guidances(count_per_family, seed, families, connected))
+
+
+def circle(count: int, seed: int) -> JointDemonstrations:
+    """The tool goes once around a circle of 12 cm in an upright plane across the arm, and ends where it began.
+
+    Raises
+    ------
+    ParameterError : count is below one.
+    DemonstrationError : a demonstration fails a check; which and why is said.
+    """
+    return performed(circle_guidances(count, seed))
+
+
+def pouring(count_per_pair: int, seed: int) -> JointDemonstrations:
+    """Three bottles are carried to three cups and tilted over them; the ways of the three pairs cross.
+
+    First `count_per_pair` times the first bottle to the first cup, then the others. All cups stand there, but of the
+    bottles only the one that is poured: the hand would not fit between them.
+
+    Raises
+    ------
+    ParameterError : count_per_pair is below one.
+    DemonstrationError : a demonstration fails a check; which and why is said.
+    """
+    return performed(pouring_guidances(count_per_pair, seed))
 
 
 def reach_guidances(count_per_family: int, seed: int, families: int, connected: bool) -> tuple[Guidance, ...]:
@@ -131,6 +178,24 @@ def reach_guidances(count_per_family: int, seed: int, families: int, connected: 
     )
 
 
+def circle_guidances(count: int, seed: int) -> tuple[Guidance, ...]:
+    """The guidances of `circle`, before the arm makes them."""
+    check_count("count", count)
+    generator = np.random.default_rng(seed)
+    return tuple(_circle(f"circle_{index}", generator) for index in range(count))
+
+
+def pouring_guidances(count_per_pair: int, seed: int) -> tuple[Guidance, ...]:
+    """The guidances of `pouring`, before the arm makes them."""
+    check_count("count_per_pair", count_per_pair)
+    generator = np.random.default_rng(seed)
+    return tuple(
+        _pouring(f"pair_{pair}_{index}", pair, generator)
+        for pair in range(len(BOTTLE_PLACES))
+        for index in range(count_per_pair)
+    )
+
+
 def configurations(robot: Robot, guidance: Guidance) -> np.ndarray:
     """Joint positions (T, 7) [rad] of a guidance, each on the branch of the one before.
 
@@ -138,7 +203,8 @@ def configurations(robot: Robot, guidance: Guidance) -> np.ndarray:
     ------
     DemonstrationError : a pose cannot be reached with its swivel angle on that branch inside the limits.
     """
-    position, quaternion = guidance.positions[0], guidance.quaternions[0]
+    motion = guidance.motion
+    position, quaternion = motion.positions[0], motion.quaternions[0]
     q = np.array(REACHING)
     q[0] += np.arctan2(position[1], position[0])
     try:
@@ -146,11 +212,11 @@ def configurations(robot: Robot, guidance: Guidance) -> np.ndarray:
         for swivel in np.linspace(0.0, guidance.swivels[0], 20):
             q = solve_with_swivel(robot, position, quaternion, swivel, q)
         path = []
-        for pose in zip(guidance.positions, guidance.quaternions, guidance.swivels, strict=True):
+        for pose in zip(motion.positions, motion.quaternions, guidance.swivels, strict=True):
             q = solve_with_swivel(robot, *pose, q)
             path.append(q)
     except RobotError as error:
-        raise DemonstrationError(f"demonstration '{guidance.name}' cannot be shown: {error}") from error
+        raise DemonstrationError(f"demonstration '{motion.name}' cannot be shown: {error}") from error
     return np.array(path)
 
 
@@ -175,15 +241,17 @@ def perform(world: TabletopWorld, guidance: Guidance) -> JointDemonstration:
     ------
     DemonstrationError : the guidance fails a check; which and why is said.
     """
+    name = guidance.motion.name
     wanted = configurations(world.robot, guidance)
-    _check_motion(world.robot, wanted, guidance.name)
+    _check_motion(world.robot, wanted, name)
     velocities = np.gradient(wanted, 1.0 / RATE_HZ, axis=0)
+    world.furnish(guidance.motion.solid)
     world.reset(wanted[0])
     done = []
     for sample, (positions, passing) in enumerate(zip(wanted, velocities, strict=True)):
         done.append(world.joint_positions)
         if sample % SAMPLES_PER_CLEARANCE == 0:
-            _check_clearance(world, sample, guidance.name)
+            _check_clearance(world, sample, name)
         world.set_joint_target(positions, passing)
         for _ in range(STEPS_PER_SAMPLE):
             world.step()
@@ -191,10 +259,35 @@ def perform(world: TabletopWorld, guidance: Guidance) -> JointDemonstration:
     behind = np.max(np.abs(measured - wanted))
     if behind > FOLLOWING_ERROR:
         raise DemonstrationError(
-            f"demonstration '{guidance.name}': the arm is up to {behind:.3f} rad behind; {FOLLOWING_ERROR} are allowed"
+            f"demonstration '{name}': the arm is up to {behind:.3f} rad behind; {FOLLOWING_ERROR} are allowed"
         )
-    _check_motion(world.robot, measured, guidance.name)
-    return JointDemonstration(measured, guidance.times, guidance.name)
+    _check_motion(world.robot, measured, name)
+    return JointDemonstration(measured, guidance.motion.times, name)
+
+
+def picture(
+    guidances: Sequence[Guidance],
+    demonstrations: JointDemonstrations,
+    width: int = 960,
+    height: int = 720,
+    view: str = "front",
+) -> np.ndarray:
+    """Picture (height, width, 3), uint8, of all paths: thick of the tool, thin of the elbow, a colour a group.
+
+    The arm is where the last demonstration ends, among the bodies of its guidance.
+    """
+    with TabletopWorld() as world:
+        last, final = guidances[-1].motion, demonstrations[-1].configurations[-1]
+        world.reset(final)
+        pose = world.tool_pose()
+        world.furnish((), [*last.solid, *(fixed_to(*pose, part) for part in last.carried)])
+        tools = demonstrations.tool_demonstrations(world.robot)
+        for guidance, demonstration, tool in zip(guidances, demonstrations, tools, strict=True):
+            colour = GROUP_COLOURS[guidance.motion.group % len(GROUP_COLOURS)]
+            elbows = [elbow_position(world.robot, configuration) for configuration in demonstration.configurations]
+            world.add_curve(tool.positions, colour, radius=0.003)
+            world.add_curve(np.array(elbows), colour, radius=0.0015)
+        return world.render(width, height, view, oversampling=2)
 
 
 def _check_motion(robot: Robot, path: np.ndarray, name: str) -> None:
@@ -215,7 +308,7 @@ def _check_motion(robot: Robot, path: np.ndarray, name: str) -> None:
 
 
 def _check_clearance(world: TabletopWorld, sample: int, name: str) -> None:
-    clearance, between = world.own_clearance()
+    clearance, between = min(world.own_clearance(), (world.furniture_clearance(), "the arm and what stands there"))
     if clearance < OWN_CLEARANCE:
         raise DemonstrationError(
             f"demonstration '{name}', sample {sample}: {between} are {1e3 * clearance:.1f} mm apart; "
@@ -243,9 +336,45 @@ def _reach(name: str, group: int, swivel: float, connected: bool, generator: np.
     quaternions = rotate_by(hand(phase, np.radians(1.0), generator), slerp(down, at_object, turned))
     # the elbow takes the whole time, so that it need not hurry
     opened = np.sin(np.pi * times / times[-1]) ** 2 if connected else np.ones_like(times)
-    swivels = opened * swivel + SWIVEL_SPREAD * np.clip(generator.normal(), -2.0, 2.0)
-    swivels = swivels + hand(phase, np.radians(1.0), generator, components=1)[:, 0]
-    return Guidance(name, times, positions, quaternions, swivels, group)
+    swivels = opened * swivel + _swivel_of_the_day(phase, generator)
+    return Guidance(Motion(name, times, positions, continuous_signs(quaternions), (), group=group), swivels)
+
+
+def _circle(name: str, generator: np.random.Generator) -> Guidance:
+    """Once around, from below, the hand half raised."""
+    centre = CIRCLE_CENTRE + CIRCLE_SPREAD * generator.uniform(-1.0, 1.0, 3)
+    bold, early = style(generator)
+    times, phase = pacing(7.0, generator)
+    begin, gap = np.radians((5.0, 2.0)) * np.clip(generator.normal(size=2), -2.0, 2.0)
+    angle = begin + (2.0 * np.pi + gap) * phase + 0.05 * early * np.sin(2.0 * np.pi * phase)
+    width, height = CIRCLE_RADIUS + 0.006 * bold, CIRCLE_RADIUS + 0.004 * early
+    around = np.stack([np.zeros_like(angle), width * np.sin(angle), -height * np.cos(angle)], axis=1)
+    positions = centre + around + hand(phase, 0.002, generator)
+    raised = from_rotation(about("y", -GRASP_RISE) * DOWN)
+    quaternions = rotate_by(hand(phase, np.radians(1.0), generator), np.tile(raised, (len(times), 1)))
+    motion = Motion(name, times, positions, continuous_signs(quaternions), ())
+    return Guidance(motion, CIRCLE_SWIVEL + _swivel_of_the_day(phase, generator))
+
+
+def _pouring(name: str, pair: int, generator: np.random.Generator) -> Guidance:
+    """A bottle to its cup, among the cups of the other pairs and the stands of their bottles."""
+    middle = np.array([*BOTTLE_PLACES[pair], 0.5, *CUP_PLACES[pair], 0.5])
+    place = middle + PLACE_SPREAD * generator.uniform(-1.0, 1.0, 6)
+    motion = pouring_motion(name, place, generator, POURING_SLOWNESS)
+    others = [
+        (BOTTLE_REGION.at(BOTTLE_PLACES[other]), CUP_REGION.at(CUP_PLACES[other]))
+        for other in range(len(BOTTLE_PLACES))
+        if other != pair
+    ]
+    beside = [body for bottle, cup in others for body in pouring_stands(bottle, cup)]
+    swivels = POURING_SWIVEL + _swivel_of_the_day(np.linspace(0.0, 1.0, len(motion.times)), generator)
+    return Guidance(replace(motion, solid=(*motion.solid, *beside), group=pair), swivels)
+
+
+def _swivel_of_the_day(phase: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """How far (T,) [rad] the elbow of this demonstration is from that of its family."""
+    offset = SWIVEL_SPREAD * np.clip(generator.normal(), -2.0, 2.0)
+    return offset + hand(phase, np.radians(1.0), generator, components=1)[:, 0]
 
 
 def _reach_rotations() -> tuple[Rotation, Rotation]:

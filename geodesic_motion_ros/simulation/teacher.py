@@ -176,7 +176,7 @@ def multi_goal_motions(count: int, seed: int) -> tuple[Motion, ...]:
     generator = np.random.default_rng(seed)
     cells = generator.permuted(np.tile(np.arange(count), (6, 1)), axis=1).T
     places = (cells + generator.random((count, 6))) / count
-    return tuple(_pouring(f"pouring_{index}", place, generator) for index, place in enumerate(places))
+    return tuple(pouring_motion(f"pouring_{index}", place, generator) for index, place in enumerate(places))
 
 
 def two_mode_motions(count_per_mode: int, seed: int) -> tuple[Motion, ...]:
@@ -187,6 +187,41 @@ def two_mode_motions(count_per_mode: int, seed: int) -> tuple[Motion, ...]:
         _passing(f"{side}_{index}", group, generator)
         for group, side in enumerate(SIDES)
         for index in range(count_per_mode)
+    )
+
+
+def pouring_motion(name: str, place: np.ndarray, generator: np.random.Generator, slowness: float = 1.0) -> Motion:
+    """One of `multi_goal_motions`: lift, carry in an arch, tilt over the cup.
+
+    `place` (6,) in [0, 1] says where in their ranges bottle and cup are: bottle x, y, yaw, cup x, y, yaw. `slowness`
+    is a factor on the time that it takes.
+    """
+    bottle, yaw_at_bottle = BOTTLE_REGION.at(place[:2]), _between(BOTTLE_YAW, place[2])
+    cup, yaw_at_cup = CUP_REGION.at(place[3:5]), _between(CUP_YAW, place[5])
+    bold, early = style(generator)
+    start, _ = grasp_pose(bottle, yaw_at_bottle)
+    goal, _ = pouring_pose(cup, yaw_at_cup)
+    distance = float(np.linalg.norm(goal - start))
+    times, phase = pacing(slowness * (3.5 + 4.0 * distance), generator)
+    # up before across; wide of the straight line first, then from a little inside
+    across = smooth_step((phase - 0.08) / 0.87)
+    arch = (0.04 + 0.18 * distance + 0.014 * bold) * np.sin(np.pi * phase ** (0.72 + 0.03 * early))
+    bulge = (0.01 + 0.06 * distance + 0.010 * bold) * np.sin(np.pi * phase)
+    bulge += (0.012 + 0.007 * early) * np.sin(2.0 * np.pi * phase)
+    positions = start + across[:, None] * (goal - start) + hand(phase, 0.003, generator)
+    positions += bulge[:, None] * outwards(start, goal) + arch[:, None] * [0.0, 0.0, 1.0]
+    tilt = POURING_TILT * smooth_step((phase - 0.42 + 0.035 * early) / (0.55 + 0.035 * early))
+    yaw = yaw_at_bottle + across * (yaw_at_cup - yaw_at_bottle)
+    quaternions = rotate_by(hand(phase, np.radians(1.5), generator), from_rotation(_side_grasp(yaw, tilt)))
+    return Motion(name, times, positions, continuous_signs(quaternions), pouring_stands(bottle, cup), _bottle_in_hand())
+
+
+def pouring_stands(bottle: np.ndarray, cup: np.ndarray) -> tuple[Cylinder, ...]:
+    """What stands at the places (2,) [m] of a bottle and of a cup once the bottle is in the hand."""
+    return (
+        standing(bottle, BOTTLE_RADIUS + 0.01, STAND_HEIGHT, STAND_COLOUR),
+        standing(cup, CUP_RADIUS + 0.005, STAND_HEIGHT, STAND_COLOUR),
+        standing(cup, CUP_RADIUS, CUP_HEIGHT, CUP_COLOUR, on=STAND_HEIGHT),
     )
 
 
@@ -246,33 +281,6 @@ def _first_posture(world: TabletopWorld, motion: Motion) -> np.ndarray:
 
 def _between(limits: np.ndarray, fraction: float) -> float:
     return float(limits[0] + fraction * (limits[1] - limits[0]))
-
-
-def _pouring(name: str, place: np.ndarray, generator: np.random.Generator) -> Motion:
-    """Lift, carry in an arch, tilt over the cup; `place` (6,) in [0, 1]: bottle x, y, yaw, cup x, y, yaw."""
-    bottle, yaw_at_bottle = BOTTLE_REGION.at(place[:2]), _between(BOTTLE_YAW, place[2])
-    cup, yaw_at_cup = CUP_REGION.at(place[3:5]), _between(CUP_YAW, place[5])
-    bold, early = style(generator)
-    start, _ = grasp_pose(bottle, yaw_at_bottle)
-    goal, _ = pouring_pose(cup, yaw_at_cup)
-    distance = float(np.linalg.norm(goal - start))
-    times, phase = pacing(3.5 + 4.0 * distance, generator)
-    # up before across; wide of the straight line first, then from a little inside
-    across = smooth_step((phase - 0.08) / 0.87)
-    arch = (0.04 + 0.18 * distance + 0.014 * bold) * np.sin(np.pi * phase ** (0.72 + 0.03 * early))
-    bulge = (0.01 + 0.06 * distance + 0.010 * bold) * np.sin(np.pi * phase)
-    bulge += (0.012 + 0.007 * early) * np.sin(2.0 * np.pi * phase)
-    positions = start + across[:, None] * (goal - start) + hand(phase, 0.003, generator)
-    positions += bulge[:, None] * outwards(start, goal) + arch[:, None] * [0.0, 0.0, 1.0]
-    tilt = POURING_TILT * smooth_step((phase - 0.42 + 0.035 * early) / (0.55 + 0.035 * early))
-    yaw = yaw_at_bottle + across * (yaw_at_cup - yaw_at_bottle)
-    quaternions = rotate_by(hand(phase, np.radians(1.5), generator), from_rotation(_side_grasp(yaw, tilt)))
-    solid = (
-        standing(cup, CUP_RADIUS + 0.005, STAND_HEIGHT, STAND_COLOUR),
-        standing(cup, CUP_RADIUS, CUP_HEIGHT, CUP_COLOUR, on=STAND_HEIGHT),
-    )
-    stand = standing(bottle, BOTTLE_RADIUS + 0.01, STAND_HEIGHT, STAND_COLOUR)
-    return Motion(name, times, positions, continuous_signs(quaternions), (stand, *solid), _bottle_in_hand())
 
 
 def _passing(name: str, group: int, generator: np.random.Generator) -> Motion:

@@ -126,7 +126,7 @@ def test_no_two_demonstrations_of_one_way_are_alike() -> None:
     """The hidden style and the hand, not only start and goal, differ: the same place, shown twice."""
     place = np.full(6, 0.5)
     generator = np.random.default_rng(3)
-    first, second = (teacher._pouring("same", place, generator) for _ in range(2))
+    first, second = (teacher.pouring_motion("same", place, generator) for _ in range(2))
     np.testing.assert_allclose(first.positions[[0, -1]], second.positions[[0, -1]], atol=1e-12)
     fractions = np.linspace(0.0, 1.0, 50)
     resampled = [
