@@ -219,19 +219,18 @@ def joined(old: JointReference, since: float, new: JointReference, until: float)
 
     Both times may lie beyond the old one's end, where the arm stands.
     """
-    if since >= old.duration:
-        old = _standing(old.positions[-1], old.latent[-1], float(old.clearance[-1]))
-        kept = np.array([0])
-        before = np.zeros(1)
-    else:
-        kept = np.flatnonzero((old.times >= since - _ROUNDING) & (old.times < until - _ROUNDING))
-        before = old.times[kept] - since
+    if until <= since + _ROUNDING:
+        return new
+    kept = np.flatnonzero((old.times >= min(since, old.duration) - _ROUNDING) & (old.times < until - _ROUNDING))
+    # Where it stands at its end, the old one keeps the clearance that it has there.
+    clearance = np.append(old.clearance, old.clearance[-1])[kept]
     return JointReference(
-        np.concatenate([before, until - since + new.times]),
+        np.concatenate([np.maximum(0.0, old.times[kept] - since), until - since + new.times]),
         *(
             np.concatenate([getattr(old, name)[kept], getattr(new, name)])
-            for name in ("positions", "velocities", "accelerations", "latent", "clearance")
+            for name in ("positions", "velocities", "accelerations", "latent")
         ),
+        np.concatenate([clearance, new.clearance]),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,7 @@ from geodesic_motion_ros.joint_reference import (
     PERIOD,
     JointReference,
     bridge_to_rest,
+    joined,
     stopping_reference,
     timed_joint_reference,
 )
@@ -318,3 +320,22 @@ def test_jerk_may_be_limited_much_harder():
         stop = stopping_reference(reference, 0.4 * reference.duration, soft)
         assert stop.keeps(soft)
         assert np.all(bridge_to_rest(*reference.sample(0.5), soft).strain(soft) <= 1.0 + 1e-6)
+
+
+@pytest.mark.parametrize(("since", "until"), [(20, 23), (20, 20), (-4, -1), (-3, 5), (3, 6), (4, 4)])
+def test_an_old_reference_is_repeated_up_to_the_knot_where_a_new_one_takes_over(since, until):
+    """Knots from the old one's begin, or (where it is over by then, or soon) from its end."""
+    old = timed(random_path(np.random.default_rng(0)))
+    last = len(old.times) - 1
+    begin, switch = (PERIOD * (number if number >= 20 else last + number) for number in (since, until))
+    state = old.sample(switch)
+    new = bridge_to_rest(*state, LIMITS) if switch < old.duration else timed(np.linspace(state[0], ROBOT.ready, 50))
+    new = replace(new, latent=np.zeros((len(new.times), 2)))
+    whole = joined(old, begin, new, switch)
+    at = np.linspace(0.0, switch - begin, 50)
+    np.testing.assert_allclose(whole.samples(at)[0], old.samples(begin + at)[0], atol=1e-9)
+    at = np.linspace(1e-9, new.duration, 50)
+    np.testing.assert_allclose(whole.samples(switch - begin + at)[0], new.samples(at)[0], atol=1e-7)
+    assert whole.times[0] == pytest.approx(0.0, abs=1e-9)
+    assert len(whole.clearance) == len(whole.times) - 1 == len(whole.latent) - 1
+    assert whole.keeps(LIMITS)
