@@ -1,0 +1,196 @@
+"""The arm as spheres: how near a configuration comes to obstacles and to the arm itself.
+
+The spheres hold all of the collision meshes, so a clearance is never larger than that of the meshes (as a penetration
+grows deeper the two may differ in depth, not in sign). Which spheres an arm has is written in a file beside its URDF;
+simulation/sphere_cover.py makes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import yaml
+
+from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.robot.body_points import BodyPoints, link_points, place_body_points
+from geodesic_motion_ros.robot.kinematics import FOLDER, VECTOR, Robot, contiguous
+
+POSITIONS = numba.types.Array(numba.float64, 3, "C", readonly=True)
+PAIRS = numba.types.Array(numba.int64, 2, "C", readonly=True)
+
+
+@dataclass(frozen=True, eq=False)
+class CollisionModel:
+    """S spheres fixed to the links of an arm.
+
+    Attributes
+    ----------
+    points : their centres, named after their links.
+    radii : (S,) [m].
+    moving : (S,) bool, whether any joint moves them. The others, those of the base, matter to self-collision alone: no
+        motion keeps them from an obstacle.
+    self_pairs : (P, 2) int64, the spheres that must not overlap: of links that can meet, one of these pairs overlaps
+        wherever they touch. Spheres of other pairs may overlap in any configuration.
+    """
+
+    points: BodyPoints
+    radii: np.ndarray
+    moving: np.ndarray
+    self_pairs: np.ndarray
+
+    @classmethod
+    def panda(cls) -> CollisionModel:
+        """Of the Franka Emika Panda with its hand, the fingers opened by 2 x 20 mm."""
+        return cls.load(FOLDER / "panda_spheres.yaml", Robot.panda())
+
+    @classmethod
+    def named(cls, name: str) -> CollisionModel:
+        """Of a robot that this package ships, as `Robot.named`; RobotError lists them for another name."""
+        known = {"panda": cls.panda}
+        if name not in known:
+            raise RobotError(f"robot {name!r} has no collision model here; known: {', '.join(map(repr, known))}")
+        return known[name]()
+
+    @classmethod
+    def load(cls, path: str | Path, robot: Robot) -> CollisionModel:
+        """Read a sphere file for an arm.
+
+        The file is YAML. `spheres` maps links of the chain to lists of [x, y, z, radius] [m] in the link's frame;
+        `self_collision` lists entries {links: [one, other]}: all their spheres are checked against each other, or, with
+        a further `spheres: [[i, j], ...]`, sphere i of one against sphere j of the other, counted from 0.
+
+        Raises
+        ------
+        RobotError : the file cannot be read or lacks one of the two parts; a link is not in the chain or without
+            spheres; a sphere is not four finite numbers with a positive radius; a pair names no sphere.
+        """
+        file = Path(path).name
+        try:
+            table = yaml.safe_load(Path(path).read_text())
+        except (OSError, yaml.YAMLError) as error:
+            raise RobotError(f"cannot read the sphere file {path}: {error}") from error
+        if not isinstance(table, dict) or not isinstance(table.get("spheres"), dict) or not table["spheres"]:
+            raise RobotError(f"{file} must have a mapping `spheres`: link -> list of [x, y, z, radius]")
+        of_link = {link: _link_spheres(robot, link, rows, file) for link, rows in table["spheres"].items()}
+        names = [link for link, rows in of_link.items() for _ in rows]
+        frames = np.array([robot.link_names.index(name) for name in names], dtype=np.int64)
+        spheres = np.concatenate(list(of_link.values()))
+        pairs = _self_pairs(of_link, table.get("self_collision"), file)
+        first_joint = int(np.flatnonzero(robot.chain[3] >= 0)[0])
+        points = BodyPoints(tuple(names), frames, np.ascontiguousarray(spheres[:, :3]))
+        return cls(points, spheres[:, 3].copy(), frames > first_joint, pairs)
+
+    def __len__(self) -> int:
+        return len(self.radii)
+
+    def link_of(self, sphere: int) -> str:
+        """The link that a sphere is fixed to."""
+        return self.points.names[sphere]
+
+    def positions(self, robot: Robot, configurations: np.ndarray) -> np.ndarray:
+        """Centres (n, S, 3) [m] of the spheres in the base frame in configurations (n, eta) [rad]."""
+        return place_body_points(contiguous(configurations), self.points.frames, self.points.offsets, robot.chain)
+
+
+def configuration_clearance(
+    model: CollisionModel, robot: Robot, configuration: np.ndarray, centres: np.ndarray, radii: np.ndarray
+) -> tuple[float, int]:
+    """Signed distance [m] of the moving spheres from obstacles, and the sphere that is nearest to one.
+
+    Parameters
+    ----------
+    configuration : (eta,) [rad].
+    centres, radii : (o, 3), (o,) spherical obstacles [m], base frame.
+
+    Without obstacles (inf, -1).
+    """
+    if not len(radii):
+        return np.inf, -1
+    placed = model.positions(robot, configuration[None])[0, model.moving]
+    distances = np.linalg.norm(placed[:, None] - centres, axis=-1) - radii - model.radii[model.moving, None]
+    nearest = int(np.argmin(distances.min(axis=1)))
+    return float(distances[nearest].min()), int(np.flatnonzero(model.moving)[nearest])
+
+
+def self_clearance(model: CollisionModel, robot: Robot, configuration: np.ndarray) -> tuple[float, tuple[int, int]]:
+    """Signed distance [m] between the spheres of an arm that must not overlap, and the two that are nearest.
+
+    configuration is (eta,) [rad]. Positive: no two links touch but neighbours, which overlap at their joint.
+    (inf, (-1, -1)) for an arm whose links cannot meet.
+    """
+    if not len(model.self_pairs):
+        return np.inf, (-1, -1)
+    clearances, nearest = self_clearances(model.positions(robot, configuration[None]), model.radii, model.self_pairs)
+    one, other = model.self_pairs[nearest[0]].tolist()
+    return float(clearances[0]), (one, other)
+
+
+@numba.njit((POSITIONS, VECTOR, PAIRS), cache=True, nogil=True)
+def self_clearances(positions, radii, pairs):
+    """Smallest signed distance (n,) [m] between pairs (P, 2) of spheres at (n, S, 3), and the number of that pair (n,).
+
+    inf and -1 without pairs.
+    """
+    smallest = np.full(len(positions), np.inf)
+    nearest = np.full(len(positions), -1)
+    for i in range(len(positions)):
+        for pair in range(len(pairs)):
+            one, other = pairs[pair, 0], pairs[pair, 1]
+            squared = 0.0
+            for axis in range(3):
+                squared += (positions[i, one, axis] - positions[i, other, axis]) ** 2
+            # nearly all pairs are farther apart than the nearest so far: no root for them
+            reach = smallest[i] + radii[one] + radii[other]
+            if reach > 0.0 and squared < reach * reach:
+                smallest[i] = np.sqrt(squared) - radii[one] - radii[other]
+                nearest[i] = pair
+    return smallest, nearest
+
+
+def _link_spheres(robot: Robot, link: str, rows: Any, file: str) -> np.ndarray:
+    """Spheres (S, 4) of one link, checked."""
+    wanted = f"spheres of link '{link}' in {file}: expected a list of [x, y, z, radius]"
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, list) and len(row) == 4 for row in rows):
+        raise RobotError(f"{wanted}, not {rows}")
+    centres = link_points(robot, link, [row[:3] for row in rows])
+    try:
+        radii = np.array([row[3] for row in rows], dtype=float)
+    except (TypeError, ValueError) as error:
+        raise RobotError(f"{wanted} with numbers in metres") from error
+    if not np.all(np.isfinite(radii) & (radii > 0.0)):
+        raise RobotError(f"{wanted} with positive radii, not {radii.tolist()}")
+    return np.column_stack([centres, radii])
+
+
+def _self_pairs(of_link: dict[str, np.ndarray], entries: Any, file: str) -> np.ndarray:
+    """Pairs (P, 2) of sphere numbers that a file's `self_collision` asks for."""
+    if not isinstance(entries, list):
+        raise RobotError(f"{file} must have a list `self_collision` of {{links: [one, other]}}; it may be empty")
+    first, counts, total = {}, {}, 0
+    for link, rows in of_link.items():
+        first[link], counts[link], total = total, len(rows), total + len(rows)
+    pairs: list[tuple[int, int]] = []
+    for entry in entries:
+        links = entry.get("links") if isinstance(entry, dict) else None
+        if not isinstance(links, list) or len(links) != 2:
+            raise RobotError(f"self_collision in {file} has the entry {entry}: expected {{links: [one, other]}}")
+        for link in links:
+            if link not in first:
+                raise RobotError(
+                    f"self_collision in {file} names the link '{link}', which has no spheres; "
+                    f"there are spheres of {', '.join(map(str, first))}"
+                )
+        one, other = links
+        every = [[i, j] for i in range(counts[one]) for j in range(counts[other])]
+        for pair in entry.get("spheres", every):
+            if pair not in every:
+                raise RobotError(
+                    f"self_collision in {file} names the spheres {pair} of '{one}' and '{other}': expected two numbers "
+                    f"from 0 below {counts[one]} and {counts[other]}"
+                )
+            pairs.append((first[one] + pair[0], first[other] + pair[1]))
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)

@@ -1,0 +1,124 @@
+"""An arm's collision meshes as PyBullet uses them: convex hulls, where they are and how far apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.physics_client import PhysicsClient
+from geodesic_motion_ros.simulation.world import FINGER_OPENING, PANDA_URDF
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One collision mesh.
+
+    Attributes
+    ----------
+    name : its link in the URDF.
+    link : the link of the robot's chain that carries it: the same, or the one that it is mounted on, as a finger.
+    index : PyBullet's number of its link.
+    vertices : (V, 3) [m] of its convex hull in the frame of `link`.
+    """
+
+    name: str
+    link: str
+    index: int
+    vertices: np.ndarray
+
+
+class CollisionGeometry:
+    """The collision meshes of an arm in a physics server of their own, without physics.
+
+    Parameters
+    ----------
+    robot : the chain; its base frame is the world's.
+    urdf : the same arm with meshes.
+    opened : positions [rad or m] of joints off the chain, as of fingers.
+
+    Raises
+    ------
+    RobotError : the URDF lacks a joint of the chain or of `opened`.
+    """
+
+    def __init__(self, robot: Robot, urdf: Path, opened: Mapping[str, float] | None = None) -> None:
+        self.robot = robot
+        self._client = PhysicsClient()
+        self._arm = self._client.loadURDF(str(urdf), useFixedBase=True)
+        self._spheres: dict[float, int] = {}
+        infos = [self._client.getJointInfo(self._arm, index) for index in range(self._client.getNumJoints(self._arm))]
+        joints = {info[1].decode(): info[0] for info in infos}
+        missing = [name for name in (*robot.joint_names, *(opened or {})) if name not in joints]
+        if missing:
+            raise RobotError(f"joint '{missing[0]}' is not in {urdf.name}; it has {', '.join(joints)}")
+        self._joints = [joints[name] for name in robot.joint_names]
+        for name, position in (opened or {}).items():
+            self._client.resetJointState(self._arm, joints[name], position)
+        self._names = {-1: robot.base_link} | {info[0]: info[12].decode() for info in infos}
+        self._parents = {info[0]: info[16] for info in infos}
+        self.parts = tuple(
+            self._part(index) for index in self._names if self._client.getCollisionShapeData(self._arm, index)
+        )
+
+    @classmethod
+    def panda(cls) -> CollisionGeometry:
+        """The Panda of the twin, its fingers opened as there."""
+        fingers = dict.fromkeys(("panda_finger_joint1", "panda_finger_joint2"), FINGER_OPENING)
+        return cls(Robot.panda(), PANDA_URDF, fingers)
+
+    def place(self, joint_positions: np.ndarray) -> None:
+        """Put the arm at joint positions (n,) [rad], inside the limits or not."""
+        for joint, position in zip(self._joints, joint_positions, strict=True):
+            self._client.resetJointState(self._arm, joint, position)
+
+    def distance(self, one: Part, other: Part, cutoff: float = 2.0) -> float:
+        """Signed distance [m] between two parts where the arm is; negative: penetration; inf beyond `cutoff` [m]."""
+        points = self._client.getClosestPoints(self._arm, self._arm, cutoff, one.index, other.index)
+        return min((point[8] for point in points), default=np.inf)
+
+    def sphere_distance(self, part: Part, centre: np.ndarray, radius: float, cutoff: float = 2.0) -> float:
+        """Signed distance [m] of a part from a sphere where the arm is; inf beyond `cutoff` [m]."""
+        if radius not in self._spheres:
+            shape = self._client.createCollisionShape(self._client.GEOM_SPHERE, radius=radius)
+            self._spheres[radius] = self._client.createMultiBody(0.0, shape)
+        body = self._spheres[radius]
+        self._client.resetBasePositionAndOrientation(body, centre, (0.0, 0.0, 0.0, 1.0))
+        points = self._client.getClosestPoints(self._arm, body, cutoff, part.index)
+        return min((point[8] for point in points), default=np.inf)
+
+    def close(self) -> None:
+        """End the physics server; a second call does nothing."""
+        if self._client.isConnected():
+            self._client.disconnect()
+
+    def __enter__(self) -> CollisionGeometry:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _part(self, index: int) -> Part:
+        carrier = index
+        while self._names[carrier] not in self.robot.link_names:
+            carrier = self._parents[carrier]
+        _, mesh = self._client.getMeshData(self._arm, index, flags=self._client.MESH_DATA_SIMULATION_MESH)
+        # the mesh is given in the frame of the centre of mass
+        inertial = self._client.getDynamicsInfo(self._arm, index)
+        vertices = Rotation.from_quat(inertial[4]).apply(np.array(mesh)) + inertial[3]
+        (turned, origin), (carrier_turned, carrier_origin) = self._frame(index), self._frame(carrier)
+        placed = turned.apply(vertices) + origin
+        in_carrier = carrier_turned.inv().apply(placed - carrier_origin)
+        return Part(self._names[index], self._names[carrier], index, in_carrier)
+
+    def _frame(self, index: int) -> tuple[Rotation, np.ndarray]:
+        """Link frame to base frame, where the arm is."""
+        if index < 0:
+            return Rotation.identity(), np.zeros(3)
+        state = self._client.getLinkState(self._arm, index, computeForwardKinematics=True)
+        return Rotation.from_quat(state[5]), np.array(state[4])

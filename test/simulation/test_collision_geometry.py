@@ -1,0 +1,68 @@
+"""The meshes are those of the twin, where they should be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
+from geodesic_motion_ros.simulation.world import FINGER_OPENING, PANDA_URDF, PandaWorld
+
+
+@pytest.fixture(scope="module")
+def geometry() -> Iterator[CollisionGeometry]:
+    with CollisionGeometry.panda() as geometry:
+        yield geometry
+
+
+def test_every_mesh_of_the_panda_is_there(geometry: CollisionGeometry) -> None:
+    links = [f"panda_link{number}" for number in range(8)]
+    assert [part.name for part in geometry.parts] == [*links, "panda_hand", "panda_leftfinger", "panda_rightfinger"]
+    assert {part.link for part in geometry.parts} == {*links, "panda_hand"}
+
+
+def test_fingers_are_as_far_apart_as_in_the_twin(geometry: CollisionGeometry) -> None:
+    left, right = (part.vertices for part in geometry.parts[-2:])
+    assert left[:, 1].min() == pytest.approx(FINGER_OPENING, abs=1e-3)
+    assert right[:, 1].max() == pytest.approx(-FINGER_OPENING, abs=1e-3)
+    half_turn = np.array([-1.0, -1.0, 1.0])
+    np.testing.assert_allclose(np.sort(left * half_turn, axis=0), np.sort(right, axis=0), atol=1e-6)
+
+
+def test_vertices_are_where_the_meshes_are(geometry: CollisionGeometry) -> None:
+    """A small sphere at any vertex touches its part, in any configuration."""
+    robot, generator = geometry.robot, np.random.default_rng(0)
+    for configuration in robot.sample(5, generator):
+        geometry.place(configuration)
+        rotations, origins = robot.link_frames(configuration)
+        for part in geometry.parts:
+            row = robot.link_names.index(part.link)
+            vertex = rotations[row] @ part.vertices[generator.integers(len(part.vertices))] + origins[row]
+            assert geometry.sphere_distance(part, vertex, 0.002) == pytest.approx(-0.003, abs=2e-3)
+
+
+def test_distances_to_spheres_are_those_of_the_twin(geometry: CollisionGeometry) -> None:
+    centre, radius = np.array([0.6, 0.1, 0.4]), 0.08
+    with PandaWorld() as world:
+        world.set_obstacles({"ball": (centre, radius)})
+        clearance, link = world.clearance()
+    geometry.place(geometry.robot.ready)
+    distances = {part.name: geometry.sphere_distance(part, centre, radius) for part in geometry.parts}
+    assert min(distances, key=distances.get) == link
+    assert distances[link] == pytest.approx(clearance, abs=1e-4)
+
+
+def test_far_away_is_infinite(geometry: CollisionGeometry) -> None:
+    first, *_, last = geometry.parts
+    geometry.place(geometry.robot.ready)
+    assert geometry.distance(first, last, cutoff=0.1) == np.inf
+    assert 0.1 < geometry.distance(first, last) < 1.0
+
+
+def test_a_joint_that_the_urdf_lacks_is_named() -> None:
+    with pytest.raises(RobotError, match=r"'thumb' is not in panda\.urdf.*panda_finger_joint1"):
+        CollisionGeometry(Robot.panda(), PANDA_URDF, {"thumb": 0.1})
