@@ -10,18 +10,20 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from geodesic_motion_ros.cli import demo, evaluate, experiment, goal, inspect, train
+from geodesic_motion_ros.cli import demo, demonstrate, evaluate, experiment, goal, inspect, train
 from geodesic_motion_ros.cli.arguments import HelpFormatter
 from geodesic_motion_ros.errors import GeodesicMotionError
 
 _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.
 
-The way through: record a few demonstrations, `train` a skill on them, look at it with `inspect`, measure with
-`evaluate` how well it predicts demonstrations it has not seen, and run `demo` to see an arm do it around an obstacle.
+The way through: record a few demonstrations, or let a simulated arm `demonstrate`; `train` a skill on them, look at
+it with `inspect`, measure with `evaluate` how well it predicts demonstrations it has not seen, and run `demo` to see an
+arm do it around an obstacle.
 """
 _EPILOG = """\
 examples:
+  geodesic-motion demonstrate reach-to-grasp --out reach.npz
   geodesic-motion train --demos pouring.npy --units cm --out skills/pouring
   geodesic-motion inspect skills/pouring
   geodesic-motion evaluate --demos pouring.npy --units cm --folds 0,3,6/1,4,7/2,5,8 --json out/pouring.json
@@ -40,7 +42,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="geodesic-motion", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in (train, evaluate, inspect, demo, goal, experiment):
+    for command in (demonstrate, train, evaluate, inspect, demo, goal, experiment):
         command.add_command(commands)
     return parser
 

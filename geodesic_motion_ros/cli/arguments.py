@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import DEFAULT_COLUMNS, METRES_PER_UNIT, read_demonstrations
 from geodesic_motion_ros.errors import ParameterError
 
@@ -46,6 +47,14 @@ def add_recording(parser: argparse.ArgumentParser, required: bool = True, severa
 def read_recording(arguments: argparse.Namespace, path: Path) -> Demonstrations:
     """The demonstrations of one file; DemonstrationError says what is wrong with it."""
     return read_demonstrations(path, arguments.units, arguments.columns, arguments.rate)
+
+
+Recording = TypeVar("Recording", Demonstrations, JointDemonstrations)
+
+
+def evenly_sampled(demonstrations: Recording) -> Recording:
+    """Demonstrations with equally many samples each, as arrays in a file need: as many as the longest has."""
+    return demonstrations.resampled(max(len(item) for item in demonstrations), by="time")
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

@@ -12,6 +12,7 @@ from geodesic_motion_ros.cli.arguments import (
     HelpFormatter,
     add_json,
     add_recording,
+    evenly_sampled,
     indices,
     metres,
     read_recording,
@@ -186,8 +187,7 @@ def _modes(arguments: argparse.Namespace) -> None:
 
 def _save(path: Path, demonstrations: Demonstrations, said: str) -> None:
     """Write demonstrations with equally many samples each, as the file wants them."""
-    longest = max(len(item) for item in demonstrations)
-    save_demonstrations(demonstrations.resampled(longest, by="time"), path)
+    save_demonstrations(evenly_sampled(demonstrations), path)
     print(f"wrote {len(demonstrations)} demonstrations to {path}: {said}; read them with --units m")
 
 

@@ -146,9 +146,7 @@ def _check_complete(names: tuple[str, ...], where: str) -> None:
         )
 
 
-def _read_tables(
-    path: Path, readers: Mapping[str, Reader], names: tuple[str, ...], rate_hz: float
-) -> dict[str, Table]:
+def _read_tables(path: Path, readers: Mapping[str, Reader], names: tuple[str, ...], rate_hz: float) -> dict[str, Table]:
     if not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise DemonstrationError(f"rate_hz is {rate_hz}; it must be a positive number of samples a second")
     reader = readers.get(path.suffix.lower())

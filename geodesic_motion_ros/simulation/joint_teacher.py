@@ -118,9 +118,7 @@ class Guidance:
     swivels: np.ndarray
 
 
-def reach_to_grasp(
-    count_per_family: int, seed: int, families: int = 3, connected: bool = True
-) -> JointDemonstrations:
+def reach_to_grasp(count_per_family: int, seed: int, families: int = 3, connected: bool = True) -> JointDemonstrations:
     """The hand is brought over 0.5 m to an object and turned by 90 degrees, the elbow each time elsewhere.
 
     `count_per_family` demonstrations of the first family are followed by as many of the next. The same seed gives the
@@ -223,7 +221,7 @@ def configurations(robot: Robot, guidance: Guidance) -> np.ndarray:
 def performed(guidances: Sequence[Guidance], progress: Callable[[Iterable], Iterable] = iter) -> JointDemonstrations:
     """What the arm does of each guidance, checked as the head of this file says.
 
-    `progress` is handed the guidances and gives them back one by one, as a progress bar does.
+    `progress` is handed the guidances and gives them back one by one.
 
     Raises
     ------

@@ -19,7 +19,7 @@ orientations of `panda_grasptarget` at 100 Hz, in the base frame `panda_link0`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,7 +127,7 @@ def multi_goal_demonstrations(count: int, seed: int) -> Demonstrations:
     ------
     ParameterError : count is below one.
     """
-    return _performed(multi_goal_motions(count, seed))
+    return performed(multi_goal_motions(count, seed))
 
 
 def two_mode_demonstrations(count_per_mode: int, seed: int) -> Demonstrations:
@@ -139,7 +139,7 @@ def two_mode_demonstrations(count_per_mode: int, seed: int) -> Demonstrations:
     ------
     ParameterError : count_per_mode is below one.
     """
-    return _performed(two_mode_motions(count_per_mode, seed))
+    return performed(two_mode_motions(count_per_mode, seed))
 
 
 def grasp_pose(bottle: np.ndarray, yaw: float) -> Pose:
@@ -225,6 +225,12 @@ def pouring_stands(bottle: np.ndarray, cup: np.ndarray) -> tuple[Cylinder, ...]:
     )
 
 
+def performed(motions: Sequence[Motion], progress: Callable[[Iterable], Iterable] = iter) -> Demonstrations:
+    """What the arm does of each motion; `progress` is handed the motions and gives them back one by one."""
+    with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE) as world:
+        return Demonstrations(tuple(perform(world, motion).demonstration for motion in progress(motions)))
+
+
 def perform(world: TabletopWorld, motion: Motion) -> Performance:
     """Let the arm follow a motion in a world that takes `STEPS_PER_SAMPLE` steps a sample, and record it."""
     if not np.isclose(world.dt * RATE_HZ * STEPS_PER_SAMPLE, 1.0):
@@ -265,11 +271,6 @@ def picture(
         for motion, demonstration in zip(motions, demonstrations, strict=True):
             world.add_curve(demonstration.positions, PATH_COLOURS[motion.group], radius=0.003)
         return world.render(width, height, view, oversampling=2)
-
-
-def _performed(motions: Sequence[Motion]) -> Demonstrations:
-    with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE) as world:
-        return Demonstrations(tuple(perform(world, motion).demonstration for motion in motions))
 
 
 def _first_posture(world: TabletopWorld, motion: Motion) -> np.ndarray:
