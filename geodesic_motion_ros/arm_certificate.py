@@ -75,10 +75,7 @@ class ArmCertifier:
         bulges = sphere_bulges(times, largest[0], largest[1], self._levers)
         placed = place_body_points(contiguous(reference.positions), self._frames, self._offsets, self._robot.chain)
         obstacles = (np.array(part, dtype=float) for part in (centres, obstacle_radii, obstacle_velocities))
-        clearance, sphere = arm_clearances(
-            times, placed[:, self._moving], bulges[:, self._moving], self._radii[self._moving], *obstacles, horizon
-        )
-        sphere = np.where(sphere < 0, -1, self._moving[sphere])
+        clearance, sphere = arm_clearances(times, placed, bulges, self._radii, self._moving, *obstacles, horizon)
         return Certificate(times, clearance, sphere, *self_clearances(placed, bulges, self._radii, self._pairs))
 
     def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
@@ -148,6 +145,7 @@ def arm_clearances(
     placed: np.ndarray,
     bulges: np.ndarray,
     radii: np.ndarray,
+    spheres: np.ndarray,
     centres: np.ndarray,
     obstacle_radii: np.ndarray,
     obstacle_velocities: np.ndarray,
@@ -158,20 +156,20 @@ def arm_clearances(
     Parameters
     ----------
     times : (n,) of the knots [s]. placed : (n, S, 3) sphere centres [m] at the knots.
-    bulges : (n - 1, S) from `sphere_bulges` [m]. radii : (S,) [m].
+    bulges : (n - 1, S) from `sphere_bulges` [m]. radii : (S,) [m]. spheres : numbers (k,) of those that are checked.
     centres, obstacle_radii, obstacle_velocities : (o, 3) [m], (o,) [m], (o, 3) [m/s] at time 0.
     horizon : obstacles move linearly for this long [s] and then stand: predictions are not trusted for longer.
 
-    Without obstacles the clearance is inf and the sphere -1.
+    Without obstacles, or without spheres, the clearance is inf and the sphere -1.
     """
-    intervals, spheres, obstacles = len(times) - 1, len(radii), len(obstacle_radii)
+    intervals, obstacles = len(times) - 1, len(obstacle_radii)
     clearances, worst = np.full(intervals, np.inf), np.full(intervals, -1)
-    if obstacles == 0:
+    if obstacles == 0 or len(spheres) == 0:
         return clearances, worst
     begins, ends = np.empty((obstacles, 3)), np.empty((obstacles, 3))
     middles, squared = np.empty((3, obstacles)), np.empty(obstacles)
     reaches, bounds = np.empty(obstacles), np.empty(obstacles)
-    sphere, obstacle = 0, 0
+    sphere, obstacle = spheres[0], 0
     for i in range(intervals):
         first, last = min(times[i], horizon), min(times[i + 1], horizon)
         # An obstacle that stops within the interval is this much, in seconds of its motion, off its straight segment.
@@ -189,7 +187,7 @@ def arm_clearances(
         # The pair that was nearest before is likely to be near: most others are then left out by their middles.
         best = _closest_approach(placed[i, sphere], placed[i + 1, sphere], begins[obstacle], ends[obstacle])
         best -= bulges[i, sphere] + radii[sphere] + reaches[obstacle]
-        for s in range(spheres):
+        for s in spheres:
             begin, end = placed[i, s], placed[i + 1, s]
             inside = radii[s] + bulges[i, s]
             bound = inside + 0.5 * _distance(begin, end)
@@ -220,11 +218,10 @@ def self_clearances(
     """
     intervals = len(bulges)
     clearances, worst = np.full(intervals, np.inf), np.full(intervals, -1)
-    lengths = np.empty(len(radii))
-    middles = np.empty((len(radii), 3))
+    bounds, middles = np.empty(len(radii)), np.empty((len(radii), 3))
     for i in range(intervals):
         for s in range(len(radii)):
-            lengths[s] = 0.5 * _distance(placed[i, s], placed[i + 1, s])
+            bounds[s] = radii[s] + bulges[i, s] + 0.5 * _distance(placed[i, s], placed[i + 1, s])
             for k in range(3):
                 middles[s, k] = 0.5 * (placed[i, s, k] + placed[i + 1, s, k])
         best = np.inf
@@ -233,7 +230,7 @@ def self_clearances(
             best = _pair_clearance(i, pairs[pair], placed, bulges, radii)
         for p in range(len(pairs)):
             a, b = pairs[p, 0], pairs[p, 1]
-            far = best + bulges[i, a] + bulges[i, b] + radii[a] + radii[b] + lengths[a] + lengths[b]
+            far = best + bounds[a] + bounds[b]
             dx, dy, dz = middles[a, 0] - middles[b, 0], middles[a, 1] - middles[b, 1], middles[a, 2] - middles[b, 2]
             if dx * dx + dy * dy + dz * dz > far * far:
                 continue
