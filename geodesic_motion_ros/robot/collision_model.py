@@ -119,7 +119,8 @@ def configuration_clearance(
 def self_clearance(model: CollisionModel, robot: Robot, configuration: np.ndarray) -> tuple[float, tuple[int, int]]:
     """Signed distance [m] between the spheres of an arm that must not overlap, and the two that are nearest.
 
-    configuration is (eta,) [rad]. Positive: no two links touch but neighbours, which overlap at their joint.
+    configuration is (eta,) [rad]. Positive: no two links touch but neighbours, which overlap at their joint. It is no
+    larger than the distance of the links, except of those whose pairs were chosen to tell their contact alone.
     (inf, (-1, -1)) for an arm whose links cannot meet.
     """
     if not len(model.self_pairs):

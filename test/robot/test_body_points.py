@@ -15,6 +15,7 @@ from geodesic_motion_ros.robot.body_points import (
     end_effector_poses,
     lever_bounds,
     place_body_points,
+    points_along_links,
 )
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
@@ -92,6 +93,17 @@ def test_points_along_links_are_named_after_them(panda: Robot) -> None:
     points = BodyPoints.of(panda, {"panda_link4": [(0.0, 0.1, 0.0), (0.0, 0.2, 0.0)]})
     assert points.names[-2:] == ("panda_link4 0", "panda_link4 1")
     np.testing.assert_array_equal(points.offsets[-2:], [(0.0, 0.1, 0.0), (0.0, 0.2, 0.0)])
+
+
+def test_long_links_have_points_no_farther_apart_than_asked(panda: Robot) -> None:
+    """On the straight line between the joint origins at the link's two ends; short links have none."""
+    found = points_along_links(panda, 0.1)
+    assert list(found) == ["panda_link2", "panda_link4", "panda_link7", "panda_hand"]
+    for link, end in (("panda_link2", (0.0, -0.316, 0.0)), ("panda_link4", (-0.0825, 0.384, 0.0))):
+        line = np.array([(0.0, 0.0, 0.0), *found[link], end])
+        steps = np.diff(line, axis=0)
+        np.testing.assert_allclose(steps, np.broadcast_to(steps[0], steps.shape), atol=1e-12)
+        assert 0.05 < np.linalg.norm(steps[0]) <= 0.1
 
 
 @pytest.mark.parametrize(
