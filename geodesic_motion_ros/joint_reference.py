@@ -176,7 +176,11 @@ def timed_joint_reference(
         attempt = _played(curve, law, begin, limits, state, period)
         if attempt.keeps(limits):
             return attempt
-        slow *= _slower(curve.grid, law, begin + attempt.times, attempt.strain(limits))
+        strain = attempt.strain(limits)
+        if np.all(strain <= 1.0):
+            # Only positions are outside, and slower ones would be too.
+            return None
+        slow *= _slower(curve.grid, law, begin + attempt.times, strain)
     return None
 
 
