@@ -330,7 +330,7 @@ def _reach(name: str, group: int, swivel: float, connected: bool, generator: np.
     bow = (0.04 + 0.005 * bold) * np.sin(np.pi * phase) + 0.005 * early * np.sin(2.0 * np.pi * phase)
     positions = start + smooth_step(phase, gentle=True)[:, None] * (goal - start) + hand(phase, 0.002, generator)
     positions += bow[:, None] * outwards(start, goal) + arch[:, None] * [0.0, 0.0, 1.0]
-    turned = smooth_step((phase - 0.12 + 0.04 * early) / 0.8)
+    turned = smooth_step((phase - 0.12 + 0.015 * early) / 0.8)
     quaternions = rotate_by(hand(phase, np.radians(1.0), generator), slerp(down, at_object, turned))
     # the elbow takes the whole time, so that it need not hurry
     opened = np.sin(np.pi * times / times[-1]) ** 2 if connected else np.ones_like(times)
