@@ -151,8 +151,8 @@ class _State:
 class JointSpacePlanner:
     """Plans on one joint-space skill: set a goal, set obstacles, tick.
 
-    `tick`, `stop`, `reset` and what sets or clears the goal are called by one thread. `plan` answers on its own, from
-    any thread. Obstacles are replaced as a whole. All times are of one clock, the caller's.
+    `tick`, `stop`, `stand_at` and what sets or clears the goal are called by one thread. `plan` answers on its own,
+    from any thread. Obstacles are replaced as a whole. All times are of one clock, the caller's.
     """
 
     def __init__(self, skill: Skill, settings: JointPlannerSettings | None = None) -> None:
@@ -174,6 +174,25 @@ class JointSpacePlanner:
         self._query: JointQuery | None = None
         self._played: _Played | None = None
         self._followed: _Followed | None = None
+        self._warm_up()
+
+    def _warm_up(self) -> None:
+        """Load the compiled kernels, or compile them on the first start: no tick of the stream shall wait for that.
+
+        A short stream with an obstacle, a new goal in motion and a stop; then all is forgotten.
+        """
+        start, goal = self.graph.decoder.configurations(self.skill.codes[0, [0, -1]])
+        self.stand_at(np.clip(start, self.limits.lower, self.limits.upper), 0.0)
+        self.set_goal_configuration(np.clip(goal, self.limits.lower, self.limits.upper))
+        for time in (0.0, 0.1, 0.2):
+            far = np.array([[0.0, 0.0, 3.0 + time]])
+            self.set_obstacles(far, np.array([2.0]), np.full((1, 3), 1e-3), time)
+            self.tick(time)
+        self.set_goal(self.skill.goal_pose[:3], self.skill.goal_pose[3:])
+        self.tick(0.3)
+        self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
+        self._obstacles = MovingSpheres.none()
+        self._goal = self._query = self._played = self._followed = None
 
     # ---------------------------------------------------------------- inputs
 
@@ -247,18 +266,19 @@ class JointSpacePlanner:
         self._obstacles = MovingSpheres(centres, radii, velocities, time)
         return Verdict(VerdictCode.OK)
 
-    def reset(self, configuration: np.ndarray) -> Verdict:
-        """The arm stands in a configuration (eta,) [rad]: what was being played is forgotten, the goal is not.
+    def stand_at(self, configuration: np.ndarray, now: float) -> JointPlan:
+        """The arm stands in a configuration (eta,) [rad] at `now` [s]: what was played is forgotten, the goal is not.
 
-        BAD_INPUT names the joint that is not finite or outside its limits; then nothing changes.
+        The plan's reference stays there. BAD_INPUT names the joint that is not finite or outside its limits; then
+        nothing changes.
         """
         configuration, reason = self._checked("state", configuration)
         if configuration is None:
-            return Verdict(VerdictCode.BAD_INPUT, reason)
-        nowhere = np.zeros(self.graph.latent.shape[1])
-        self._played = _Played(JointReference.standing(configuration, nowhere), -math.inf)
+            return JointPlan(None, now, Verdict(VerdictCode.BAD_INPUT, reason))
+        standing = JointReference.standing(configuration, np.zeros(self.graph.latent.shape[1]))
+        self._played = _Played(standing, now)
         self._followed = self._query = None
-        return Verdict(VerdictCode.OK)
+        return JointPlan(standing, now, Verdict(VerdictCode.OK))
 
     def _checked(self, what: str, configuration: np.ndarray) -> tuple[np.ndarray | None, str]:
         try:
@@ -269,10 +289,16 @@ class JointSpacePlanner:
     # ------------------------------------------------------------- planning
 
     def commanded(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Position, velocity and acceleration (eta,) that are played at `time` [s]; None before the first `reset`."""
+        """Position, velocity and acceleration (eta,) played at `time` [s]; None before the first `stand_at`."""
         if self._played is None:
             return None
         return self._played.reference.sample(time - self._played.begin)
+
+    def way(self) -> tuple[JointReference, float] | None:
+        """What is being played and the time of its first knot [s], where it leads to the goal."""
+        if self._played is None or self._followed is None or not self._followed.verdict.ok:
+            return None
+        return self._played.reference, self._played.begin
 
     def tick(self, now: float) -> JointPlan:
         """One step of the stream at `now` [s]: what is to be played, and the verdict."""
@@ -301,8 +327,35 @@ class JointSpacePlanner:
         """Come to rest along the way being gone, for a reason."""
         return JointPlan(None, now, verdict) if self._played is None else self._stopped(now, verdict)
 
-    def plan(self, start: np.ndarray, goal: GoalChoice) -> JointPlan:
-        """A reference from rest in a configuration to a goal under the present obstacles; the stream stays as it is."""
+    def plan(
+        self,
+        start_position: np.ndarray,
+        start_quaternion: np.ndarray,
+        goal_position: np.ndarray,
+        goal_quaternion: np.ndarray,
+    ) -> JointPlan:
+        """A reference between two poses under the present obstacles; the stream of `tick` is not disturbed.
+
+        It begins at rest, in the configuration near those demonstrated that holds the tool in the start pose.
+        """
+        ends = []
+        for name, position, quaternion in (
+            ("start", start_position, start_quaternion),
+            ("goal", goal_position, goal_quaternion),
+        ):
+            pose, reason = checked_pose(name, position, quaternion)
+            if pose is None:
+                return JointPlan(None, 0.0, Verdict(VerdictCode.BAD_INPUT, reason))
+            ends.append(pose)
+        start = self._queries.start_by_pose(ends[0])
+        goal = self._queries.goal_by_pose(ends[1])
+        for found in (start, goal):
+            if isinstance(found, Verdict):
+                return JointPlan(None, 0.0, found)
+        return self.plan_configurations(start, goal)
+
+    def plan_configurations(self, start: np.ndarray, goal: GoalChoice) -> JointPlan:
+        """A reference from rest in a configuration (eta,) to a goal under the present obstacles."""
         query = self._queries.build(start, goal)
         if isinstance(query, Verdict):
             return JointPlan(None, 0.0, query)

@@ -124,9 +124,27 @@ class JointQueryBuilder:
 
     def goal_by_pose(self, pose: Pose) -> GoalChoice | Verdict:
         """The configurations that hold the tool in a pose, looked for near every family that was demonstrated."""
+        found, reason = self._configurations_at("goal", pose)
+        if not found:
+            return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, f"no configuration near the demonstrated ones: {reason}")
+        stated = f"the cheapest of {len(found)} configurations near those demonstrated"
+        return self._supported(GoalChoice(np.stack(found), stated))
+
+    def start_by_pose(self, pose: Pose) -> np.ndarray | Verdict:
+        """The configuration (eta,) nearest to where demonstrations started that holds the tool in a pose."""
+        found, reason = self._configurations_at("start", pose)
+        pieces = self._graph.pieces_with_demonstrations()
+        ends = [self._end("start", asked, piece) for asked in found for piece in pieces]
+        best = min((end for end in ends if end is not None), key=_weighed, default=None)
+        if best is None:
+            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, f"no configuration near the demonstrated ones: {reason}")
+        return best.asked
+
+    def _configurations_at(self, name: Literal["start", "goal"], pose: Pose) -> tuple[list[np.ndarray], str]:
+        """Distinct configurations that hold the tool in a pose, and why there is not one more."""
         found: list[np.ndarray] = []
         reason = ""
-        for near in self._goal_guesses(pose):
+        for near in self._guesses(name, pose):
             try:
                 configuration = solve(self._robot, pose.position, pose.quaternion, start=near, attempts=1)
             except RobotError as error:
@@ -134,14 +152,11 @@ class JointQueryBuilder:
                 continue
             if all(np.max(np.abs(configuration - other)) > 1e-2 for other in found):
                 found.append(configuration)
-        if not found:
-            return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, f"no configuration near the demonstrated ones: {reason}")
-        stated = f"the cheapest of {len(found)} configurations near those demonstrated"
-        return self._supported(GoalChoice(np.stack(found), stated))
+        return found, reason
 
-    def _goal_guesses(self, pose: Pose) -> list[np.ndarray]:
-        if self._poles["goal"]:
-            return [pole.shown for pole in self._poles["goal"]]
+    def _guesses(self, name: Literal["start", "goal"], pose: Pose) -> list[np.ndarray]:
+        if self._poles[name]:
+            return [self._robot.checked(pole.asked) for pole in self._poles[name]]
         trusted = np.flatnonzero(self._graph.sigma < ENDPOINT_MULTIPLE * self._skill.sigma_support)
         offset = np.linalg.norm(self._tool_positions[trusted] - pose.position, axis=1)
         turn = 1.0 - np.abs(self._tool_quaternions[trusted] @ pose.quaternion)

@@ -53,7 +53,9 @@ class JointTrainingSettings:
     fixed_sigma : likelihood scale of the joints while the means are learned [rad].
     body_sigma : the same of the body's points, through the forward kinematics [m]. What a joint's error does to the
         tool depends on the joint and the posture; without this term the tool is off by more.
-    kernels, bandwidth_factor : radial-basis kernels, at most, and their width over the distance between neighbours.
+    kernels, bandwidth_factor : radial-basis kernels, at most, and their width over the distance between neighbours. In
+        three dimensions they stand along thin strips, closer than the nodes of the grid: as wide as that distance the
+        support would fall to pieces.
     precision_samples, precision_iterations : latent draws per configuration that sigma is fitted on, and L-BFGS steps.
     far_sigma : deviation far from all data [rad]: the height of the walls.
     joint_resolution : what a demonstration cannot be more exact than [rad]; added to the residuals.
@@ -77,7 +79,7 @@ class JointTrainingSettings:
     fixed_sigma: float = 0.05
     body_sigma: float = 0.003
     kernels: int = 500
-    bandwidth_factor: float = 1.0
+    bandwidth_factor: float = 2.0
     precision_samples: int = 4
     precision_iterations: int = 200
     far_sigma: float = 1.0

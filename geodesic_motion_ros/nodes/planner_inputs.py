@@ -28,8 +28,8 @@ from geodesic_motion_ros.nodes.messages import (
 )
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.parameters import NodeParameters
-from geodesic_motion_ros.nodes.planning_cycle import CycleInputs
 from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.nodes.stream_cycle import CycleInputs
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -50,15 +50,18 @@ class PlannerInputs:
     loop.
     """
 
-    def __init__(self, node: Node, parameters: NodeParameters, robot: Robot) -> None:
-        self._node, self._parameters, self._robot = node, parameters, robot
+    def __init__(
+        self, node: Node, parameters: NodeParameters, robot: Robot, place: Callable[[np.ndarray], Any]
+    ) -> None:
+        """place : makes of joint positions (eta,) what the cycle takes as measured."""
+        self._node, self._parameters, self._robot, self._place = node, parameters, robot, place
         self._frame: str = parameters["base_frame"]
         self.refusals = Refusals(node.get_logger().warning)
         self._lock = threading.Lock()
         self._tracker = ObstacleTracker()
         self._joints: np.ndarray | None = None
         self._joints_taken = 0.0
-        self._goal: tuple[np.ndarray, np.ndarray] | Verdict | None = None
+        self._goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Verdict | None = None
         self._goal_number = 0
         self._goal_in_task_frame = False
         origin = np.array(parameters["task_frame"])
@@ -67,6 +70,7 @@ class PlannerInputs:
         self._publishers: tuple[str, ...] = ()
         self._subscribe(JointState, "joint_states", self._on_joint_states, NEWEST)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, QoSProfile(depth=1))
+        self._subscribe(JointState, "goal_joints", self._on_goal_joints, QoSProfile(depth=1))
         self._subscribe(PoseStamped, "task_frame", self._on_task_frame, QoSProfile(depth=1))
         self._subscribe(MarkerArray, "obstacles", self._on_obstacles, EDITS)
         self._subscribe(Marker, "obstacle_marker", self._on_marker, EDITS)
@@ -84,9 +88,19 @@ class PlannerInputs:
             silent = self._tracker.silent(now, self._parameters["obstacle_timeout"])
         if self._parameters["obstacle_silence_policy"] == "keep":
             silent = {}
-        measured = None if joints is None else self._robot.forward(joints)
         return CycleInputs(
-            measured, now - taken, goal, number, obstacles, silent, hold, task_frame, relative, publishers
+            measured=None if joints is None else self._place(joints),
+            state_age=now - taken,
+            goal=goal,
+            goal_number=number,
+            obstacles=obstacles,
+            silent_sources=silent,
+            hold=hold,
+            task_frame=task_frame,
+            goal_in_task_frame=relative,
+            publishers=publishers,
+            now=self._clock_now(),
+            steady=now,
         )
 
     def ages(self) -> dict[str, float]:
@@ -103,7 +117,7 @@ class PlannerInputs:
             self._hold = hold
 
     def set_publishers(self, names: tuple[str, ...]) -> None:
-        """Say which nodes publish `target_pose`."""
+        """Say which nodes publish the commands."""
         with self._lock:
             self._publishers = names
 
@@ -132,7 +146,10 @@ class PlannerInputs:
         """Seconds a message was under way by its stamp; 0 without a stamp or with one from the future."""
         if stamp == 0.0:
             return 0.0
-        return max(0.0, 1e-9 * self._node.get_clock().now().nanoseconds - stamp)
+        return max(0.0, self._clock_now() - stamp)
+
+    def _clock_now(self) -> float:
+        return 1e-9 * self._node.get_clock().now().nanoseconds
 
     def _on_goal(self, message: PoseStamped) -> None:
         in_task_frame = message.header.frame_id == TASK_FRAME
@@ -145,7 +162,15 @@ class PlannerInputs:
             raise
         self._set_goal(goal, in_task_frame)
 
-    def _set_goal(self, goal: tuple[np.ndarray, np.ndarray] | Verdict, in_task_frame: bool) -> None:
+    def _on_goal_joints(self, message: JointState) -> None:
+        try:
+            goal: np.ndarray | Verdict = read_joint_positions(message, self._robot.joint_names)
+        except MessageRefused as error:
+            self._set_goal(Verdict(VerdictCode.BAD_INPUT, f"goal_joints: {error}"), False)
+            raise
+        self._set_goal(goal, False)
+
+    def _set_goal(self, goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Verdict, in_task_frame: bool) -> None:
         with self._lock:
             self._goal, self._goal_in_task_frame = goal, in_task_frame
             self._goal_number += 1

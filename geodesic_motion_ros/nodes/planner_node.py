@@ -1,4 +1,6 @@
-"""Node `planner`: hears goal, obstacles and joint states, and streams `target_pose` a hundred times a second.
+"""Node `planner`: hears goal, obstacles and joint states, and commands the arm a hundred times a second.
+
+On a task-space skill it streams `target_pose`, on a joint-space skill it sends `joint_trajectory` (`skill_kinds`).
 
 The control loop has a thread of its own on the steady clock. Callbacks only check and store
 (`planner_inputs`), the loop plans and commands (`planning_cycle`), pictures are drawn by a third thread.
@@ -17,25 +19,18 @@ from nav_msgs.srv import GetPlan
 from std_srvs.srv import SetBool, Trigger
 
 from geodesic_motion_ros.errors import ParameterError, PlanningError, SkillError
-from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.latent_view import LatentView
 from geodesic_motion_ros.nodes.messages import MessageRefused, path_message, read_pose
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
-from geodesic_motion_ros.nodes.planning_cycle import CycleInputs, CycleOutput, PlanningCycle
 from geodesic_motion_ros.nodes.running import LoopingNode, run_node
+from geodesic_motion_ros.nodes.skill_kinds import joint_settings, kind_of, task_settings
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
+from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.view_thread import ViewThread
-from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
-
-_SETTINGS = (
-    "avoidance", "obstacle_margin", "ambient_strength", "ambient_width_ratio", "maximum_offset",
-    "maximum_offset_angle", "ridge_strength", "query_conditioning", "speed", "angular_speed", "acceleration",
-)  # fmt: skip
 
 
 class PlannerNode(LoopingNode):
@@ -53,26 +48,20 @@ class PlannerNode(LoopingNode):
     def _build(self) -> None:
         self._options = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
         skill = Skill.load(self._options["skill"])
-        self._planner = ReactivePlanner(skill, _settings(self._options.values))
-        self._robot = self._planner.robot
-        if skill.tool_frame != self._robot.tool_link:
+        self._kind = kind_of(skill, self._options.values)
+        robot = self._kind.robot
+        if skill.tool_frame != robot.tool_link:
             raise SkillError(
-                f"skill {skill.name} moves the frame {skill.tool_frame!r}, this node drives {self._robot.tool_link!r}"
+                f"skill {skill.name} moves the frame {skill.tool_frame!r}, this node drives {robot.tool_link!r}"
             )
         if self._options["base_frame"] != skill.base_frame:
             self.get_logger().warning(
                 f"base_frame {self._options['base_frame']!r} is taken for the skill's {skill.base_frame!r}"
             )
         values = self._options
-        self._cycle = PlanningCycle(
-            self._planner,
-            values["state_timeout"],
-            values["resume_timeout"],
-            values["tracking_tolerance"],
-            values["tracking_tolerance_angle"],
-        )
-        self._inputs = PlannerInputs(self, values, self._robot)
-        self._outputs = PlannerOutputs(self, values["base_frame"], skill.robot)
+        self._cycle = self._kind.cycle
+        self._inputs = PlannerInputs(self, values, robot, self._kind.place)
+        self._outputs = PlannerOutputs(self, values["base_frame"], skill.robot, self._kind.command_topic)
         self._said: dict[VerdictCode, float] = {}
         self._newest: tuple[CycleInputs, CycleOutput] | None = None
         self._period = 1.0 / values["rate"]
@@ -107,14 +96,17 @@ class PlannerNode(LoopingNode):
         except Exception as error:  # a fault in the planner must stop the arm, not the node
             self.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
             output = self._cycle.stop(Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}"))
-        if output.commanded is not None:
-            self._outputs.target(*output.commanded)
+        self._kind.send(self._outputs, output)
         self._outputs.status(output, self._inputs.refusals, self._loop)
         previous, self._newest = self._newest, (inputs, output)
         if previous is None or previous[1].verdict.code is not output.verdict.code:
             self._say(output.verdict)
         if previous is None or _path_news(previous, (inputs, output)):
-            self._outputs.path(output.reference)
+            self._show_way(output)
+
+    def _show_way(self, output: CycleOutput) -> None:
+        if self._outputs.path_is_watched:
+            self._outputs.path(None if output.reference is None else self._kind.tool_poses(output.reference))
 
     def _say(self, verdict: Verdict) -> None:
         # The status has every change; the log has each kind of change at most once a second.
@@ -132,10 +124,10 @@ class PlannerNode(LoopingNode):
 
     def _make_view(self, skill: Skill) -> ViewThread | None:
         rate = self._options["latent_view_rate"]
-        if rate == 0.0 or skill.decoder.latent_dimension != 2:
+        view = None if rate == 0.0 else self._kind.view(skill, self._options["latent_view_size"])
+        if view is None:
             return None
-        points, radii = _tool(self._options.values)
-        self._view = LatentView(skill, self._planner.graph, points, radii, self._options["latent_view_size"])
+        self._view = view
         return ViewThread(self._show_view, 1.0 / rate, self._view_died)
 
     def _show_view(self) -> None:
@@ -154,16 +146,10 @@ class PlannerNode(LoopingNode):
             return
         inputs, output = self._newest
         if output.reference is not None:
-            self._outputs.path(output.reference)
-        self._outputs.markers(output.reference, inputs.obstacles, self._body(output))
-
-    def _body(self, output: CycleOutput) -> np.ndarray:
-        """Tool spheres (K, 4) at the commanded pose: centre and radius."""
-        if output.commanded is None:
-            return np.zeros((0, 4))
-        points, radii = _tool(self._options.values)
-        position, quaternion = output.commanded
-        return np.concatenate([tool_points(position[None], quaternion[None], points)[0], radii[:, None]], axis=1)
+            self._show_way(output)
+        if self._outputs.markers_are_watched:
+            way = np.zeros((0, 3)) if output.reference is None else self._kind.tool_poses(output.reference)[0]
+            self._outputs.markers(way, inputs.obstacles, self._kind.body(output))
 
     def _show_health(self) -> None:
         refusals = self._inputs.refusals
@@ -176,22 +162,23 @@ class PlannerNode(LoopingNode):
         )
 
     def _look_for_rivals(self) -> None:
-        self._inputs.set_publishers(self._outputs.publishers_of_target())
+        self._inputs.set_publishers(self._outputs.publishers_of_commands())
 
     # ---------------------------------------------------------------- services
 
     def _on_plan(self, request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
         frame = self._options["base_frame"]
         try:
-            plan = self._planner.plan(*_request_pose(request, "start", frame), *_request_pose(request, "goal", frame))
+            poses, verdict = self._kind.plan(
+                _request_pose(request, "start", frame), _request_pose(request, "goal", frame)
+            )
         except MessageRefused as error:
             self.get_logger().warning(f"plan refused: {error}")
             return response
-        if plan.reference is None:
-            self.get_logger().warning(f"no plan: {plan.verdict.code.name}: {plan.verdict.reason}")
+        if poses is None:
+            self.get_logger().warning(f"no plan: {verdict.code.name}: {verdict.reason}")
             return response
-        reference, stamp = plan.reference, self.get_clock().now().to_msg()
-        response.plan = path_message(reference.positions, reference.quaternions, frame, stamp)
+        response.plan = path_message(*poses, frame, self.get_clock().now().to_msg())
         return response
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
@@ -205,10 +192,7 @@ class PlannerNode(LoopingNode):
         return response
 
     def _parameters_changed(self, values: Mapping[str, Value]) -> None:
-        self._cycle.state_timeout = values["state_timeout"]
-        self._cycle.resume_timeout = values["resume_timeout"]
-        self._cycle.tracking_tolerance = values["tracking_tolerance"]
-        self._cycle.tracking_tolerance_angle = values["tracking_tolerance_angle"]
+        self._kind.update(values)
 
 
 def _path_news(before: tuple[CycleInputs, CycleOutput], now: tuple[CycleInputs, CycleOutput]) -> bool:
@@ -224,26 +208,12 @@ def _request_pose(request: GetPlan.Request, end: str, frame: str) -> tuple[np.nd
         raise MessageRefused(f"{end}: {error}") from error
 
 
-def _tool(values: Mapping[str, Value]) -> tuple[np.ndarray, np.ndarray]:
-    """Tool spheres as points (K, 3) and radii (K,) [m]."""
-    spheres = np.array(values["tool_spheres"]).reshape(-1, 4)
-    return spheres[:, :3], spheres[:, 3]
-
-
-def _settings(values: Mapping[str, Value]) -> PlannerSettings:
-    points, radii = _tool(values)
-    return PlannerSettings(
-        tool_points=tuple(tuple(point) for point in points.tolist()),
-        tool_radii=tuple(radii.tolist()),
-        **{name: values[name] for name in _SETTINGS},
-    )
-
-
 def _check_settings(values: Mapping[str, Value]) -> None:
     if np.linalg.norm(values["task_frame"][3:]) < 1e-6:
         raise ParameterError("parameter task_frame ends with a zero quaternion: no rotation is 1.0, 0.0, 0.0, 0.0")
     try:
-        _settings(values)
+        task_settings(values)
+        joint_settings(values)
     except PlanningError as error:
         raise ParameterError(f"parameters do not go together: {error}") from error
 

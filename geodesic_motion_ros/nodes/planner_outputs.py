@@ -7,7 +7,7 @@ their stamp.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -16,24 +16,26 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image
+from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.messages import (
     MarkerScene,
     diagnostic_array,
     diagnostic_status,
     fill_pose,
     image_message,
+    joint_trajectory_message,
     line_marker,
     path_message,
     sphere_marker,
 )
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
-from geodesic_motion_ros.nodes.planning_cycle import CycleOutput
 from geodesic_motion_ros.nodes.publishers import publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
-from geodesic_motion_ros.reference import TaskSpaceReference
+from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
 from geodesic_motion_ros.verdict import VerdictCode
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -59,9 +61,11 @@ _TOOL_COLOUR = (0.25, 0.55, 0.85, 0.45)
 class PlannerOutputs:
     """The publishers of the planner. Stamps are taken when a message leaves."""
 
-    def __init__(self, node: Node, frame: str, hardware: str) -> None:
+    def __init__(self, node: Node, frame: str, hardware: str, command_topic: str) -> None:
+        """command_topic : "target_pose" or "joint_trajectory"; nothing is published on the other."""
         self._node, self._frame, self._hardware = node, frame, hardware
-        self._target = node.create_publisher(PoseStamped, "target_pose", QoSProfile(depth=1))
+        kind = PoseStamped if command_topic == "target_pose" else JointTrajectory
+        self._commands = node.create_publisher(kind, command_topic, QoSProfile(depth=1))
         self._path = node.create_publisher(Path, "path", QoSProfile(depth=1))
         self._status = node.create_publisher(DiagnosticArray, "~/status", QoSProfile(depth=10))
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
@@ -75,11 +79,19 @@ class PlannerOutputs:
         """The pose to be at now; only the control loop calls this."""
         self._target_message.header.stamp = self._now()
         fill_pose(self._target_message.pose, position, quaternion)
-        self._target.publish(self._target_message)
+        self._commands.publish(self._target_message)
 
-    def publishers_of_target(self) -> tuple[str, ...]:
-        """Names of all nodes that publish on the topic of `target`, this one among them."""
-        return publishers_of(self._node, self._target.topic_name)
+    def trajectory(self, joint_names: Sequence[str], reference: JointReference, begin: float) -> None:
+        """What to play from `begin` [s, the node's clock] on; only the control loop calls this."""
+        self._commands.publish(
+            joint_trajectory_message(
+                joint_names, reference.times, reference.positions, reference.velocities, reference.accelerations, begin
+            )
+        )
+
+    def publishers_of_commands(self) -> tuple[str, ...]:
+        """Names of all nodes that publish on the topic of the commands, this one among them."""
+        return publishers_of(self._node, self._commands.topic_name)
 
     def status(self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop) -> None:
         """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it."""
@@ -98,7 +110,7 @@ class PlannerOutputs:
             "goal_reason": output.goal_verdict.reason,
             "refused_input": newest,
             "speed": output.speed,
-            "time_to_goal": np.nan if output.reference is None else output.reference.duration,
+            "time_to_goal": output.time_to_goal,
             "tick": loop.ticks,
             "last_tick_ms": 1e3 * loop.last_duration,
             "deadline_misses": loop.misses,
@@ -130,24 +142,27 @@ class PlannerOutputs:
         message = f"DEGRADED: {loop.rate:.1f} of {rate:g} Hz" if slow else refused or "running"
         self._publish_status(self._diagnostics, level, "loop", message, values)
 
-    def path(self, reference: TaskSpaceReference | None) -> None:
-        """The present reference; an empty path when there is none. Built only where somebody listens."""
-        if not self._path.get_subscription_count():
-            return
-        positions = reference.positions if reference else np.zeros((0, 3))
-        quaternions = reference.quaternions if reference else np.zeros((0, 4))
+    @property
+    def path_is_watched(self) -> bool:
+        return bool(self._path.get_subscription_count())
+
+    @property
+    def markers_are_watched(self) -> bool:
+        return bool(self._markers.get_subscription_count())
+
+    def path(self, poses: Pose | None) -> None:
+        """Tool positions (n, 3) and quaternions (n, 4) of the present way; an empty path when there is none."""
+        positions, quaternions = (np.zeros((0, 3)), np.zeros((0, 4))) if poses is None else poses
         self._path.publish(path_message(positions, quaternions, self._frame, self._now()))
 
-    def markers(self, reference: TaskSpaceReference | None, obstacles: ObstacleSet, body: np.ndarray) -> None:
-        """Path, obstacles as the planner sees them, and tool spheres `body` (K, 4): centre and radius [m],
-        base frame. Built only where somebody listens.
+    def markers(self, way: np.ndarray, obstacles: ObstacleSet, body: np.ndarray) -> None:
+        """The way (n, 3), obstacles as the planner sees them, and the body's spheres (K, 4): centre and radius [m],
+        base frame.
         """
-        if not self._markers.get_subscription_count():
-            return
         stamp = self._now()
         shown: list[Marker] = []
-        if reference is not None:
-            shown.append(line_marker("path", reference.positions, 0.006, _PATH_COLOUR, self._frame, stamp))
+        if len(way):
+            shown.append(line_marker("path", way, 0.006, _PATH_COLOUR, self._frame, stamp))
         spheres = zip(obstacles.centres, obstacles.radii, strict=True)
         for number, (centre, radius) in enumerate(spheres):
             shown.append(sphere_marker("obstacles", number, centre, radius, _OBSTACLE_COLOUR, self._frame, stamp))

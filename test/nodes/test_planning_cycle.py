@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
-from geodesic_motion_ros.nodes.planning_cycle import REST_TIME, CycleInputs, CycleOutput, PlanningCycle
+from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
+from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
 from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

@@ -1,0 +1,104 @@
+"""One cycle of the planner node on a joint-space skill: the stream of joint trajectories. Knows nothing of ROS."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from geodesic_motion_ros.joint_planner import JointPlan, JointSpacePlanner
+from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
+from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+#: An arm that was lost rests while no joint leaves this interval [rad].
+REST_ANGLE = 0.01
+
+
+class JointCycle(StreamCycle[np.ndarray]):
+    """The stream of joint trajectories of one arm.
+
+    Parameters
+    ----------
+    state_timeout, resume_timeout : as of `StreamCycle`.
+    tracking_tolerance : [rad] largest distance of a joint from where it was sent.
+    """
+
+    def __init__(
+        self, planner: JointSpacePlanner, state_timeout: float, resume_timeout: float, tracking_tolerance: float
+    ) -> None:
+        super().__init__("joint_trajectory", state_timeout, resume_timeout)
+        self.planner = planner
+        self.tracking_tolerance = tracking_tolerance
+        self._now = 0.0
+        self._standing: JointPlan | None = None
+        self._task_frame: Pose | None = None
+        self._displaced = False
+
+    def stop(self, verdict: Verdict) -> CycleOutput:
+        return self._output(self.planner.stop(self._now, verdict))
+
+    def _command(self, verdict: Verdict, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
+        self._now = inputs.now
+        if verdict.ok and self._displaced:
+            reason = "a skill of joint space cannot follow a task frame that is not the base frame"
+            verdict = Verdict(VerdictCode.BAD_INPUT, reason)
+        plan = self.planner.tick(inputs.now) if verdict.ok else self.planner.stop(inputs.now, verdict)
+        return self._output(plan)
+
+    def _output(self, plan: JointPlan) -> CycleOutput:
+        # Where the arm was found elsewhere, what was being played must not go on.
+        standing, self._standing = self._standing, None
+        sent = standing if standing is not None and self._lost is not None else plan
+        trajectory = None if sent.reference is None else (sent.reference, sent.begin)
+        commanded = self.planner.commanded(self._now)
+        way = self.planner.way() if plan.verdict.ok else None
+        return CycleOutput(
+            plan.verdict,
+            self._goal_verdict,
+            trajectory=trajectory,
+            reference=None if way is None else way[0],
+            time_to_goal=math.nan if way is None else max(0.0, way[1] + way[0].duration - self._now),
+            configuration=None if commanded is None else commanded[0],
+            speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
+        )
+
+    def _set_goal(self, inputs: CycleInputs[np.ndarray]) -> Verdict:
+        if isinstance(inputs.goal, np.ndarray):
+            return self.planner.set_goal_configuration(inputs.goal)
+        return self.planner.set_goal(*inputs.goal)
+
+    def _clear_goal(self) -> None:
+        self.planner.clear_goal()
+
+    def _set_obstacles(self, inputs: CycleInputs[np.ndarray]) -> Verdict:
+        obstacles = inputs.obstacles
+        # Heard by the steady clock; trajectories are stamped with another.
+        ages = inputs.steady - obstacles.times
+        centres = obstacles.centres + np.maximum(ages, 0.0)[:, None] * obstacles.velocities
+        return self.planner.set_obstacles(centres, obstacles.radii, obstacles.velocities, inputs.now)
+
+    def _take_task_frame(self, frame: Pose | None) -> None:
+        if frame is None or frame is self._task_frame:
+            return
+        self._task_frame = frame
+        self._displaced = not TaskFrame(*frame).is_identity
+
+    def _knows_where(self) -> bool:
+        return self.planner.commanded(self._now) is not None
+
+    def _stand_at(self, measured: np.ndarray, now: float) -> None:
+        self._standing = self.planner.stand_at(measured, now)
+
+    def _deviation(self, measured: np.ndarray, now: float) -> tuple[str, str] | None:
+        commanded = self.planner.commanded(now)
+        assert commanded is not None  # _knows_where came first
+        off = np.abs(measured - commanded[0])
+        worst = int(np.argmax(off))
+        if off[worst] <= self.tracking_tolerance:
+            return None
+        joint = self.planner.robot.joint_names[worst]
+        return f"{off[worst]:.3f} rad in '{joint}'", f"{self.tracking_tolerance:.3f} rad"
+
+    def _moved(self, measured: np.ndarray, before: np.ndarray) -> bool:
+        return bool(np.max(np.abs(measured - before)) > REST_ANGLE)

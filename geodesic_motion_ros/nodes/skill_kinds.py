@@ -1,0 +1,192 @@
+"""What the planner node does differently with skills of poses and of configurations; all the rest is the same."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from geodesic_motion_ros.graph.tool_points import tool_points
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.latent_view import LatentView
+from geodesic_motion_ros.nodes.joint_cycle import JointCycle
+from geodesic_motion_ros.nodes.parameters import Value
+from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
+from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
+from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycle
+from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
+from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.quaternions import continuous_signs
+from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.verdict import Verdict
+
+_SEARCH = (
+    "avoidance", "obstacle_margin", "ambient_strength", "ambient_width_ratio", "ridge_strength", "query_conditioning",
+)  # fmt: skip
+_TASK = ("maximum_offset", "maximum_offset_angle", "speed", "angular_speed", "acceleration")
+_JOINT = ("maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "prediction", "body_radius")
+
+
+class SkillKind(ABC):
+    """A planner and the cycle that it is asked in.
+
+    Attributes
+    ----------
+    robot : that the skill is of. cycle : the stream of its commands.
+    command_topic, command_type : where commands go: "target_pose", or "joint_trajectory".
+    """
+
+    robot: Robot
+    cycle: StreamCycle
+    command_topic: str
+
+    @abstractmethod
+    def place(self, joints: np.ndarray) -> Any:
+        """Where measured joint positions (eta,) put the arm, as the cycle wants it."""
+
+    @abstractmethod
+    def send(self, outputs: PlannerOutputs, output: CycleOutput) -> None:
+        """Send a cycle's commands."""
+
+    @abstractmethod
+    def tool_poses(self, reference: Any) -> Pose:
+        """Tool positions (n, 3) [m] and quaternions (n, 4) along a reference."""
+
+    @abstractmethod
+    def body(self, output: CycleOutput) -> np.ndarray:
+        """Spheres (K, 4) that obstacles are kept away from, where they are commanded to be: centre and radius [m]."""
+
+    @abstractmethod
+    def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
+        """Tool poses of a way between two poses under the present obstacles, and the verdict."""
+
+    @abstractmethod
+    def view(self, skill: Skill, size: int) -> LatentView | None:
+        """What draws the latent space; None where it cannot be drawn."""
+
+    @abstractmethod
+    def update(self, values: Mapping[str, Value]) -> None:
+        """Take parameters that may change while the node runs."""
+
+
+class TaskSpaceKind(SkillKind):
+    """Poses of the tool, streamed as `target_pose`."""
+
+    command_topic = "target_pose"
+
+    def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
+        self._points, self._radii = _tool(values)
+        self.planner = ReactivePlanner(skill, task_settings(values))
+        self.robot = self.planner.robot
+        self.cycle: PlanningCycle = PlanningCycle(
+            self.planner,
+            values["state_timeout"],
+            values["resume_timeout"],
+            values["tracking_tolerance"],
+            values["tracking_tolerance_angle"],
+        )
+
+    def place(self, joints: np.ndarray) -> Pose:
+        return self.robot.forward(joints)
+
+    def send(self, outputs: PlannerOutputs, output: CycleOutput) -> None:
+        if output.commanded is not None:
+            outputs.target(*output.commanded)
+
+    def tool_poses(self, reference: Any) -> Pose:
+        return reference.positions, reference.quaternions
+
+    def body(self, output: CycleOutput) -> np.ndarray:
+        if output.commanded is None:
+            return np.zeros((0, 4))
+        position, quaternion = output.commanded
+        centres = tool_points(position[None], quaternion[None], self._points)[0]
+        return np.concatenate([centres, self._radii[:, None]], axis=1)
+
+    def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
+        plan = self.planner.plan(*start, *goal)
+        return None if plan.reference is None else self.tool_poses(plan.reference), plan.verdict
+
+    def view(self, skill: Skill, size: int) -> LatentView | None:
+        if skill.decoder.latent_dimension != 2:
+            return None
+        return LatentView(skill, self.planner.graph, self._points, self._radii, size)
+
+    def update(self, values: Mapping[str, Value]) -> None:
+        self.cycle.state_timeout = values["state_timeout"]
+        self.cycle.resume_timeout = values["resume_timeout"]
+        self.cycle.tracking_tolerance = values["tracking_tolerance"]
+        self.cycle.tracking_tolerance_angle = values["tracking_tolerance_angle"]
+
+
+class JointSpaceKind(SkillKind):
+    """Configurations of the whole arm, sent as `joint_trajectory`."""
+
+    command_topic = "joint_trajectory"
+
+    def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
+        self.planner = JointSpacePlanner(skill, joint_settings(values))
+        self.robot = self.planner.robot
+        self.cycle: JointCycle = JointCycle(
+            self.planner, values["state_timeout"], values["resume_timeout"], values["tracking_tolerance_joint"]
+        )
+
+    def place(self, joints: np.ndarray) -> np.ndarray:
+        return joints
+
+    def send(self, outputs: PlannerOutputs, output: CycleOutput) -> None:
+        if output.trajectory is not None:
+            outputs.trajectory(self.robot.joint_names, *output.trajectory)
+
+    def tool_poses(self, reference: Any) -> Pose:
+        positions, quaternions = end_effector_poses(np.ascontiguousarray(reference.positions), self.robot.chain)
+        return positions, continuous_signs(quaternions)
+
+    def body(self, output: CycleOutput) -> np.ndarray:
+        if output.configuration is None:
+            return np.zeros((0, 4))
+        model = self.planner.collision
+        centres = model.positions(self.robot, output.configuration[None])[0]
+        return np.concatenate([centres, model.radii[:, None]], axis=1)[model.moving]
+
+    def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
+        plan = self.planner.plan(*start, *goal)
+        return None if plan.reference is None else self.tool_poses(plan.reference), plan.verdict
+
+    def view(self, skill: Skill, size: int) -> LatentView | None:
+        return None
+
+    def update(self, values: Mapping[str, Value]) -> None:
+        self.cycle.state_timeout = values["state_timeout"]
+        self.cycle.resume_timeout = values["resume_timeout"]
+        self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
+
+
+def kind_of(skill: Skill, values: Mapping[str, Value]) -> SkillKind:
+    """How the node treats a skill, with the values of its parameters."""
+    return (JointSpaceKind if skill.space == "joint" else TaskSpaceKind)(skill, values)
+
+
+def task_settings(values: Mapping[str, Value]) -> PlannerSettings:
+    """The planner's settings on a task-space skill; PlanningError where parameters do not go together."""
+    points, radii = _tool(values)
+    return PlannerSettings(
+        tool_points=tuple(tuple(point) for point in points.tolist()),
+        tool_radii=tuple(radii.tolist()),
+        **{name: values[name] for name in (*_SEARCH, *_TASK)},
+    )
+
+
+def joint_settings(values: Mapping[str, Value]) -> JointPlannerSettings:
+    """The planner's settings on a joint-space skill; PlanningError where parameters do not go together."""
+    return JointPlannerSettings(**{name: values[name] for name in (*_SEARCH, *_JOINT)})
+
+
+def _tool(values: Mapping[str, Value]) -> tuple[np.ndarray, np.ndarray]:
+    """Tool spheres as points (K, 3) and radii (K,) [m]."""
+    spheres = np.array(values["tool_spheres"]).reshape(-1, 4)
+    return spheres[:, :3], spheres[:, 3]

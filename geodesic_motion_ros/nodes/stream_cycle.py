@@ -1,0 +1,273 @@
+"""What the cycles of all planners have in common, without ROS: judge the inputs, take goals, know where the arm is.
+
+What is commanded never jumps: it moves along certified references or stands still. When the arm is found further than
+a tolerance from where it was sent (it was moved, blocked, or restarted), or was unknown for long, the goal is dropped,
+and nothing is commanded until the arm has rested for a moment: then what is commanded is where the arm already is, and
+the next goal sets it moving again.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
+from geodesic_motion_ros.reference import TaskSpaceReference
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+Pose = tuple[np.ndarray, np.ndarray]
+#: Where the arm is: a tool pose, or a configuration (eta,) [rad].
+Place = TypeVar("Place", Pose, np.ndarray)
+
+#: An arm that was lost rests when it has stayed this long [s] near one place.
+REST_TIME = 0.5
+
+
+@dataclass(frozen=True)
+class CycleInputs(Generic[Place]):
+    """What is known when a cycle begins.
+
+    Attributes
+    ----------
+    measured : where the newest joint state says that the arm is: tool pose (position (3,) [m], quaternion (4,)), or
+        configuration (eta,) [rad]; None before the first.
+    state_age : [s] since that joint state was taken.
+    goal : the newest goal asked for, a pose or a configuration, or the verdict with which its message was refused; None
+        before the first.
+    goal_number : grows with every goal asked for.
+    obstacles : the spheres that exist now.
+    silent_sources : obstacle topics that have fallen silent, with their ages [s]; empty where that does
+        not matter.
+    hold : whether a hold was asked for.
+    task_frame : where the frame that the skill was shown in stands now, position (3,) [m] and quaternion (4,).
+    goal_in_task_frame : whether the goal was given in that frame.
+    publishers : names of the nodes that publish the commands; more than one and the arm must not move.
+    now : time of the clock that trajectories are stamped with [s].
+    steady : time of the clock that obstacles are heard by [s].
+    """
+
+    measured: Place | None
+    state_age: float
+    goal: Pose | np.ndarray | Verdict | None
+    goal_number: int
+    obstacles: ObstacleSet
+    silent_sources: dict[str, float] = field(default_factory=dict)
+    hold: bool = False
+    task_frame: Pose | None = None
+    goal_in_task_frame: bool = False
+    publishers: tuple[str, ...] = ()
+    now: float = 0.0
+    steady: float = 0.0
+
+
+@dataclass(frozen=True)
+class CycleOutput:
+    """What to say after a cycle.
+
+    Attributes
+    ----------
+    verdict : of this cycle; goal_verdict : of the newest goal asked for. When that is a refusal, the motion still
+        serves the goal before.
+    commanded : pose to be at now; None in joint space, before anything is known, and while an arm that was lost does
+        not rest.
+    trajectory : joint reference to play in the place of the one before, and the time of its first knot [s]; None in
+        task space, and where the one before stays.
+    reference : the way to the goal, with an OK verdict only. time_to_goal : until it ends [s], nan without.
+    configuration : commanded (eta,) [rad] in joint space.
+    speed : of the commanded tool [m/s], in joint space of the fastest joint [rad/s].
+    """
+
+    verdict: Verdict
+    goal_verdict: Verdict
+    commanded: Pose | None = None
+    trajectory: tuple[JointReference, float] | None = None
+    reference: TaskSpaceReference | JointReference | None = None
+    time_to_goal: float = np.nan
+    configuration: np.ndarray | None = None
+    speed: float = 0.0
+
+
+@dataclass
+class _Lost:
+    """An arm that was found elsewhere than commanded: why, and since when [s] it has rested near which place."""
+
+    verdict: Verdict
+    near: Any
+    rested: float = 0.0
+
+
+class StreamCycle(ABC, Generic[Place]):
+    """The stream of commands of one arm.
+
+    Parameters
+    ----------
+    command_topic : where the commands go.
+    state_timeout : [s] a joint state older than this stops the arm.
+    resume_timeout : [s] when the state returns after less than this, the motion resumes; after more, the goal is
+        dropped.
+    """
+
+    def __init__(self, command_topic: str, state_timeout: float, resume_timeout: float) -> None:
+        self._command_topic = command_topic
+        self.state_timeout = state_timeout
+        self.resume_timeout = resume_timeout
+        self._goal_number = 0
+        self._goal_verdict = Verdict(VerdictCode.NO_GOAL, "no goal has been given")
+        self._has_goal = False
+        self._missing = False  # whether joint states have been missing for longer than resume_timeout
+        self._lost: _Lost | None = None
+        self._obstacles_version = -1
+
+    def run(self, inputs: CycleInputs[Place], period: float) -> CycleOutput:
+        """One cycle; what is commanded moves on by `period` [s]."""
+        self._take_task_frame(inputs.task_frame)
+        self._take_goal(inputs)
+        obstacles_taken = self._take_obstacles(inputs)
+        verdict = self._ready(inputs, period)
+        return self._command(obstacles_taken if verdict.ok else verdict, inputs, period)
+
+    # ------------------------------------------- what differs between the kinds of skill
+
+    @abstractmethod
+    def stop(self, verdict: Verdict) -> CycleOutput:
+        """A cycle in which nothing may be trusted: stay, and say why."""
+
+    @abstractmethod
+    def _command(self, verdict: Verdict, inputs: CycleInputs[Place], period: float) -> CycleOutput:
+        """Plan where the verdict is OK, stop otherwise, and move on."""
+
+    @abstractmethod
+    def _set_goal(self, inputs: CycleInputs[Place]) -> Verdict: ...
+
+    @abstractmethod
+    def _clear_goal(self) -> None: ...
+
+    @abstractmethod
+    def _set_obstacles(self, inputs: CycleInputs[Place]) -> Verdict: ...
+
+    @abstractmethod
+    def _take_task_frame(self, frame: Pose | None) -> None: ...
+
+    @abstractmethod
+    def _knows_where(self) -> bool:
+        """Whether something is commanded already."""
+
+    @abstractmethod
+    def _stand_at(self, measured: Place, now: float) -> None:
+        """Command the measured place, at rest."""
+
+    @abstractmethod
+    def _deviation(self, measured: Place, now: float) -> tuple[str, str] | None:
+        """How far the arm is from where it was sent, and what is allowed; None while it follows."""
+
+    @abstractmethod
+    def _moved(self, measured: Place, before: Place) -> bool:
+        """Whether an arm that should rest has moved."""
+
+    # ------------------------------------------------------------------------ inputs
+
+    def _take_goal(self, inputs: CycleInputs[Place]) -> None:
+        if inputs.goal is None or inputs.goal_number == self._goal_number:
+            return
+        self._goal_number = inputs.goal_number
+        refused = isinstance(inputs.goal, Verdict)
+        self._goal_verdict = inputs.goal if refused else self._set_goal(inputs)
+        self._has_goal = self._has_goal or self._goal_verdict.ok
+
+    def _drop_goal(self, why: str) -> None:
+        """Forget the goal: where something unexpected has happened, an arm must not set out again by itself."""
+        if self._has_goal:
+            self._has_goal = False
+            self._goal_verdict = Verdict(VerdictCode.NO_GOAL, f"goal dropped: {why}; send the goal again")
+            self._clear_goal()
+
+    def _take_obstacles(self, inputs: CycleInputs[Place]) -> Verdict:
+        if inputs.obstacles.version == self._obstacles_version:
+            return Verdict(VerdictCode.OK)
+        verdict = self._set_obstacles(inputs)
+        if verdict.ok:
+            self._obstacles_version = inputs.obstacles.version
+        return verdict
+
+    def _ready(self, inputs: CycleInputs[Place], period: float) -> Verdict:
+        """OK when a plan may be asked for; the reason otherwise, the gravest first."""
+        judged = self._stale_state(inputs) or self._follow_measured(inputs, period) or self._rivals(inputs)
+        if judged is not None:
+            return judged
+        if inputs.hold:
+            return Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
+        if inputs.silent_sources:
+            silent = ", ".join(f"{source} for {age:.2f} s" for source, age in inputs.silent_sources.items())
+            return Verdict(VerdictCode.STALE_OBSTACLES, f"silent: {silent}")
+        if not self._has_goal:
+            return self._goal_verdict
+        return Verdict(VerdictCode.OK)
+
+    def _stale_state(self, inputs: CycleInputs[Place]) -> Verdict | None:
+        if inputs.measured is None:
+            return Verdict(VerdictCode.STALE_STATE, "joint_states: none has arrived yet")
+        age, allowed = inputs.state_age, self.state_timeout
+        if age <= allowed:
+            return None
+        if age > self.resume_timeout:
+            self._missing = True
+            self._drop_goal(f"joint_states were missing for more than {self.resume_timeout:g} s")
+        return Verdict(
+            VerdictCode.STALE_STATE, f"joint_states: the newest is {age:.3f} s old, allowed are {allowed:g} s"
+        )
+
+    def _follow_measured(self, inputs: CycleInputs[Place], period: float) -> Verdict | None:
+        """Begin at the measured place, and again where an arm that was lost has come to rest."""
+        measured = inputs.measured
+        assert measured is not None  # _stale_state came first
+        if not self._knows_where():
+            self._begin_at(measured, inputs.now)
+        elif self._lost is not None:
+            if not self._rests(measured, period):
+                return self._lost.verdict
+            self._begin_at(measured, inputs.now)
+        else:
+            self._lost = self._loss(measured, inputs.now)
+            if self._lost is not None:
+                self._stand_at(measured, inputs.now)
+                return self._lost.verdict
+        return None
+
+    def _begin_at(self, measured: Place, now: float) -> None:
+        self._stand_at(measured, now)
+        self._lost, self._missing = None, False
+
+    def _rests(self, measured: Place, period: float) -> bool:
+        """Look at a lost arm a period [s] later; whether it has rested for long enough."""
+        assert self._lost is not None
+        if self._moved(measured, self._lost.near):
+            self._lost.near, self._lost.rested = measured, 0.0
+        else:
+            self._lost.rested += period
+        return self._lost.rested >= REST_TIME
+
+    def _loss(self, measured: Place, now: float) -> _Lost | None:
+        """Why what is commanded is no longer to be trusted, and drop the goal; None while the arm follows."""
+        deviation = self._deviation(measured, now)
+        if deviation is not None:
+            where, limit = deviation
+            self._drop_goal(f"the arm was {where} from where it was sent")
+            said = f"the arm is {where} from where it was sent (allowed by tracking_tolerance: {limit})"
+        elif self._missing:
+            said = "the arm is back after a long silence"
+        else:
+            return None
+        reason = f"joint_states: {said}: nothing is commanded until it has rested for {REST_TIME:g} s"
+        return _Lost(Verdict(VerdictCode.BAD_INPUT, reason), measured)
+
+    def _rivals(self, inputs: CycleInputs[Place]) -> Verdict | None:
+        """More than one node that commands the arm: which of them it followed would be chance."""
+        if len(inputs.publishers) <= 1:
+            return None
+        names, topic = " and ".join(inputs.publishers), self._command_topic
+        self._drop_goal(f"{topic} had more than one publisher, {names}")
+        return Verdict(VerdictCode.BAD_INPUT, f"{topic} is published by {names}: only one may command the arm")
