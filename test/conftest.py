@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.quaternions import rotate_by
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -92,3 +94,30 @@ def canonical_fan_skill(varying_fan: Demonstrations) -> Skill:
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
     return train_task_space_skill(varying_fan, TrainingSettings(**SMALL), name="canonical fan")
+
+
+def reaches(count_per_family: int, connected: bool, seed: int = 0) -> JointDemonstrations:
+    """Reaches to grasp in two families, elbow out to the left or to the right: as told to the arm, without physics."""
+    from geodesic_motion_ros.simulation.joint_teacher import configurations, reach_guidances
+
+    robot = Robot.panda()
+    items = [
+        JointDemonstration(configurations(robot, guidance), guidance.motion.times, guidance.motion.name)
+        for guidance in reach_guidances(count_per_family, seed, families=2, connected=connected)
+    ]
+    return JointDemonstrations(tuple(items), robot.joint_names, "panda")
+
+
+@pytest.fixture(scope="session")
+def reach_demonstrations() -> JointDemonstrations:
+    """What reach_skill was learned from: four demonstrations of each family, which begin and end alike."""
+    return reaches(4, connected=True)
+
+
+@pytest.fixture(scope="session")
+def reach_skill(reach_demonstrations: JointDemonstrations) -> Skill:
+    """A joint-space skill of the whole Panda on the canonical sheet, with two ways, really trained."""
+    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill
+
+    settings = JointTrainingSettings(batch=128, **SMALL)
+    return train_joint_space_skill(reach_demonstrations, Robot.panda(), settings, name="reach")
