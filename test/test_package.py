@@ -29,11 +29,12 @@ BULLET = re.compile(r"pybullet(_data)?(\.|$)")
 UPPER = re.compile(rf"{PACKAGE}\.(manifold|experiments|cli)(\.|$)")
 MAY_TRAIN = {"manifold", "experiments", "cli"}
 GROUND = {
-    "graph", "robot", "skill", "sheet", "regression", "quaternions", "errors", "verdict", "decoder", "shared_files",
+    "graph", "robot", "skill", "sheet", "joint_sheet", "regression", "quaternions", "errors", "verdict", "shared_files",
 }  # fmt: skip
 RUN = {
     *GROUND, "planner", "planner_settings", "query", "task_frame", "reference", "motion_curve", "time_law",
-    "certificate", "latent_view", "tables", "simulation", "nodes",
+    "certificate", "joint_planner", "joint_query", "joint_reference", "joint_time_law", "joint_limits", "quintic",
+    "cubic_spline", "arm_certificate", "latent_view", "tables", "simulation", "nodes",
 }  # fmt: skip
 
 
@@ -275,6 +276,10 @@ def test_only_nodes_import_ros() -> None:
 
 def test_only_the_simulation_and_teachers_import_pybullet() -> None:
     assert not [line for line in offenders(BULLET, all_parts() - {"simulation"}) if "teacher" not in line]
+
+
+def test_every_part_of_the_package_has_its_place() -> None:
+    assert all_parts() == RUN | MAY_TRAIN | {"demonstrations", "plots", "__init__", "__main__"}
 
 
 def test_torch_stays_in_the_learning_tower() -> None:
