@@ -18,7 +18,7 @@ import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.errors import RobotError
-from geodesic_motion_ros.graph.ambient import ambient_factors, clearances
+from geodesic_motion_ros.graph.ambient import ambient_factors
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.shortest_path import shortest_path, touched_nodes
@@ -166,7 +166,6 @@ class JointSpacePlanner:
             self.robot, self.collision.points.frames, self.collision.points.offsets, self.collision.radii,
             self.collision.self_pairs,
         )  # fmt: skip
-        self._sphere_radii = self.collision.radii[self.collision.moving]
         self._queries = JointQueryBuilder(skill, self.graph, self.settings, self.collision)
         self._point_radii = np.full(self.graph.body.offsets.shape[0], self.settings.body_radius)
         self._obstacles = MovingSpheres.none()
@@ -458,7 +457,7 @@ class JointSpacePlanner:
         query.graph.fill_shares(self.graph.adjacency, touched)
         within = max(_MARGIN_MULTIPLES) * settings.obstacle_margin
         free = np.full(len(self.graph.latent), -math.inf)
-        free[query.members] = clearances(query.spheres, self._sphere_radii, centres, radii, within)
+        free[query.members] = query.arm.clearances(centres, radii, within)
         # The goal itself was found free; its node lies under it but for rounding.
         free[query.goal_node] = math.inf
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)

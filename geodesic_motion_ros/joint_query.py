@@ -12,13 +12,14 @@ from typing import Literal
 import numpy as np
 
 from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.graph.arm_clearance import ArmSpheres, LinkBounds
 from geodesic_motion_ros.graph.configuration_graph import CarriedConfigurations, ConfigurationGraph
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import corrections_at
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.query import AlongRidges, Pose
-from geodesic_motion_ros.robot.body_points import end_effector_poses, place_body_points
+from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.sheet import beyond_demonstrated
@@ -77,8 +78,8 @@ class JointQuery:
     Attributes
     ----------
     start, goal : (eta,) the asked configurations [rad].
-    members : (c,) nodes of the connected piece that holds both ends; body_points : (c, K, 3) and spheres : (c, S, 3)
-        [m] their body points and the collision spheres that joints move.
+    members : (c,) nodes of the connected piece that holds both ends; body_points : (c, K, 3) [m] and arm their body
+        points and collision spheres.
     """
 
     start: np.ndarray
@@ -87,7 +88,7 @@ class JointQuery:
     goal_node: int
     members: np.ndarray
     body_points: np.ndarray
-    spheres: np.ndarray
+    arm: ArmSpheres
     offsets: JointOffsets
     graph: CarriedConfigurations
     base: np.ndarray
@@ -107,6 +108,7 @@ class JointQueryBuilder:
         """graph : decoded from the skill; collision : of its robot."""
         self._skill, self._graph, self._settings, self._collision = skill, graph, settings, collision
         self._robot = graph.robot
+        self._links = LinkBounds.of(collision)
         self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
         joints = len(self._robot.joint_names)
         self._unconditioned = self._along_ridges(np.zeros(joints), np.zeros(joints), conditioned=False)
@@ -313,7 +315,6 @@ class JointQueryBuilder:
         offsets = JointOffsets.between(self._robot, shown, asked, along, corrections)
         graph = self._graph.transported(offsets, conformal)
         members = np.flatnonzero(self._graph.component == self._graph.component[there.node])
-        spheres, moving = self._collision.points, self._collision.moving
         return JointQuery(
             start=here.asked,
             goal=there.asked,
@@ -321,9 +322,7 @@ class JointQueryBuilder:
             goal_node=there.node,
             members=members,
             body_points=graph.body_points[members],
-            spheres=place_body_points(
-                graph.configurations[members], spheres.frames[moving], spheres.offsets[moving], self._robot.chain
-            ),
+            arm=ArmSpheres.at(graph.configurations[members], self._collision, self._links, self._robot),
             offsets=offsets,
             graph=graph,
             base=graph.base,
