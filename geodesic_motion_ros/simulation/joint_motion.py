@@ -55,13 +55,16 @@ class JointMotion:
         )
         self._advance(twist_step(self.robot, self.positions, twist + correction, dt), dt)
 
-    def follow_joints(self, positions: np.ndarray, velocities: np.ndarray, dt: float) -> None:
-        """Advance by `dt` [s] towards joint positions (n,) [rad] that themselves move with velocities (n,) [rad/s]."""
+    def follow_joints(self, present: np.ndarray, ahead: np.ndarray, dt: float) -> None:
+        """Advance by `dt` [s] along with joint positions (n,) [rad] that are `present` now and `ahead` then.
+
+        On the way of a motion within the limits it is followed exactly; from elsewhere it is caught up with.
+        """
         settings = self.catch_up
         correction = _approach(
-            positions - self.positions, settings.gain, settings.joint_deceleration, settings.joint_speed
+            present - self.positions, settings.gain, settings.joint_deceleration, settings.joint_speed
         )
-        wanted = velocities + correction
+        wanted = (ahead - present) / dt + correction
         self._advance(wanted / max(1.0, float(np.max(np.abs(wanted) / self.robot.velocity_limits))), dt)
 
     def stop(self, dt: float) -> None:

@@ -53,6 +53,7 @@ from geodesic_motion_ros.simulation.teacher import (
     pouring_motion,
     pouring_stands,
 )
+from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 
 ROBOT_NAME = "panda"
 
@@ -243,14 +244,15 @@ def perform(world: TabletopWorld, guidance: Guidance) -> JointDemonstration:
     wanted = configurations(world.robot, guidance)
     _check_motion(world.robot, wanted, name)
     velocities = np.gradient(wanted, 1.0 / RATE_HZ, axis=0)
+    velocities[-1] = 0.0
     world.furnish(guidance.motion.solid)
     world.reset(wanted[0])
+    world.set_joint_trajectory(JointWaypoints(guidance.motion.times, wanted, velocities))
     done = []
-    for sample, (positions, passing) in enumerate(zip(wanted, velocities, strict=True)):
+    for sample in range(len(wanted)):
         done.append(world.joint_positions)
         if sample % SAMPLES_PER_CLEARANCE == 0:
             _check_clearance(world, sample, name)
-        world.set_joint_target(positions, passing)
         for _ in range(STEPS_PER_SAMPLE):
             world.step()
     measured = np.array(done)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +15,13 @@ from geodesic_motion_ros.simulation.camera import take_picture, view_named
 from geodesic_motion_ros.simulation.joint_motion import JointMotion
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
 from geodesic_motion_ros.simulation.target_stream import TargetStream
+from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 
 PANDA_URDF = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
 SMOOTH_SPHERE = Path(pybullet_data.getDataPath()) / "sphere_smooth.obj"  # of radius one
 FINGER_OPENING = 0.02
 # Share of a position error that PyBullet's motor removes in one step.
 POSITION_GAIN = 0.5
-# How long a joint target goes on without the next one [s]: two periods of a stream at 100 Hz.
-JOINT_TARGET_LEAD = 0.02
 OBSTACLE_COLOURS = (
     (0.86, 0.24, 0.18),
     (0.93, 0.58, 0.12),
@@ -35,24 +33,6 @@ TABLE_COLOUR = (0.72, 0.75, 0.79, 1.0)
 TABLE_HALF_EXTENTS = (0.75, 0.9, 0.03)
 
 
-@dataclass(frozen=True, eq=False)
-class _JointTarget:
-    """Joint positions (7,) [rad] that move with velocities (7,) [rad/s] since `arrival` [s]."""
-
-    positions: np.ndarray
-    velocities: np.ndarray
-    arrival: float
-
-    def sample(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities at `time` [s]."""
-        elapsed = time - self.arrival
-        moving = elapsed <= JOINT_TARGET_LEAD + 1e-9
-        return (
-            self.positions + min(elapsed, JOINT_TARGET_LEAD) * self.velocities,
-            self.velocities if moving else np.zeros_like(self.velocities),
-        )
-
-
 class PandaWorld:
     """A Panda on a table, with gravity, joint motors, kinematic spheres as obstacles, and a camera.
 
@@ -62,15 +42,21 @@ class PandaWorld:
     ----------
     gui : open PyBullet's window instead of running headless.
     rate_hz : physics steps per second of simulated time.
+
+    Attributes
+    ----------
+    time : simulated time [s] since the last reset.
+    clock_offset : what the clock that begins of trajectories are given on shows [s] when `time` is 0; 0 after a reset.
     """
 
     def __init__(self, gui: bool = False, rate_hz: float = 240.0) -> None:
         if not 100.0 <= rate_hz <= 2000.0:
             raise ParameterError(f"rate_hz is {rate_hz}: physics runs at 100 to 2000 steps per second")
         self.robot = Robot.panda()
-        self._reach = self.robot.reach  # worked out now, not at the first target
+        # worked out and compiled now, not at the first target
+        self._reach = self.robot.reach
+        _compile_player(self.robot.ready)
         self.dt = 1.0 / rate_hz
-        self.time = 0.0
         self._client = PhysicsClient(gui)
         self._obstacles: dict[str, tuple[int, float]] = {}
         self._decorations: list[int] = []
@@ -99,9 +85,9 @@ class PandaWorld:
             self._client.resetJointState(self._arm, index, position, 0.0)
         for index in self._fingers:
             self._client.resetJointState(self._arm, index, FINGER_OPENING, 0.0)
-        self.time = 0.0
+        self.time = self.clock_offset = 0.0
         self._motion = JointMotion(self.robot, start)
-        self._target: TargetStream | _JointTarget | None = None
+        self._target: TargetStream | TrajectoryPlayer | None = None
         self._drive(start, np.zeros(len(start)))
         self._client.performCollisionDetection()
 
@@ -124,21 +110,28 @@ class PandaWorld:
             self._target = TargetStream(*self.robot.forward(self._motion.positions))
         self._target.accept(position, quaternion, self.time)
 
-    def set_joint_target(self, positions: np.ndarray, velocities: np.ndarray) -> None:
-        """Follow joint positions (7,) [rad], passed with velocities (7,) [rad/s], from now on.
+    def set_joint_trajectory(self, waypoints: JointWaypoints, begin: float | None = None) -> None:
+        """Follow a joint trajectory from now on, by the rules of joint_trajectory_controller (`trajectory_player.py`).
 
-        Until the next target, but for `JOINT_TARGET_LEAD` seconds at most, the target moves on with its velocities.
+        What exceeds the arm's limits is followed as far as they allow, a jump too.
+
+        Parameters
+        ----------
+        begin : time [s] its waypoints count from, on the clock that `clock_offset` tells of; None for now.
 
         Raises
         ------
-        RobotError : positions outside the limits, velocities not seven finite numbers; the target stays what it was.
+        RobotError : it is of another number of joints, or ends in the past; the target stays what it was.
         """
-        positions, velocities = self.robot.checked(positions), np.array(velocities, dtype=float)
-        if velocities.shape != positions.shape or not np.all(np.isfinite(velocities)):
-            raise RobotError(
-                f"joint velocities are {velocities.tolist()}: expected {len(positions)} finite numbers in rad/s"
-            )
-        self._target = _JointTarget(positions, velocities, self.time)
+        joints = waypoints.positions.shape[1]
+        if joints != len(self.robot.joint_names):
+            raise RobotError(f"a trajectory of {joints} joints: expected {', '.join(self.robot.joint_names)}")
+        if isinstance(self._target, TrajectoryPlayer):
+            player = self._target
+        else:
+            player = TrajectoryPlayer(self._motion.positions, self._motion.velocities)
+        player.replace(waypoints, begin, self.time + self.clock_offset)
+        self._target = player
 
     def hold(self) -> None:
         """Brake to rest inside the acceleration limits and stay there until the next target."""
@@ -152,7 +145,9 @@ class PandaWorld:
         elif isinstance(self._target, TargetStream):
             self._motion.follow(*self._target.sample(self.time + self.dt), self.dt)
         else:
-            self._motion.follow_joints(*self._target.sample(self.time + self.dt), self.dt)
+            now = self.time + self.clock_offset
+            present, ahead = self._target.sample(now)[0], self._target.sample(now + self.dt)[0]
+            self._motion.follow_joints(present, ahead, self.dt)
         # the motor adds its share of the position error to the velocity given: the error must be that of now
         self._drive(before, self._motion.velocities)
         self._client.stepSimulation()
@@ -333,3 +328,9 @@ def _checked_sphere(name: str, centre: np.ndarray, radius: float) -> tuple[np.nd
     if not 0.0 < radius < np.inf:
         raise ParameterError(f"radius of obstacle '{name}' is {radius}: expected a positive number of metres")
     return centre, float(radius)
+
+
+def _compile_player(positions: np.ndarray) -> None:
+    player = TrajectoryPlayer(positions, np.zeros(len(positions)))
+    player.replace(JointWaypoints(np.array([0.0, 1.0]), np.stack([positions, positions])), 0.0, 0.0)
+    player.sample(0.5)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -70,7 +72,7 @@ def test_limits_hold_for_leaping_joint_targets() -> None:
     for target in ROBOT.sample(6, generator):
         passing = generator.normal(size=7)
         for _ in range(60):
-            motion.follow_joints(target, passing, DT)
+            motion.follow_joints(target, target + DT * passing, DT)
             velocities.append(motion.velocities)
     accelerations = np.diff(velocities, axis=0) / DT
     assert np.all(np.abs(velocities) <= ROBOT.velocity_limits * (1.0 + 1e-9))
@@ -82,10 +84,19 @@ def test_a_far_joint_target_is_reached_and_not_overshot() -> None:
     target = ROBOT.ready + [0.5, 0.2, -0.4, 0.3, 0.0, -0.2, 0.6]
     distances = []
     for _ in range(720):
-        motion.follow_joints(target, np.zeros(7), DT)
+        motion.follow_joints(target, target, DT)
         distances.append(np.linalg.norm(target - motion.positions))
     assert distances[-1] < 1e-4
     assert np.all(np.diff(distances) < 1e-6)
+
+
+def test_a_motion_within_the_limits_is_followed_exactly() -> None:
+    motion = JointMotion(ROBOT, ROBOT.ready)
+    swing = np.array([0.4, 0.2, -0.3, 0.3, 0.5, -0.3, 0.6])
+    path = ROBOT.ready + np.outer(0.5 - 0.5 * np.cos(np.pi * np.arange(0.0, 1.0, DT)), swing)
+    for present, ahead in pairwise(path):
+        motion.follow_joints(present, ahead, DT)
+        np.testing.assert_allclose(motion.positions, ahead, atol=1e-12)
 
 
 def test_a_joint_brakes_before_its_limit() -> None:

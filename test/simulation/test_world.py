@@ -12,7 +12,8 @@ from geodesic_motion_ros.demonstrations.readers import read_demonstrations
 from geodesic_motion_ros.errors import ParameterError, RobotError
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error, solve
 from geodesic_motion_ros.simulation.camera import VIEWS
-from geodesic_motion_ros.simulation.world import JOINT_TARGET_LEAD, PandaWorld
+from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
+from geodesic_motion_ros.simulation.world import PandaWorld
 
 Pose = tuple[np.ndarray, np.ndarray]
 
@@ -86,39 +87,87 @@ def test_joint_limits_hold_while_a_far_target_is_approached(world: PandaWorld) -
     assert distance_to(world, (start + [0.1, -0.5, -0.2], quaternion))[0] < 1e-3
 
 
-def test_joint_positions_are_followed_through_a_smooth_motion(world: PandaWorld) -> None:
-    start = world.joint_positions
+def swinging(start: np.ndarray, duration: float = 3.0) -> JointWaypoints:
+    """From `start` (7,) by some tenths of a radian within the limits, a waypoint every 20 ms."""
     swing = np.array([0.4, 0.2, -0.3, 0.3, 0.5, -0.3, 0.6])
-    times = np.arange(0.0, 3.0, 0.01)
-    path = start + np.outer(0.5 - 0.5 * np.cos(np.pi * times / 3.0), swing)
-    velocities = np.gradient(path, 0.01, axis=0)
-    errors = []
-    for positions, passing in zip(path, velocities, strict=True):
-        errors.append(np.max(np.abs(world.joint_positions - positions)))
-        world.set_joint_target(positions, passing)
-        while world.time < 0.01 * len(errors) - 1e-9:
-            world.step()
-    assert max(errors) < 5e-3
-    assert errors[-1] < 1e-3
+    rate = np.pi / duration
+    times = np.linspace(0.0, duration, int(50 * duration) + 1)
+    shares = 0.5 - 0.5 * np.cos(rate * times), 0.5 * rate * np.sin(rate * times), 0.5 * rate**2 * np.cos(rate * times)
+    motion = [np.outer(share, swing) for share in shares]
+    motion[1][-1] = 0.0
+    return JointWaypoints(times, start + motion[0], *motion[1:])
 
 
-def test_a_joint_target_that_ends_is_rested_at(world: PandaWorld) -> None:
-    """Without a next one it is carried on for `JOINT_TARGET_LEAD` and no farther; the limits hold on the way."""
-    target = world.joint_positions + [0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    drift = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    world.set_joint_target(target, drift)
-    velocities = []
-    for _ in range(600):
+def test_a_joint_trajectory_is_followed(world: PandaWorld) -> None:
+    waypoints = swinging(world.joint_positions)
+    expected = TrajectoryPlayer(world.joint_positions, np.zeros(7))
+    expected.replace(waypoints, 0.0, 0.0)
+    world.set_joint_trajectory(waypoints)
+    commanded, measured = [], []
+    while world.time < 3.1:
         world.step()
-        velocities.append(world.joint_velocities)
-    np.testing.assert_allclose(world.joint_positions, target + JOINT_TARGET_LEAD * drift, atol=1e-3)
-    assert np.max(np.abs(velocities[-1])) < 1e-3
-    assert np.all(np.max(np.abs(velocities), axis=0) < world.robot.velocity_limits)
+        desired = expected.sample(world.time)[0]
+        commanded.append(np.max(np.abs(world.commanded_positions - desired)))
+        measured.append(np.max(np.abs(world.joint_positions - desired)))
+    assert max(commanded) < 1e-9
+    assert max(measured) < 1e-3
+    assert measured[-1] < 1e-4
 
 
-def test_poses_and_joint_targets_take_turns(world: PandaWorld) -> None:
+def test_begins_of_trajectories_are_of_the_clock_that_is_told(world: PandaWorld) -> None:
+    start = world.joint_positions
+    waypoints = swinging(start)
+    world.clock_offset = 1000.0
+    for _ in range(24):
+        world.step()
+    with pytest.raises(RobotError, match="ends in the past"):
+        world.set_joint_trajectory(waypoints, 997.0)
+    world.set_joint_trajectory(waypoints, 1000.5)
+    while world.time < 0.5:
+        world.step()
+        np.testing.assert_allclose(world.joint_positions, start, atol=1e-3)
+    while world.time < 3.5:
+        world.step()
+    np.testing.assert_allclose(world.joint_positions, waypoints.positions[-1], atol=1e-3)
+
+
+@pytest.mark.parametrize("begin", [0.0, -1.5], ids=["of what is far", "into the midst"])
+def test_a_jump_is_followed_as_fast_as_the_limits_allow(world: PandaWorld, begin: float) -> None:
+    waypoints = swinging(world.joint_positions + (0.3 if begin == 0.0 else 0.0))
+    world.set_joint_trajectory(waypoints, begin)
+    velocities = [np.zeros(7)]
+    for _ in range(960):
+        before = world.commanded_positions
+        world.step()
+        velocities.append((world.commanded_positions - before) / world.dt)
+        assert np.all(np.abs(velocities[-1]) <= world.robot.velocity_limits * (1.0 + 1e-9))
+    accelerations = np.diff(velocities, axis=0) / world.dt
+    assert np.all(np.abs(accelerations) <= world.robot.acceleration_limits * (1.0 + 1e-6))
+    np.testing.assert_allclose(world.joint_positions, waypoints.positions[-1], atol=1e-3)
+
+
+def test_a_trajectory_that_follows_poses_begins_with_their_motion(world: PandaWorld) -> None:
+    start, quaternion = world.tool_pose()
+    world.set_target_pose(start + [0.0, -0.4, 0.0], quaternion)
+    for _ in range(80):
+        world.step()
+    before = world.joint_velocities
+    goal = JointWaypoints(np.array([1.0]), world.robot.ready[None] + 0.1, np.zeros((1, 7)))
+    world.set_joint_trajectory(goal)
+    world.step()
+    assert np.max(np.abs(world.joint_velocities - before)) < 0.1
+    for _ in range(300):
+        world.step()
+    np.testing.assert_allclose(world.joint_positions, world.robot.ready + 0.1, atol=1e-3)
+
+
+def rest_at(positions: np.ndarray) -> JointWaypoints:
+    return JointWaypoints(np.array([1.0]), positions[None])
+
+
+def test_poses_and_joint_trajectories_take_turns(world: PandaWorld) -> None:
     pose = world.tool_pose()
-    world.set_joint_target(world.robot.ready + 0.1, np.zeros(7))
+    world.set_joint_trajectory(rest_at(world.robot.ready + 0.1))
     for _ in range(400):
         world.step()
     np.testing.assert_allclose(world.joint_positions, world.robot.ready + 0.1, atol=1e-3)
@@ -128,21 +177,27 @@ def test_poses_and_joint_targets_take_turns(world: PandaWorld) -> None:
     assert distance_to(world, pose)[0] < 1e-3
 
 
+def test_position_limits_end_what_a_trajectory_asks_for(world: PandaWorld) -> None:
+    world.set_joint_trajectory(rest_at(world.robot.ready + [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0]))
+    for _ in range(960):
+        world.step()
+        assert np.all(world.commanded_positions <= world.robot.upper)
+    assert world.joint_positions[6] == pytest.approx(world.robot.upper[6], abs=1e-3)
+
+
 @pytest.mark.parametrize(
-    ("positions", "velocities", "message"),
+    ("waypoints", "begin", "message"),
     [
-        (np.zeros(7), np.zeros(7), "joint 'panda_joint4' is at"),
-        (np.zeros(6), np.zeros(7), r"shape \(6,\)"),
-        (None, np.zeros(6), "expected 7 finite numbers in rad/s"),
-        (None, np.full(7, np.nan), "expected 7 finite numbers in rad/s"),
+        (JointWaypoints(np.array([1.0]), np.zeros((1, 6))), None, "a trajectory of 6 joints: expected panda_joint1"),
+        (rest_at(np.zeros(7)), -3.0, "ends in the past"),
     ],
 )
-def test_an_impossible_joint_target_is_refused_and_the_old_one_kept(
-    world: PandaWorld, positions: np.ndarray | None, velocities: np.ndarray, message: str
+def test_an_impossible_joint_trajectory_is_refused_and_the_old_one_kept(
+    world: PandaWorld, waypoints: JointWaypoints, begin: float | None, message: str
 ) -> None:
-    world.set_joint_target(world.robot.ready + 0.05, np.zeros(7))
+    world.set_joint_trajectory(rest_at(world.robot.ready + 0.05))
     with pytest.raises(RobotError, match=message):
-        world.set_joint_target(world.robot.ready if positions is None else positions, velocities)
+        world.set_joint_trajectory(waypoints, begin)
     for _ in range(400):
         world.step()
     np.testing.assert_allclose(world.joint_positions, world.robot.ready + 0.05, atol=1e-3)
