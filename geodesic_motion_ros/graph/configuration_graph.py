@@ -166,7 +166,7 @@ def build_configuration_graph(
         energy = metric.joint_weight**2 * turned + moved + sigma_fixed + sigma_shares.mean(axis=1)
         usable = energy <= energy_limit
         edges, sigma_fixed, sigma_shares = edges[usable], sigma_fixed[usable], sigma_shares[usable]
-    progress_map = ProgressMap.from_codes(codes, grid) if ridges is None else ProgressMap.from_ridges(ridges, grid)
+    progress_map = _progress_map(codes, grid, ridges, kept)
     progress, ridge_shares = progress_map(latent)
     return ConfigurationGraph(
         grid=grid,
@@ -189,6 +189,10 @@ def build_configuration_graph(
         _sigma_fixed=sigma_fixed,
         _sigma_shares=sigma_shares,
     )
+
+
+def _progress_map(codes: np.ndarray, grid: LatentGrid, ridges: Ridges | None, kept: np.ndarray) -> ProgressMap:
+    return ProgressMap.from_codes(codes, grid) if ridges is None else ProgressMap.from_ridges(ridges, grid, kept)
 
 
 def _along_edges(decoder: JointSpaceDecoder, latent: np.ndarray, edges: np.ndarray, pieces: int) -> np.ndarray:

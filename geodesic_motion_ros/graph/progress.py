@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import binary_dilation, distance_transform_edt, map_coordinates
 
 from geodesic_motion_ros.graph.grid import LatentGrid
 from geodesic_motion_ros.graph.ridge import Ridges
@@ -27,9 +27,21 @@ class ProgressMap:
         return progress, np.stack(shares, axis=1) if shares else np.empty((len(latent), 0))
 
     @classmethod
-    def from_ridges(cls, ridges: Ridges, grid: LatentGrid) -> ProgressMap:
-        """The ridges' own progress and shares."""
-        return cls(*ridges.coordinates(grid.nodes()), grid)
+    def from_ridges(cls, ridges: Ridges, grid: LatentGrid, kept: np.ndarray | None = None) -> ProgressMap:
+        """The ridges' own progress and shares.
+
+        kept : mask over the grid's nodes: they are worked out there and one node further, and taken over from the
+            nearest of those elsewhere, where no path leads. In three dimensions most of the grid is empty. None: all.
+        """
+        if kept is None:
+            return cls(*ridges.coordinates(grid.nodes()), grid)
+        near = binary_dilation(kept.reshape(grid.shape), np.ones([3] * len(grid.shape)))
+        nearest = distance_transform_edt(~near, return_distances=False, return_indices=True)
+        row = np.zeros(grid.shape, dtype=int)
+        row[near] = np.arange(np.count_nonzero(near))
+        taken = row[tuple(nearest)].reshape(-1)
+        progress, shares = ridges.coordinates(grid.nodes()[near.reshape(-1)])
+        return cls(progress[taken], shares[taken], grid)
 
     @classmethod
     def from_codes(cls, codes: np.ndarray, grid: LatentGrid) -> ProgressMap:

@@ -48,3 +48,17 @@ def test_along_codes_it_runs_from_start_to_goal_and_knows_no_ridges():
 def test_a_single_demonstration_is_enough():
     codes = strip(1)
     assert np.abs(ProgressMap.from_codes(codes, GRID)(codes[0])[0] - np.linspace(0.0, 1.0, 50)).max() < 0.1
+
+
+def test_what_is_worked_out_near_kept_nodes_is_what_is_worked_out_everywhere() -> None:
+    codes = np.stack([np.stack([np.linspace(-2.0, 2.0, 30), np.full(30, y)], axis=1) for y in (-0.5, 0.0, 0.4)])
+    ridges = Ridges.of_codes(codes, np.array([0, 0, 1]))
+    grid = LatentGrid(np.array([-2.5, -1.0]), np.array([2.5, 1.0]), (60, 40))
+    kept = np.abs(grid.nodes()[:, 1]) < 0.5
+    near, everywhere = ProgressMap.from_ridges(ridges, grid, kept), ProgressMap.from_ridges(ridges, grid)
+    points = np.random.default_rng(0).uniform([-2.4, -0.5], [2.4, 0.5], (200, 2))
+    for found, expected in zip(near(points), everywhere(points), strict=True):
+        np.testing.assert_array_equal(found, expected)
+    # Elsewhere it stays what it is at the nearest of them.
+    far, rim = np.array([[0.3, 0.99]]), np.array([[0.3, 0.5]])
+    np.testing.assert_allclose(near(far)[0], near(rim)[0], atol=0.05)
