@@ -14,10 +14,13 @@ import numpy as np
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.errors import ParameterError, SkillError
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 
 if TYPE_CHECKING:
+    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
     from geodesic_motion_ros.manifold.training import TrainingSettings
 
 
@@ -76,20 +79,36 @@ def trained_on_folds(
 
 def trained_once(
     task: str,
-    shown: Demonstrations,
-    settings: TrainingSettings,
+    shown: Demonstrations | JointDemonstrations,
+    settings: TrainingSettings | JointTrainingSettings,
     folder: Path,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Skill:
-    """A skill out of the cache, or trained, called progress(stage, step, steps), and put there."""
-    from geodesic_motion_ros.manifold.training import train_task_space_skill
+    """A skill out of the cache, or trained, called progress(stage, step, steps), and put there.
 
+    Demonstrations of joints are learned with JointTrainingSettings, in joint space.
+    """
     kept = folder / f"{task}-{_digest(shown, settings)}"
     skill = _cached(kept)
     if skill is None:
-        skill = train_task_space_skill(shown, settings, name=task, progress=progress)
+        skill = _trained(task, shown, settings, progress)
         skill.save(kept)
     return skill
+
+
+def _trained(
+    task: str,
+    shown: Demonstrations | JointDemonstrations,
+    settings: TrainingSettings | JointTrainingSettings,
+    progress: Callable[[str, int, int], None] | None,
+) -> Skill:
+    if isinstance(shown, JointDemonstrations):
+        from geodesic_motion_ros.manifold.joint_training import train_joint_space_skill
+
+        return train_joint_space_skill(shown, Robot.named(shown.robot), settings, name=task, progress=progress)
+    from geodesic_motion_ros.manifold.training import train_task_space_skill
+
+    return train_task_space_skill(shown, settings, name=task, progress=progress)
 
 
 def _cached(folder: Path) -> Skill | None:
@@ -102,19 +121,24 @@ def _cached(folder: Path) -> Skill | None:
         return None
 
 
-def _digest(demonstrations: Demonstrations, settings: TrainingSettings) -> str:
+def _digest(
+    demonstrations: Demonstrations | JointDemonstrations, settings: TrainingSettings | JointTrainingSettings
+) -> str:
     digest = hashlib.sha256(json.dumps(asdict(settings), sort_keys=True).encode())
+    of_joints = isinstance(demonstrations, JointDemonstrations)
     for item in demonstrations:
-        for array in (item.positions, item.quaternions):
+        for array in (item.configurations,) if of_joints else (item.positions, item.quaternions):
             digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(training_code())
+    digest.update(training_code("joint_training" if of_joints else "training"))
     return digest.hexdigest()[:16]
 
 
-def training_code() -> bytes:
-    """Digest of the module that trains and of all of this package that it imports: another version learns otherwise."""
+def training_code(module: str = "training") -> bytes:
+    """Digest of the module of `manifold` that trains and of all of this package that it imports: another version
+    learns otherwise.
+    """
     package = Path(__file__).resolve().parents[1]
-    waiting, meanings = [package / "manifold" / "training.py"], {}
+    waiting, meanings = [package / "manifold" / f"{module}.py"], {}
     while waiting:
         file = waiting.pop()
         if file in meanings:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import DemonstrationError, ParameterError
-from geodesic_motion_ros.experiments.trained import meaning, trained_on_folds, training_code
+from geodesic_motion_ros.experiments.trained import meaning, trained_on_folds, trained_once, training_code
+from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.manifold.training import TrainingSettings
 
 IN_NO_TIME = TrainingSettings(steps=60, kernels=20, hidden=(32, 16))
@@ -66,3 +67,16 @@ def test_code_that_the_training_imports_counts_as_training_code(monkeypatch) -> 
     assert training_code() != before
     changed = "shortest_path.py"
     assert training_code() == before
+
+
+def test_demonstrations_of_joints_are_learned_in_joint_space_and_kept(reach_demonstrations, tmp_path) -> None:
+    settings = JointTrainingSettings(steps=60, samples=40, kernels=20, hidden=(32, 16), precision_iterations=20)
+    first = trained_once("reach", reach_demonstrations, settings, tmp_path)
+    (kept,) = tmp_path.iterdir()
+    written = (kept / "skill.yaml").stat().st_mtime_ns
+    again = trained_once("reach", reach_demonstrations, settings, tmp_path)
+    assert (kept / "skill.yaml").stat().st_mtime_ns == written
+    assert again.space == "joint"
+    np.testing.assert_array_equal(again.codes, first.codes)
+    trained_once("reach", reach_demonstrations.split((0,))[0], settings, tmp_path)
+    assert len(list(tmp_path.iterdir())) == 2
