@@ -8,9 +8,11 @@ steady clock].
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+
+from geodesic_motion_ros.nodes.obstacle_velocity import ObstacleVelocity
 
 Key = tuple[str, int]
 
@@ -29,12 +31,17 @@ class ObstacleSet:
     radii : (n,) [m].
     labels : n texts `source/namespace/id`, in the same order.
     version : grows by one whenever the set changes; equal versions mean the same spheres.
+    velocities : (n, 3) [m/s] by the updates until the newest one of each sphere (`obstacle_velocity.py`); zero for
+        spheres of point clouds, which have no identity.
+    times : (n,) [s] when each sphere's newest update arrived, on the clock that is passed in.
     """
 
     centres: np.ndarray
     radii: np.ndarray
     labels: tuple[str, ...]
     version: int
+    velocities: np.ndarray
+    times: np.ndarray
 
 
 @dataclass
@@ -42,7 +49,9 @@ class _Track:
     centre: tuple[float, float, float]
     radius: float
     stamp: float
+    arrival: float
     expires: float
+    motion: ObstacleVelocity = field(default_factory=ObstacleVelocity)
     deleted: bool = False
 
 
@@ -83,7 +92,8 @@ class ObstacleTracker:
         centre, radius : [m]; must be finite and positive (checked where messages are read).
         lifetime : [s] the sphere vanishes by itself this long after its last update; 0 keeps it until
             deleted.
-        stamp : time [s] the sender gave, on the sender's clock; 0 when there is none.
+        stamp : time [s] the sender gave, on the sender's clock; 0 when there is none. The sphere's velocity is
+            worked out with it, and with times of arrival where there is none.
 
         Returns
         -------
@@ -91,10 +101,15 @@ class ObstacleTracker:
         """
         self.hear(source, now)
         tracks = self._tracks.setdefault(source, {})
-        if _overtaken(tracks.get(key), stamp):
+        before = tracks.get(key)
+        if _overtaken(before, stamp):
             return False
         expires = now + lifetime if lifetime > 0.0 else math.inf
-        tracks[key] = _Track(tuple(float(c) for c in centre), float(radius), stamp, expires)
+        track = tracks[key] = _Track(tuple(float(c) for c in centre), float(radius), stamp, now, expires)
+        # Times of arrival and stamps are of two clocks: a motion is told from times of one.
+        if before is not None and not before.deleted and (before.stamp > 0.0) == (stamp > 0.0):
+            track.motion = before.motion
+        track.motion.see(track.centre, stamp if stamp > 0.0 else now)
         self._next_expiry = min(self._next_expiry, expires)
         self._changed()
         return True
@@ -126,7 +141,7 @@ class ObstacleTracker:
         """Exchange all spheres of a source, as a point cloud does: (n, 3) centres of one radius [m]."""
         self.hear(source, now)
         self._tracks[source] = {
-            ("", index): _Track(tuple(centre), float(radius), 0.0, math.inf)
+            ("", index): _Track(tuple(centre), float(radius), 0.0, now, math.inf)
             for index, centre in enumerate(np.asarray(centres, dtype=float).tolist())
         }
         self._changed()
@@ -190,6 +205,8 @@ class ObstacleTracker:
             np.array([track.radius for _, _, track in alive], dtype=float),
             tuple(f"{source}/{key[0]}/{key[1]}" for source, key, _ in alive),
             self._version,
+            np.array([track.motion.velocity for _, _, track in alive], dtype=float).reshape(-1, 3),
+            np.array([track.arrival for _, _, track in alive], dtype=float),
         )
 
 

@@ -194,3 +194,56 @@ def test_agrees_with_a_plain_dictionary_of_expiry_times(events):
         model = {key: entry for key, entry in model.items() if now < entry[1]}
         expected = [entry[0] for _, entry in sorted(model.items())]
         np.testing.assert_array_equal(tracker.current(now).centres, np.reshape(expected, (-1, 3)))
+
+
+def moved(tracker: ObstacleTracker, until: float, stamped: bool = False, key: tuple[str, int] = ("", 0)) -> None:
+    """Sends an obstacle along x with 0.4 m/s, sixty times a second from 0 to `until` [s]."""
+    for time in np.arange(0.0, until, 1.0 / 60.0).tolist():
+        # stamped messages arrive late, each differently
+        late = 0.02 + 0.015 * np.sin(40.0 * time) if stamped else 0.0
+        stamp = 1000.0 + time if stamped else 0.0
+        tracker.put("obstacles", key, np.array([0.4 * time, 0.0, 0.0]), 0.05, now=time + late, stamp=stamp)
+
+
+def test_what_moves_has_its_velocity_and_the_time_of_its_newest_update():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("", 1), HERE, 0.05, now=0.0)
+    moved(tracker, 0.5)
+    seen = tracker.current(0.6)
+    np.testing.assert_allclose(seen.velocities, [[0.4, 0.0, 0.0], [0.0, 0.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(seen.times, [29 / 60.0, 0.0])
+
+
+def test_velocities_are_told_by_stamps_where_there_are_any():
+    tracker = ObstacleTracker()
+    moved(tracker, 0.5, stamped=True)
+    np.testing.assert_allclose(tracker.current(0.6).velocities, [[0.4, 0.0, 0.0]], atol=1e-6)
+
+
+def test_stamps_and_times_of_arrival_are_not_mixed():
+    tracker = ObstacleTracker()
+    moved(tracker, 0.5)
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.51, stamp=1000.0)
+    np.testing.assert_array_equal(tracker.current(0.6).velocities, np.zeros((1, 3)))
+
+
+def test_what_was_deleted_and_comes_again_starts_at_rest():
+    tracker = ObstacleTracker()
+    moved(tracker, 0.5)
+    tracker.delete("obstacles", ("", 0), now=0.5)
+    tracker.put("obstacles", ("", 0), np.array([0.2, 0.0, 0.0]), 0.05, now=0.51)
+    np.testing.assert_array_equal(tracker.current(0.6).velocities, np.zeros((1, 3)))
+
+
+def test_spheres_of_a_cloud_have_no_velocity_but_a_time():
+    tracker = ObstacleTracker()
+    for time in (0.0, 0.1):
+        tracker.replace("obstacle_cloud", np.array([HERE, THERE]) + time, 0.03, now=time)
+    seen = tracker.current(0.2)
+    np.testing.assert_array_equal(seen.velocities, np.zeros((2, 3)))
+    np.testing.assert_array_equal(seen.times, [0.1, 0.1])
+
+
+def test_an_empty_set_has_the_shapes_of_a_full_one():
+    seen = ObstacleTracker().current(0.0)
+    assert (seen.centres.shape, seen.velocities.shape, seen.times.shape) == ((0, 3), (0, 3), (0,))

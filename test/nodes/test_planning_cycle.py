@@ -14,12 +14,13 @@ from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 PERIOD = 0.01
-NOTHING = ObstacleSet(np.zeros((0, 3)), np.zeros(0), (), 0)
+NOTHING = ObstacleSet(np.zeros((0, 3)), np.zeros(0), (), 0, np.zeros((0, 3)), np.zeros(0))
 
 
 def spheres(*items: tuple[np.ndarray, float], version: int = 1) -> ObstacleSet:
     centres, radii = zip(*items, strict=True)
-    return ObstacleSet(np.array(centres), np.array(radii), tuple("" for _ in items), version)
+    labels, still = tuple("" for _ in items), np.zeros((len(items), 3))
+    return ObstacleSet(np.array(centres), np.array(radii), labels, version, still, np.zeros(len(items)))
 
 
 @pytest.fixture(scope="module")
