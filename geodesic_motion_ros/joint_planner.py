@@ -434,7 +434,9 @@ class JointSpacePlanner:
         """Hand out what is being played until the switch, and the new reference from there on."""
         assert self._played is not None
         begin = self._played.knot_before(now)
-        whole = joined(self._played.reference, begin - self._played.begin, reference, switch - begin)
+        whole = joined(
+            self._played.reference, begin - self._played.begin, reference, switch - self._played.begin
+        )
         self._played = _Played(whole, begin)
         return JointPlan(whole, begin, verdict)
 

@@ -31,6 +31,7 @@ class JointCycle(StreamCycle[np.ndarray]):
         self.planner = planner
         self.tracking_tolerance = tracking_tolerance
         self._now = 0.0
+        self._stood = False
         self._standing: JointPlan | None = None
         self._task_frame: Pose | None = None
         self._displaced = False
@@ -85,10 +86,11 @@ class JointCycle(StreamCycle[np.ndarray]):
         self._displaced = not TaskFrame(*frame).is_identity
 
     def _knows_where(self) -> bool:
-        return self.planner.commanded(self._now) is not None
+        return self._stood
 
     def _stand_at(self, measured: np.ndarray, now: float) -> None:
         self._standing = self.planner.stand_at(measured, now)
+        self._stood = self._stood or self._standing.verdict.ok
 
     def _deviation(self, measured: np.ndarray, now: float) -> tuple[str, str] | None:
         commanded = self.planner.commanded(now)

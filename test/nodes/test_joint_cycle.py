@@ -1,0 +1,182 @@
+"""One cycle on a joint-space skill: what is sent is continuous with what is played, and stops where it must."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.nodes.joint_cycle import JointCycle
+from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
+from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.verdict import VerdictCode
+
+PERIOD = 0.01
+
+
+@dataclass
+class Arm:
+    """Plays trajectories as joint_trajectory_controller does; `displaced` [rad] is what a person pushes it by."""
+
+    position: np.ndarray
+    now: float = 100.0
+    played: tuple[JointReference, float] | None = None
+    displaced: np.ndarray | None = None
+    states: list[np.ndarray] = field(default_factory=list)
+
+    def desired(self, time: float) -> np.ndarray:
+        """Position, velocity and acceleration (3, eta) at a time [s]."""
+        if self.played is None:
+            return np.stack([self.position, *np.zeros((2, len(self.position)))])
+        return np.stack(self.played[0].sample(time - self.played[1]))
+
+    def measured(self) -> np.ndarray:
+        position = self.desired(self.now)[0]
+        return position if self.displaced is None else position + self.displaced
+
+    def take(self, output: CycleOutput) -> None:
+        if output.trajectory is not None:
+            self.played = output.trajectory
+
+
+@pytest.fixture(scope="module")
+def planner(reach_skill: Skill) -> JointSpacePlanner:
+    return JointSpacePlanner(reach_skill)
+
+
+@pytest.fixture
+def cycle(planner: JointSpacePlanner) -> JointCycle:
+    planner.clear_goal()
+    planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
+    return JointCycle(planner, state_timeout=0.1, resume_timeout=1.0, tracking_tolerance=0.1)
+
+
+@pytest.fixture
+def arm(reach_skill: Skill) -> Arm:
+    return Arm(reach_skill.canonical.start_poles[0].copy())
+
+
+@pytest.fixture
+def inputs(reach_skill: Skill) -> CycleInputs:
+    goal = reach_skill.canonical.goal_poles[0]
+    return CycleInputs(None, 0.005, goal, 1, ObstacleTracker().current(0.0))
+
+
+def follow(cycle: JointCycle, arm: Arm, inputs: CycleInputs, seconds: float) -> list[CycleOutput]:
+    """Run cycles with an arm that plays what is sent; it must be continuous in position, velocity, acceleration."""
+    outputs = []
+    for _ in range(round(seconds / PERIOD)):
+        inputs = dataclasses.replace(inputs, measured=arm.measured(), now=arm.now, steady=arm.now)
+        before = arm.desired(arm.now)
+        outputs.append(cycle.run(inputs, PERIOD))
+        arm.take(outputs[-1])
+        if arm.displaced is None:
+            np.testing.assert_allclose(arm.desired(arm.now), before, atol=1e-6)
+        arm.states.append(arm.desired(arm.now))
+        arm.now += PERIOD
+    return outputs
+
+
+def test_reaches_the_goal_and_sends_one_trajectory_while_nothing_changes(cycle, arm, inputs):
+    outputs = follow(cycle, arm, inputs, 12.0)
+    assert outputs[-1].verdict.ok
+    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+    assert sum(output.trajectory is not None for output in outputs) == 1
+    assert outputs[10].time_to_goal > 1.0
+    assert outputs[-1].time_to_goal == 0.0
+    assert outputs[100].speed > 0.05
+
+
+def test_a_goal_pose_is_reached_in_one_of_the_demonstrated_families(cycle, arm, inputs, reach_skill):
+    pose = reach_skill.goal_pose[:3], reach_skill.goal_pose[3:]
+    outputs = follow(cycle, arm, dataclasses.replace(inputs, goal=pose), 12.0)
+    assert "configurations near those demonstrated" in outputs[0].goal_verdict.reason
+    position, quaternion = cycle.planner.robot.forward(arm.measured())
+    np.testing.assert_allclose(position, pose[0], atol=1e-3)
+    assert abs(quaternion @ pose[1]) > 1.0 - 1e-5
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"state_age": 0.11}, VerdictCode.STALE_STATE),
+        ({"hold": True}, VerdictCode.HOLD_REQUESTED),
+        ({"silent_sources": {"obstacles": 0.7}}, VerdictCode.STALE_OBSTACLES),
+    ],
+    ids=["old state", "hold", "silent obstacles"],
+)
+def test_a_reason_to_hold_stops_on_the_way_and_its_end_resumes(cycle, arm, inputs, change, code):
+    follow(cycle, arm, inputs, 1.5)
+    assert np.max(np.abs(arm.states[-1][1])) > 0.05
+    stopping = follow(cycle, arm, dataclasses.replace(inputs, **change), 1.0)
+    assert all(output.verdict.code is code for output in stopping)
+    assert sum(output.trajectory is not None for output in stopping) == 1
+    np.testing.assert_array_equal(arm.states[-1][1:], 0.0)
+    again = follow(cycle, arm, inputs, 12.0)
+    assert again[0].verdict.ok
+    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+
+
+def test_the_limits_are_kept_while_goals_change_in_motion(cycle, arm, inputs, planner):
+    random = np.random.default_rng(3)
+    for number in range(2, 14):
+        goal = inputs.goal + random.uniform(-0.05, 0.05, 7)
+        follow(cycle, arm, dataclasses.replace(inputs, goal=goal, goal_number=number), 0.4)
+    states, limits = np.array(arm.states), planner.limits
+    assert np.all(np.abs(states[:, 1]) <= limits.velocity + 1e-6)
+    assert np.all(np.abs(states[:, 2]) <= limits.acceleration + 1e-6)
+    assert np.max(np.abs(np.diff(states[:, 0], axis=0))) <= 0.02
+    assert np.max(np.abs(states[:, 1])) > 0.1
+
+
+def test_an_arm_that_is_pushed_away_is_lost_stays_and_needs_a_new_goal(cycle, arm, inputs):
+    follow(cycle, arm, inputs, 1.5)
+    arm.displaced = np.array([0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    lost = follow(cycle, arm, inputs, PERIOD)[0]
+    assert lost.verdict.code is VerdictCode.BAD_INPUT
+    assert "'panda_joint2'" in lost.verdict.reason
+    # What is sent keeps the arm where it was found.
+    where = lost.trajectory[0].positions
+    np.testing.assert_allclose(where[-1], where[0])
+    arm.position, arm.played, arm.displaced = where[0], None, None
+    waiting = follow(cycle, arm, inputs, 2.0 * REST_TIME)
+    assert waiting[-1].verdict.code is VerdictCode.NO_GOAL
+    assert "send the goal again" in waiting[-1].goal_verdict.reason
+    moving = follow(cycle, arm, dataclasses.replace(inputs, goal_number=2), 12.0)
+    assert moving[-1].verdict.ok
+    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+
+
+def test_nothing_is_sent_before_there_is_a_goal(cycle, arm, inputs):
+    outputs = follow(cycle, arm, dataclasses.replace(inputs, goal=None, goal_number=0), 0.5)
+    assert all(output.trajectory is None for output in outputs)
+    assert outputs[-1].verdict.code is VerdictCode.NO_GOAL
+
+
+def test_two_commanders_stop_the_arm(cycle, arm, inputs):
+    follow(cycle, arm, inputs, 1.5)
+    rivals = dataclasses.replace(inputs, publishers=("planner", "teleop"))
+    outputs = follow(cycle, arm, rivals, 1.0)
+    assert "joint_trajectory is published by planner and teleop" in outputs[-1].verdict.reason
+    np.testing.assert_array_equal(arm.states[-1][1:], 0.0)
+
+
+def test_a_task_frame_elsewhere_is_refused(cycle, arm, inputs):
+    frame = np.array([0.1, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
+    output = follow(cycle, arm, dataclasses.replace(inputs, task_frame=frame), PERIOD)[0]
+    assert output.verdict.code is VerdictCode.BAD_INPUT
+    assert "task frame" in output.verdict.reason
+
+
+@pytest.mark.parametrize("bad", [np.full(7, np.nan), np.full(7, 9.0), np.zeros(6)], ids=["nan", "limits", "six joints"])
+def test_a_goal_that_is_none_is_refused_and_the_old_one_stays(cycle, arm, inputs, bad):
+    follow(cycle, arm, inputs, 1.0)
+    output = follow(cycle, arm, dataclasses.replace(inputs, goal=bad, goal_number=2), 11.0)[-1]
+    assert output.goal_verdict.code is VerdictCode.BAD_INPUT
+    assert output.verdict.ok
+    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
