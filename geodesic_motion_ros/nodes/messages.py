@@ -15,18 +15,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PointStamped, Pose, PoseStamped
 from nav_msgs.msg import Path
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from std_msgs.msg import ColorRGBA, Header
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
-from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.errors import GeodesicMotionError, RobotError
 from geodesic_motion_ros.nodes.cubes import doubled, occupied_cubes
 from geodesic_motion_ros.nodes.obstacle_tracker import Key
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 
 # Nothing a robot arm has to do with is further away [m] or has turned further [rad] than this.
 LARGEST_COORDINATE = 1000.0
@@ -87,6 +89,57 @@ def check_limits(joints: np.ndarray, robot: Robot) -> None:
             for i in np.flatnonzero(outside)
         )
         raise MessageRefused(f"joints beyond their limits [rad]: {beyond}; is this another robot, or degrees?")
+
+
+def read_joint_trajectory(message: JointTrajectory, robot: Robot) -> JointWaypoints:
+    """The waypoints of a trajectory in the robot's order of joints; the message may use any.
+
+    Accepted is what joint_trajectory_controller accepts of all its joints for a position interface, as it is configured
+    by default: at least one point, strictly increasing times, last velocities of zero, no efforts. Refused in addition
+    is what it would play but no arm should: numbers that are not finite, positions beyond the limits, velocities or
+    accelerations that only some points have, accelerations without velocities.
+    """
+    names, points = message.joint_names, message.points
+    missing = [name for name in robot.joint_names if name not in names]
+    unknown = [name for name in names if name not in robot.joint_names]
+    for fault, which in (("lacks", missing), ("has unknown", unknown)):
+        if which:
+            raise MessageRefused(
+                f"joint trajectory {fault} joints {', '.join(which)}; expected {', '.join(robot.joint_names)}"
+            )
+    if len(names) != len(robot.joint_names):
+        raise MessageRefused(f"joint trajectory names a joint twice: {', '.join(names)}")
+    if not points:
+        raise MessageRefused("joint trajectory has no points: what is played goes on (to stop, send where to rest)")
+    order = [names.index(name) for name in robot.joint_names]
+    times = np.array([seconds(point.time_from_start) for point in points])
+    positions, velocities, accelerations, efforts = (
+        _values_of_points(points, name, order) for name in ("positions", "velocities", "accelerations", "effort")
+    )
+    if positions is None:
+        raise MessageRefused("joint trajectory has no positions: they are needed at each point")
+    if efforts is not None:
+        raise MessageRefused("joint trajectory has efforts: joints are moved by positions here")
+    try:
+        waypoints = JointWaypoints(times, positions, velocities, accelerations)
+    except RobotError as error:
+        raise MessageRefused(str(error)) from error
+    check_limits(positions.min(axis=0), robot)
+    check_limits(positions.max(axis=0), robot)
+    return waypoints
+
+
+def _values_of_points(points: Sequence[JointTrajectoryPoint], name: str, order: Sequence[int]) -> np.ndarray | None:
+    """Field (n, joints) of n points with its columns in an order; None where it is empty at all of them."""
+    rows = [getattr(point, name) for point in points]
+    sizes = np.array([len(row) for row in rows])
+    if not sizes.any():
+        return None
+    if np.any(sizes != len(order)):
+        i = int(np.flatnonzero(sizes != len(order))[0])
+        raise MessageRefused(f"joint trajectory has {sizes[i]} {name} at point {i}: expected one of each joint")
+    # The rows are array.array of doubles: joining their bytes is ten times faster than converting numbers.
+    return np.frombuffer(b"".join(rows)).reshape(-1, len(order))[:, order]
 
 
 @dataclass(frozen=True)
@@ -201,8 +254,8 @@ def check_frame(header: Header, base_frame: str) -> None:
         raise MessageRefused(f"frame '{header.frame_id}' is unknown here: send it in '{base_frame}'")
 
 
-def seconds(stamp: Time) -> float:
-    """A stamp in seconds; 0 when the sender set none."""
+def seconds(stamp: Time | Duration) -> float:
+    """A stamp or a duration in seconds; a stamp is 0 when the sender set none."""
     return stamp.sec + 1e-9 * stamp.nanosec
 
 
@@ -284,6 +337,42 @@ def joint_state_message(names: Sequence[str], positions: np.ndarray, velocities:
         position=array.array("d", positions.tolist()),
         velocity=array.array("d", velocities.tolist()),
     )
+
+
+def joint_trajectory_message(
+    joint_names: Sequence[str],
+    times: np.ndarray,
+    positions: np.ndarray,
+    velocities: np.ndarray,
+    accelerations: np.ndarray,
+    begin: float,
+) -> JointTrajectory:
+    """A JointTrajectory of knots (n, eta) [rad], [rad/s], [rad/s^2] at times (n,) [s], 0 or more, after `begin`.
+
+    Parameters
+    ----------
+    begin : the stamp [s], by the ROS clock.
+    """
+    joints = positions.shape[1]
+    # Slices of one array.array: the fields copy those at once and lists number by number.
+    flat = [array.array("d", values.tobytes()) for values in (positions, velocities, accelerations)]
+    points = [
+        JointTrajectoryPoint(
+            positions=flat[0][row : row + joints],
+            velocities=flat[1][row : row + joints],
+            accelerations=flat[2][row : row + joints],
+            time_from_start=Duration(sec=whole, nanosec=rest),
+        )
+        for row, (whole, rest) in zip(range(0, positions.size, joints), _whole_nanoseconds(times), strict=True)
+    ]
+    ((whole, rest),) = _whole_nanoseconds(np.array([begin]))
+    header = Header(stamp=Time(sec=whole, nanosec=rest))
+    return JointTrajectory(header=header, joint_names=list(joint_names), points=points)
+
+
+def _whole_nanoseconds(times: np.ndarray) -> list[list[int]]:
+    """Times (n,) [s] as whole seconds and the nanoseconds left."""
+    return np.stack(np.divmod(np.round(1e9 * times).astype(np.int64), 10**9), axis=1).tolist()
 
 
 Colour = tuple[float, float, float, float]

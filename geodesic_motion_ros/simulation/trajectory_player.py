@@ -129,8 +129,10 @@ class TrajectoryPlayer:
         if now - begin < waypoints.times[0]:
             waypoints = waypoints.preceded_by(now - begin, self.sample(now))
         self._begin, self._times = begin, waypoints.times
-        self._positions = _pairs(waypoints.positions)
-        self._velocities, self._accelerations = waypoints.segment_ends
+        # in the one order in memory that the interpolation is compiled for
+        self._positions, self._velocities, self._accelerations = (
+            np.ascontiguousarray(ends) for ends in (_pairs(waypoints.positions), *waypoints.segment_ends)
+        )
         still = np.zeros_like(waypoints.positions[-1])
         self._held = np.stack([waypoints.positions[-1], still, still])
 

@@ -16,9 +16,11 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import Marker
 
 from geodesic_motion_ros.nodes import messages as m
+from geodesic_motion_ros.robot.kinematics import Robot
 
 BASE = "panda_link0"
 NAMES = ("j1", "j2", "j3")
@@ -103,6 +105,107 @@ class TestJointPositions:
     def test_bad_values_of_joints_that_are_not_ours_do_not_matter(self):
         message = self.state((*NAMES, "finger"), (1.0, 2.0, 3.0, math.nan))
         np.testing.assert_array_equal(m.read_joint_positions(message, NAMES), [1.0, 2.0, 3.0])
+
+
+PANDA = Robot.panda()
+
+
+def trajectory(**fields) -> JointTrajectory:
+    """Two points of a Panda at ready, a second apart, with fields of the last one exchanged."""
+    points = [
+        JointTrajectoryPoint(
+            positions=PANDA.ready.tolist(),
+            velocities=[0.0] * 7,
+            accelerations=[0.0] * 7,
+            time_from_start=Duration(sec=sec),
+        )
+        for sec in (1, 2)
+    ]
+    for name, value in fields.items():
+        setattr(points[-1], name, value)
+    return JointTrajectory(header=Header(stamp=STAMP), joint_names=list(PANDA.joint_names), points=points)
+
+
+def without(message: JointTrajectory, *names: str) -> JointTrajectory:
+    """The same with fields emptied at all points."""
+    for point in message.points:
+        for name in names:
+            setattr(point, name, [])
+    return message
+
+
+class TestJointTrajectory:
+    @pytest.mark.parametrize("seed", range(3))
+    def test_what_is_written_is_read_through_the_wire_in_any_order_of_joints(self, seed):
+        generator = np.random.default_rng(seed)
+        order = generator.permutation(7)
+        times = np.cumsum(generator.uniform(1e-3, 0.1, 20))
+        rows = [PANDA.sample(20, generator), *generator.normal(size=(2, 20, 7))]
+        rows[1][-1] = 0.0
+        names = [PANDA.joint_names[joint] for joint in order]
+        begin = 1.7e9 + 0.123456
+        sent = m.joint_trajectory_message(names, times, *(values[:, order] for values in rows), begin)
+        received = deserialize_message(serialize_message(sent), JointTrajectory)
+        waypoints = m.read_joint_trajectory(received, PANDA)
+        assert m.seconds(received.header.stamp) == pytest.approx(begin, abs=1e-6)
+        np.testing.assert_allclose(waypoints.times, times, atol=1e-9)
+        for values, written in zip(
+            (waypoints.positions, waypoints.velocities, waypoints.accelerations), rows, strict=True
+        ):
+            np.testing.assert_array_equal(values, written)
+
+    def test_times_are_rounded_to_whole_nanoseconds(self):
+        times = np.array([0.0, 0.9999999999, 1.0000000011])
+        message = m.joint_trajectory_message(NAMES, times, *np.zeros((3, 3, 3)), 5.9999999999)
+        stamps = [point.time_from_start for point in message.points]
+        assert [(stamp.sec, stamp.nanosec) for stamp in stamps] == [(0, 0), (1, 0), (1, 1)]
+        assert message.header.stamp == Time(sec=6)
+
+    def test_velocities_and_accelerations_are_optional(self):
+        bare = m.read_joint_trajectory(without(trajectory(), "velocities", "accelerations"), PANDA)
+        assert bare.velocities is None
+        assert bare.accelerations is None
+        assert m.read_joint_trajectory(without(trajectory(), "accelerations"), PANDA).velocities.shape == (2, 7)
+
+    def test_joints_must_be_those_of_the_robot_and_are_named(self):
+        message = trajectory()
+        message.joint_names = [*PANDA.joint_names[:6], "elbow"]
+        with pytest.raises(m.MessageRefused, match="lacks joints panda_joint7; expected panda_joint1, panda_joint2"):
+            m.read_joint_trajectory(message, PANDA)
+        message.joint_names = [*PANDA.joint_names, "elbow"]
+        with pytest.raises(m.MessageRefused, match="has unknown joints elbow; expected panda_joint1"):
+            m.read_joint_trajectory(message, PANDA)
+        message.joint_names = [*PANDA.joint_names, "panda_joint7"]
+        with pytest.raises(m.MessageRefused, match="names a joint twice"):
+            m.read_joint_trajectory(message, PANDA)
+
+    @pytest.mark.parametrize(
+        ("message", "reason"),
+        [
+            (JointTrajectory(joint_names=list(PANDA.joint_names)), "no points"),
+            (trajectory(time_from_start=Duration(sec=1)), "must increase strictly: waypoint 0 is at 1.0000 s"),
+            (trajectory(positions=[0.0] * 6), "has 6 positions at point 1: expected one of each joint"),
+            (trajectory(velocities=[]), "has 0 velocities at point 1"),
+            (trajectory(accelerations=[0.0] * 8), "has 8 accelerations at point 1"),
+            (without(trajectory(), "positions"), "no positions"),
+            (without(trajectory(), "velocities"), "accelerations but no velocities"),
+            (trajectory(velocities=[0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0]), "the last ones must be zero"),
+            (trajectory(positions=[math.nan] * 7), "positions of a trajectory hold nan"),
+            (trajectory(accelerations=[math.inf] * 7), "accelerations of a trajectory hold inf"),
+            (trajectory(positions=[*PANDA.ready[:6], -4.0]), r"panda_joint7 at -4.000 \(limits -2.897 to 2.897\)"),
+            (trajectory(positions=[4.0, *PANDA.ready[1:]]), "panda_joint1 at 4.000"),
+        ],
+    )
+    def test_what_cannot_be_played_is_refused_with_the_reason(self, message, reason):
+        with pytest.raises(m.MessageRefused, match=reason):
+            m.read_joint_trajectory(message, PANDA)
+
+    def test_efforts_are_refused_as_by_a_controller_of_positions(self):
+        message = trajectory()
+        for point in message.points:
+            point.effort = [1.0] * 7
+        with pytest.raises(m.MessageRefused, match="efforts"):
+            m.read_joint_trajectory(message, PANDA)
 
 
 class TestMarker:

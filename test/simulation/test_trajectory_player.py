@@ -11,6 +11,7 @@ from scipy.interpolate import BPoly
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import joined, timed_joint_reference
+from geodesic_motion_ros.quintic import quintic_samples
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 
 STAMP = 1.7e9
@@ -142,6 +143,18 @@ def test_a_reference_replanned_in_motion_is_played_without_a_leap() -> None:
     assert leap(player, switch, 1) < 1e-4
     assert leap(player, switch, 2) < 1e-2
     np.testing.assert_allclose(player.sample(switch + new.duration)[0], [0.2, -1.2], atol=1e-9)
+
+
+def test_the_order_in_memory_makes_no_difference_and_compiles_nothing_anew() -> None:
+    waypoints = random_waypoints(10)
+    rows = [np.asfortranarray(getattr(waypoints, name)) for name in GIVEN]
+    player, other = resting(), resting()
+    player.replace(waypoints, 0.0, 0.0)
+    player.sample(0.5)
+    compiled = len(quintic_samples.signatures)
+    other.replace(JointWaypoints(waypoints.times, *rows), 0.0, 0.0)
+    np.testing.assert_array_equal(other.sample(0.5), player.sample(0.5))
+    assert len(quintic_samples.signatures) == compiled
 
 
 @pytest.mark.parametrize(
