@@ -84,13 +84,21 @@ class CollisionGeometry:
 
     def sphere_distance(self, part: Part, centre: np.ndarray, radius: float, cutoff: float = 2.0) -> float:
         """Signed distance [m] of a part from a sphere where the arm is; inf beyond `cutoff` [m]."""
+        points = self._client.getClosestPoints(self._arm, self._sphere(centre, radius), cutoff, part.index)
+        return min((point[8] for point in points), default=np.inf)
+
+    def clearance(self, centre: np.ndarray, radius: float, cutoff: float = 2.0) -> float:
+        """Signed distance [m] of the arm from a sphere, but for the base, which no joint moves; inf beyond `cutoff`."""
+        points = self._client.getClosestPoints(self._arm, self._sphere(centre, radius), cutoff)
+        return min((point[8] for point in points if point[3] >= 0), default=np.inf)
+
+    def _sphere(self, centre: np.ndarray, radius: float) -> int:
         if radius not in self._spheres:
             shape = self._client.createCollisionShape(self._client.GEOM_SPHERE, radius=radius)
             self._spheres[radius] = self._client.createMultiBody(0.0, shape)
         body = self._spheres[radius]
         self._client.resetBasePositionAndOrientation(body, centre, (0.0, 0.0, 0.0, 1.0))
-        points = self._client.getClosestPoints(self._arm, body, cutoff, part.index)
-        return min((point[8] for point in points), default=np.inf)
+        return body
 
     def close(self) -> None:
         """End the physics server; a second call does nothing."""

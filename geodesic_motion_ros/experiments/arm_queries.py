@@ -1,0 +1,64 @@
+"""Starts and goals for experiments with the whole arm, and how the demonstrated families would go between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.graph.joint_transport import JointOffsets
+from geodesic_motion_ros.joint_planner import JointPlan, JointSpacePlanner
+from geodesic_motion_ros.joint_query import GoalChoice
+from geodesic_motion_ros.joint_reference import JointReference
+
+#: How often a start and a goal are drawn before it is said that there are none.
+_ATTEMPTS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class ArmQuery:
+    """A start and a goal (eta,) [rad], and the mean ways (F, S, eta) of the families moved to them."""
+
+    start: np.ndarray
+    goal: np.ndarray
+    ways: np.ndarray
+
+    def plan(self, planner: JointSpacePlanner) -> JointPlan:
+        """From rest at the start to the goal, among the planner's obstacles."""
+        return planner.plan_configurations(self.start, GoalChoice(self.goal[None], "drawn"))
+
+    def family(self, configurations: np.ndarray) -> int:
+        """The family whose mean way the middle half of a motion (n, eta) is nearest to, on average."""
+        arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(configurations, axis=0), axis=1)))
+        middle = configurations[(arc > 0.25 * arc[-1]) & (arc < 0.75 * arc[-1])]
+        return int(np.argmin([cKDTree(way).query(middle)[0].mean() for way in self.ways]))
+
+
+def draw_query(planner: JointSpacePlanner, random: np.random.Generator) -> tuple[ArmQuery, JointReference]:
+    """The start of one demonstration and the goal of another, drawn, with the planner's way without obstacles.
+
+    Raises
+    ------
+    ParameterError : the skill is on the raw sheet, or no start and goal was found between which there is a way.
+    """
+    sheet, robot = planner.skill.canonical, planner.robot
+    if sheet is None:
+        raise ParameterError("the skill is on the raw sheet: this experiment wants a canonical one")
+    planner.set_obstacles(np.empty((0, 3)), np.empty(0))
+    progress = np.linspace(0.0, 1.0, sheet.configurations.shape[1])
+    for _ in range(_ATTEMPTS):
+        first, last = random.integers(len(sheet.modes), size=2)
+        start = sheet.start_poles[sheet.start_groups[first]] + sheet.start_offsets[first]
+        goal = sheet.goal_poles[sheet.goal_groups[last]] + sheet.goal_offsets[last]
+        ways = []
+        for mode in range(int(sheet.modes.max()) + 1):
+            mean = sheet.configurations[sheet.modes == mode].mean(axis=0)
+            offsets = JointOffsets.between(robot, mean[[0, -1]], np.stack([start, goal]))
+            ways.append(mean + offsets.displacements(mean, progress))
+        query = ArmQuery(start, goal, np.array(ways))
+        reference = query.plan(planner).reference
+        if reference is not None:
+            return query, reference
+    raise ParameterError(f"no way was found between any of {_ATTEMPTS} starts and goals that were drawn")
