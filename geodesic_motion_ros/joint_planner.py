@@ -155,11 +155,14 @@ class JointSpacePlanner:
     from any thread. Obstacles are replaced as a whole. All times are of one clock, the caller's.
     """
 
-    def __init__(self, skill: Skill, settings: JointPlannerSettings | None = None) -> None:
+    def __init__(
+        self, skill: Skill, settings: JointPlannerSettings | None = None, collision: CollisionModel | None = None
+    ) -> None:
+        """collision : the spheres that obstacles are kept away from; None: those of the skill's robot."""
         self.skill = skill
         self.settings = settings or JointPlannerSettings()
         self.robot = Robot.named(skill.robot)
-        self.collision = CollisionModel.named(skill.robot)
+        self.collision = collision or CollisionModel.named(skill.robot)
         self.graph: ConfigurationGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         self.limits = JointLimits.of(self.robot, self.settings.speed_scale, self.settings.acceleration_scale)
         self._certifier = ArmCertifier(
