@@ -62,3 +62,14 @@ def draw_query(planner: JointSpacePlanner, random: np.random.Generator) -> tuple
         if reference is not None:
             return query, reference
     raise ParameterError(f"no way was found between any of {_ATTEMPTS} starts and goals that were drawn")
+
+
+def body_spheres(planner: JointSpacePlanner, configurations: np.ndarray) -> np.ndarray:
+    """Centres (n, S, 3) [m] of those collision spheres that joints move, in configurations (n, eta) [rad]."""
+    return planner.collision.positions(planner.robot, configurations)[:, planner.collision.moving]
+
+
+def distances(planner: JointSpacePlanner, bodies: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
+    """Signed distances (n,) [m] of `body_spheres` (n, S, 3) from a sphere at (3,), or from one for each at (n, 1, 3)."""
+    radii = planner.collision.radii[planner.collision.moving]
+    return np.min(np.linalg.norm(bodies - centre, axis=-1) - radii, axis=1) - radius

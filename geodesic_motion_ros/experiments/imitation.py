@@ -238,7 +238,7 @@ def evaluate(
             for index, item in zip(fold, held_out, strict=True):
                 measurements += judge.baselines(index, item)
             for seed, sheet in product(seeds, sheets):
-                skill = (train or train_task_space)(shown, seed, sheet, _postfix(bar))
+                skill = (train or train_task_space)(shown, seed, sheet, stage_shown_on(bar))
                 measure = judge.on_canonical_sheet if sheet == "canonical" else judge.on_raw_sheet
                 found = measure(skill, zip(fold, held_out, strict=True), seed)
                 if sheet == sheets[0]:
@@ -486,7 +486,7 @@ def _left_support(plan: Plan) -> float:
     return float(not plan.verdict.in_support) if math.isfinite(plan.verdict.energy_per_edge) else math.nan
 
 
-def _postfix(bar: tqdm) -> Progress:
+def stage_shown_on(bar: tqdm) -> Progress:
     """Show the stage of a training behind the bar; redrawn every twentieth, a training has thousands of steps."""
 
     def show(stage: str, step: int, steps: int) -> None:

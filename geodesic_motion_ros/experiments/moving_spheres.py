@@ -30,7 +30,7 @@ from typing import Literal
 import numpy as np
 from tqdm import tqdm
 
-from geodesic_motion_ros.experiments.arm_queries import ArmQuery, draw_query
+from geodesic_motion_ros.experiments.arm_queries import ArmQuery, body_spheres, distances, draw_query
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference, stopping_reference
 from geodesic_motion_ros.robot.swivel import elbow_position
@@ -122,21 +122,21 @@ def _crossing(planner: JointSpacePlanner, nominal: JointReference, random: np.ra
     while True:
         radius, speed = random.uniform(*RADII), random.uniform(*SPEEDS)
         meeting = random.uniform(0.1, 1.0) * nominal.duration
-        body = _placed(planner, nominal.samples(np.array([meeting]))[0])[0]
+        body = body_spheres(planner, nominal.samples(np.array([meeting]))[0])[0]
         place = body[random.integers(len(body))] + random.normal(scale=OFF, size=3)
         # Rather from the sides than from above or below.
         direction = random.normal(size=3) * [1.0, 1.0, 0.5]
         velocity = speed * direction / np.linalg.norm(direction)
         before = np.arange(meeting, 0.0, -0.05)
-        arms = _placed(planner, nominal.samples(before)[0])
+        arms = body_spheres(planner, nominal.samples(before)[0])
         centres = place - (meeting - before)[:, None] * velocity
-        distances = _distance(planner, arms, centres[:, None], radius)
+        distances = distances(planner, arms, centres[:, None], radius)
         far = np.flatnonzero(distances >= DISTANCE)
         if len(far):
             appears = float(before[far[0]])
             return MovingSphere(radius, appears, meeting + VANISHING, centres[far[0]], velocity, False)
         begin = place - meeting * velocity
-        if _distance(planner, _placed(planner, nominal.positions[:1]), begin, radius)[0] >= DISTANCE_AT_REST:
+        if distances(planner, body_spheres(planner, nominal.positions[:1]), begin, radius)[0] >= DISTANCE_AT_REST:
             return MovingSphere(radius, 0.0, meeting + VANISHING, begin, velocity, False)
 
 
@@ -147,19 +147,8 @@ def _chasing(planner: JointSpacePlanner, nominal: JointReference, random: np.ran
         posture = nominal.samples(np.array([appears]))[0]
         direction = random.normal(size=3)
         begin = elbow_position(planner.robot, posture[0]) + CHASE_FROM * direction / np.linalg.norm(direction)
-        if _distance(planner, _placed(planner, posture), begin, radius)[0] >= DISTANCE - radius:
+        if distances(planner, body_spheres(planner, posture), begin, radius)[0] >= DISTANCE - radius:
             return MovingSphere(radius, appears, appears + CHASE_FOR, begin, np.array([speed, 0.0, 0.0]), True)
-
-
-def _placed(planner: JointSpacePlanner, configurations: np.ndarray) -> np.ndarray:
-    """Centres (n, S, 3) [m] of the arm's spheres that joints move."""
-    return planner.collision.positions(planner.robot, configurations)[:, planner.collision.moving]
-
-
-def _distance(planner: JointSpacePlanner, arms: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
-    """Distances (n,) [m] of a sphere from the arm's spheres (n, S, 3)."""
-    radii = planner.collision.radii[planner.collision.moving]
-    return np.min(np.linalg.norm(arms - centre, axis=-1) - radii, axis=1) - radius
 
 
 class MovingRun:
@@ -269,10 +258,10 @@ class MovingRun:
         planner = self._planner
         latency = planner.settings.latency + PERIOD
         stop = stopping_reference(self._played, now + latency - self._begin, planner.limits)
-        placed = _placed(planner, stop.positions)
+        placed = body_spheres(planner, stop.positions)
         travel = float(np.max(np.sum(np.linalg.norm(np.diff(placed, axis=0), axis=-1), axis=0)))
         before = self._played.samples(np.array([now, now + latency]) - self._begin)[0]
-        moved = float(np.max(np.linalg.norm(np.diff(_placed(planner, before), axis=0), axis=-1)))
+        moved = float(np.max(np.linalg.norm(np.diff(body_spheres(planner, before), axis=0), axis=-1)))
         self._geometry.place(self._world.joint_positions)
         distance = self._geometry.clearance(self._centres[i], self._spheres[i].radius)
         return distance > moved + travel + speed * (latency + stop.duration) + ROOM
