@@ -333,7 +333,7 @@ def _reach(name: str, group: int, swivel: float, connected: bool, generator: np.
     positions = start + smooth_step(phase, gentle=True)[:, None] * (goal - start) + hand(phase, 0.002, generator)
     positions += bow[:, None] * outwards(start, goal) + arch[:, None] * [0.0, 0.0, 1.0]
     turned = smooth_step((phase - 0.12 + 0.015 * early) / 0.8)
-    quaternions = rotate_by(hand(phase, np.radians(1.0), generator), slerp(down, at_object, turned))
+    quaternions = rotate_by(hand(phase, np.radians(0.6), generator), slerp(down, at_object, turned))
     # the elbow takes the whole time, so that it need not hurry
     opened = np.sin(np.pi * times / times[-1]) ** 2 if connected else np.ones_like(times)
     swivels = opened * swivel + _swivel_of_the_day(phase, generator)
