@@ -16,12 +16,11 @@ which would see the rest of the arm.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from tqdm import tqdm
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_queries import ArmQuery, body_spheres, distances, draw_query
@@ -95,15 +94,10 @@ class BlockedScene:
 class BlockedWays:
     """Draws scenes on the ways of a skill, and has them planned and judged."""
 
-    def __init__(self, skill: Skill, settings: JointPlannerSettings = JointPlannerSettings()) -> None:
-        """
-        Raises
-        ------
-        ParameterError : the skill is on the raw sheet.
-        """
-        self._planner = JointSpacePlanner(skill, settings)
+    def __init__(self, skill: Skill) -> None:
+        self._planner = JointSpacePlanner(skill)
         hand = hand_alone(self._planner.collision)
-        self._hand_only = JointSpacePlanner(skill, replace(settings, ambient_strength=0.0), hand)
+        self._hand_only = JointSpacePlanner(skill, JointPlannerSettings(ambient_strength=0.0), hand)
         self._geometry = CollisionGeometry.panda()
 
     def scene(self, kind: Kind, number: int, seed: int) -> BlockedScene:
@@ -111,7 +105,7 @@ class BlockedWays:
 
         Raises
         ------
-        ParameterError : no such scene was found, as where the skill has one family.
+        ParameterError : no such scene was found, as where the skill has one family; or the skill is on the raw sheet.
         """
         random = np.random.default_rng([seed, KINDS.index(kind), number])
         for _ in range(_QUERIES):
@@ -205,9 +199,7 @@ class BlockedWays:
 def hand_alone(model: CollisionModel) -> CollisionModel:
     """The spheres of the hand and its fingers, for planning with the end-effector alone."""
     kept = np.array([name == HAND for name in model.points.names])
-    points = BodyPoints(
-        tuple(name for name in model.points.names if name == HAND), model.points.frames[kept], model.points.offsets[kept]
-    )
+    points = BodyPoints((HAND,) * int(kept.sum()), model.points.frames[kept], model.points.offsets[kept])
     return CollisionModel(points, model.radii[kept], model.moving[kept], np.empty((0, 2), dtype=np.int64))
 
 

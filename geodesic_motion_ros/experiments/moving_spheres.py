@@ -110,12 +110,8 @@ def draw_spheres(
     planner: JointSpacePlanner, nominal: JointReference, random: np.random.Generator
 ) -> tuple[MovingSphere, ...]:
     """One to five spheres in the way of an arm that plays `nominal` from time 0 on."""
-    return tuple(
-        _chasing(planner, nominal, random)
-        if random.uniform() < CHASING_SHARE
-        else _crossing(planner, nominal, random)
-        for _ in range(random.integers(1, 6))
-    )
+    kinds = [_chasing if random.uniform() < CHASING_SHARE else _crossing for _ in range(random.integers(1, 6))]
+    return tuple(kind(planner, nominal, random) for kind in kinds)
 
 
 def _crossing(planner: JointSpacePlanner, nominal: JointReference, random: np.random.Generator) -> MovingSphere:
@@ -130,8 +126,7 @@ def _crossing(planner: JointSpacePlanner, nominal: JointReference, random: np.ra
         before = np.arange(meeting, 0.0, -0.05)
         arms = body_spheres(planner, nominal.samples(before)[0])
         centres = place - (meeting - before)[:, None] * velocity
-        distances = distances(planner, arms, centres[:, None], radius)
-        far = np.flatnonzero(distances >= DISTANCE)
+        far = np.flatnonzero(distances(planner, arms, centres[:, None], radius) >= DISTANCE)
         if len(far):
             appears = float(before[far[0]])
             return MovingSphere(radius, appears, meeting + VANISHING, centres[far[0]], velocity, False)
