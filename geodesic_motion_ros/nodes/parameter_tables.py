@@ -262,7 +262,7 @@ TWIN = (
     Parameter(
         "command_timeout",
         0.2,
-        "Without a target pose for longer than this, the arm brakes and holds",
+        "Without a target pose for longer than this, the arm brakes and holds; a joint trajectory ends by itself",
         "s",
         0.02,
         10.0,

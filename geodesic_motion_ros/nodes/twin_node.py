@@ -13,7 +13,8 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotDoneInTime
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -23,16 +24,20 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64, UInt32
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError, RobotError, SkillError
+from geodesic_motion_ros.nodes.clock_offset import ClockOffset
 from geodesic_motion_ros.nodes.messages import (
     MarkerScene,
     image_message,
     joint_state_message,
     point_message,
     pose_message,
+    read_joint_trajectory,
     read_pose,
+    seconds,
     sphere_marker,
 )
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
@@ -52,16 +57,31 @@ from geodesic_motion_ros.skill import Skill
 _MOST_STEPS = 24
 # A service waits this long [s] for the physics thread.
 _PATIENCE = 2.0
-# After a reset, target poses from before it may still be under way: none counts for this long [s].
+# After a reset, commands from before it may still be under way: none counts for this long [s].
 _DEAF = 0.3
+# Changes of the topic that commands are told at most once in this time [s]: two streams at once would fill the log.
+_QUIET = 0.2
+_POSES, _TRAJECTORIES = "target_pose", "joint_trajectory"
 _OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
 _IMAGE_SIZE = (320, 240)
 # What `initial_joint_positions` holds where nobody has said otherwise, a parameter file with all defaults included.
 _READY = next(parameter.default for parameter in TWIN if parameter.name == "initial_joint_positions")
 
 
+@dataclass(frozen=True)
+class _Command:
+    """What a message on a topic asks of the world."""
+
+    topic: str
+    apply: Callable[[], None]
+
+
 class TwinNode(LoopingNode):
     """The digital twin as a ROS 2 node.
+
+    The arm follows `target_pose`, a stream that must not pause, or `joint_trajectory`, whichever spoke last. Stamps of
+    trajectories are of the node's clock; their rules are those of joint_trajectory_controller
+    (`simulation/trajectory_player.py`).
 
     `~/contacts` counts the physics steps with contact between arm and obstacles since the last reset, so
     that no contact is lost between messages; `~/clearance` is the smallest distance [m] since the message
@@ -86,9 +106,11 @@ class TwinNode(LoopingNode):
         self._least_clearance = np.inf
         self._refusals = Refusals(self.get_logger().warning)
         self._mailbox: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = queue.SimpleQueue()
-        self._command: tuple[np.ndarray, np.ndarray] | None = None
+        self._command: _Command | None = None
         self._command_lock = threading.Lock()
+        self._commander = ""
         self._commanded_at = self._deaf_until = -np.inf
+        self._clock_offset = ClockOffset()
         self._loop = SteadyLoop(self._tick, values["physics_rate"], self._died, name="physics")
         self._make_interface()
         if values["spawn_at_start"]:
@@ -113,7 +135,10 @@ class TwinNode(LoopingNode):
             (every["obstacle_rate"], self._publish_obstacles),
             (every["image_rate"], self._publish_image),
         ]
-        self._targets = self.create_subscription(PoseStamped, "target_pose", self._on_target, QoSProfile(depth=1))
+        self._commands = (
+            self.create_subscription(PoseStamped, _POSES, self._on_target, qos),
+            self.create_subscription(JointTrajectory, _TRAJECTORIES, self._on_trajectory, qos),
+        )
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/spawn_obstacles", self._on_spawn)
         self.create_timer(1.0, self._look_for_rivals)
@@ -130,13 +155,17 @@ class TwinNode(LoopingNode):
     # ------------------------------------------------------------ physics thread
 
     def _tick(self, periods: int) -> None:
+        steps = min(periods, _MOST_STEPS)
         self._serve_mailbox()
+        # what the steps arrive at is the state of now
+        arrival = self._world.time + steps * self._world.dt
+        self._world.clock_offset = self._clock_offset.update(1e-9 * self.get_clock().now().nanoseconds, arrival)
         self._take_command()
-        for _ in range(min(periods, _MOST_STEPS)):
+        for _ in range(steps):
             self._step()
         for every, publish in self._schedule:
             # a late tick makes several steps at once; what fell due among them is published once
-            if every and self._steps // every != (self._steps - min(periods, _MOST_STEPS)) // every:
+            if every and self._steps // every != (self._steps - steps) // every:
                 publish()
 
     def _step(self) -> None:
@@ -151,14 +180,27 @@ class TwinNode(LoopingNode):
         with self._command_lock:
             command, self._command = self._command, None
         now = time.monotonic()
-        if command is not None and now >= self._deaf_until:
-            self._commanded_at = now
-            try:
-                self._world.set_target_pose(*command)
-            except RobotError as error:
-                self._refusals.add("target_pose", str(error))
-        elif now - self._commanded_at > self._options["command_timeout"]:
+        if command is not None:
+            self._obey(command, now)
+        # a trajectory ends by itself
+        elif self._commander == _POSES and now - self._commanded_at > self._options["command_timeout"]:
             self._world.hold()
+
+    def _obey(self, command: _Command, now: float) -> None:
+        if now < self._deaf_until:
+            self._refusals.add(command.topic, f"the arm was reset, nothing is followed for {_DEAF:g} s")
+            return
+        try:
+            command.apply()
+        except RobotError as error:
+            self._refusals.add(command.topic, str(error))
+            return
+        if command.topic != self._commander:
+            self.get_logger().info(
+                f"{command.topic} commands the arm from now on{self._commander and f', no longer {self._commander}'}",
+                throttle_duration_sec=_QUIET,
+            )
+        self._commander, self._commanded_at = command.topic, now
 
     def _serve_mailbox(self) -> None:
         while not self._mailbox.empty():
@@ -202,18 +244,28 @@ class TwinNode(LoopingNode):
     # ---------------------------------------------------------------- callbacks
 
     def _on_target(self, message: PoseStamped) -> None:
-        with self._refusals.guard("target_pose"):
-            command = read_pose(message, self._frame)
-            with self._command_lock:
-                self._command = command
+        with self._refusals.guard(_POSES):
+            position, quaternion = read_pose(message, self._frame)
+            self._ask(_Command(_POSES, partial(self._world.set_target_pose, position, quaternion)))
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        with self._refusals.guard(_TRAJECTORIES):
+            waypoints = read_joint_trajectory(message, self._world.robot)
+            begin = seconds(message.header.stamp) or None
+            self._ask(_Command(_TRAJECTORIES, partial(self._world.set_joint_trajectory, waypoints, begin)))
+
+    def _ask(self, command: _Command) -> None:
+        with self._command_lock:
+            self._command = command
 
     def _look_for_rivals(self) -> None:
-        names = publishers_of(self, self._targets.topic_name)
-        if len(names) > 1:
-            self.get_logger().warning(
-                f"target_pose is published by {' and '.join(names)}: only one may command the arm",
-                throttle_duration_sec=5.0,
-            )
+        rivals = [
+            f"{topic} is published by {' and '.join(names)}"
+            for topic, subscription in zip((_POSES, _TRAJECTORIES), self._commands, strict=True)
+            if len(names := publishers_of(self, subscription.topic_name)) > 1
+        ]
+        if rivals:
+            self.get_logger().warning(f"{'; '.join(rivals)}: only one may command the arm", throttle_duration_sec=5.0)
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._in_physics_thread(self._reset, response)
@@ -238,7 +290,7 @@ class TwinNode(LoopingNode):
         self._world.reset(_initial_joints(self._options.values))
         self._scene_start = self._world.time
         self._contacts, self._least_clearance = 0, np.inf
-        self._commanded_at, self._deaf_until = -np.inf, time.monotonic() + _DEAF
+        self._commander, self._deaf_until = "", time.monotonic() + _DEAF
         return "the arm is where it started, the scene begins again, contacts count from zero"
 
     def _spawn(self) -> str:
@@ -261,6 +313,8 @@ def _initial_joints(values: Mapping[str, Value]) -> np.ndarray:
 def start_joints(name: str) -> np.ndarray:
     """Joint positions (7,) [rad] of a Panda at the start of a skill, a folder or a shipped name.
 
+    A skill of joint space begins where its first group of demonstrations does on average.
+
     Raises
     ------
     SkillError : there is no such skill, or it is of another robot.
@@ -272,7 +326,10 @@ def start_joints(name: str) -> np.ndarray:
             f"skill {skill.name} moves the frame {skill.tool_frame!r} of a {skill.robot!r}, the twin is a 'panda' with "
             f"{robot.tool_link!r}: start it with skill:='' to use initial_joint_positions"
         )
-    joints = solve(robot, skill.start_pose[:3], skill.start_pose[3:])
+    if skill.space == "joint" and skill.canonical is not None:
+        joints = skill.canonical.start_poles[0].copy()
+    else:
+        joints = solve(robot, skill.start_pose[:3], skill.start_pose[3:])
     joints.setflags(write=False)
     return joints
 

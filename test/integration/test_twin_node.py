@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +14,13 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64, UInt32
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.errors import ParameterError, SkillError
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
 
 ON_THE_HAND = "{ball: {kind: static, centre: [0.45, -0.28, 0.36], radius: 0.05}}"
 TWO = (
@@ -146,6 +150,16 @@ def test_starts_where_its_skill_does(bench, skill_folder, start_joints):
     np.testing.assert_allclose(state.position, start_joints, atol=0.01)
 
 
+def test_starts_at_the_mean_configuration_of_a_joint_space_skill(bench, skill, monkeypatch):
+    poles = Robot.panda().ready + np.array([[0.2], [-0.2]])
+    joint_skill = replace(skill, space="joint", canonical=SimpleNamespace(start_poles=poles))
+    monkeypatch.setattr(Skill, "load", lambda name: joint_skill)
+    bench.add(TwinNode, skill="of the whole arm")
+    bench.listen(JointState, "joint_states")
+    state = bench.wait(lambda: bench.heard["joint_states"], "the state of the arm")[0]
+    np.testing.assert_allclose(state.position, poles[0], atol=0.01)
+
+
 def test_starts_at_the_ready_pose_without_a_skill(bench):
     bench.add(TwinNode, skill="")
     bench.listen(JointState, "joint_states")
@@ -158,11 +172,12 @@ def test_a_missing_skill_is_named(bench, tmp_path):
         bench.add(TwinNode, skill=str(tmp_path / "nowhere"))
 
 
-def test_two_commanders_are_warned_of(twin):
+@pytest.mark.parametrize(("kind", "topic"), [(PoseStamped, "target_pose"), (JointTrajectory, "joint_trajectory")])
+def test_two_commanders_are_warned_of(twin, kind, topic):
     twin.listen(Log, "/rosout", 100)
     for _ in range(2):
-        twin.probe.create_publisher(PoseStamped, "target_pose", 1)
-    said = "target_pose is published by /probe and /probe"
+        twin.probe.create_publisher(kind, topic, 1)
+    said = f"{topic} is published by /probe and /probe"
     twin.wait(lambda: any(said in log.msg for log in twin.heard["/rosout"]), "the warning")
 
 

@@ -1,0 +1,189 @@
+"""The node `twin` and the topic `joint_trajectory`: followed, replaced in motion, refused, ended."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import Log
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.joint_reference import JointReference, joined, timed_joint_reference
+from geodesic_motion_ros.nodes.messages import joint_trajectory_message, seconds
+from geodesic_motion_ros.nodes.twin_node import TwinNode
+from geodesic_motion_ros.robot.kinematics import Robot
+
+ROBOT = Robot.panda()
+#: Slow enough that a message or a tick that is late by some milliseconds on a busy machine makes no large error.
+LIMITS = JointLimits.of(ROBOT, speed_scale=0.25, acceleration_scale=0.2)
+START = ROBOT.ready
+GOAL = START + np.array([0.6, 0.3, -0.4, 0.3, 0.4, -0.3, 0.5])
+OTHER_GOAL = START + np.array([-0.3, 0.5, 0.2, 0.1, -0.4, 0.2, 0.0])
+
+
+def way(
+    start: np.ndarray, goal: np.ndarray, velocity: np.ndarray | None = None, acceleration: np.ndarray | None = None
+) -> JointReference:
+    reference = timed_joint_reference(np.stack([start, goal]), np.zeros((2, 1)), LIMITS, velocity, acceleration)
+    assert reference is not None
+    return reference
+
+
+@pytest.fixture
+def twin(bench):
+    """A bench with a twin at START."""
+    bench.twin = bench.add(TwinNode, skill="", initial_joint_positions=START.tolist())
+    bench.listen(JointState, "joint_states", 1000)
+    bench.wait(lambda: bench.heard["joint_states"], "the state of the arm")
+    return bench
+
+
+def now(bench) -> float:
+    return 1e-9 * bench.probe.get_clock().now().nanoseconds
+
+
+def send(bench, reference: JointReference, begin: float) -> None:
+    knots = reference.times, reference.positions, reference.velocities, reference.accelerations
+    message = joint_trajectory_message(ROBOT.joint_names, *knots, begin)
+    bench.publisher(JointTrajectory, "joint_trajectory").publish(message)
+
+
+def measured(bench) -> np.ndarray:
+    return np.array(bench.heard["joint_states"][-1].position)
+
+
+def wait_for_time(bench, time: float) -> None:
+    bench.wait(lambda: seconds(bench.heard["joint_states"][-1].header.stamp) > time, f"states after {time} s")
+
+
+def wait_for_rest(bench, goal: np.ndarray) -> None:
+    bench.wait(lambda: np.max(np.abs(measured(bench) - goal)) < 1e-3, "the arm at its goal")
+    heard = len(bench.heard["joint_states"])
+    bench.wait(lambda: len(bench.heard["joint_states"]) > heard + 30, "further states")
+    np.testing.assert_allclose(measured(bench), goal, atol=1e-3)
+
+
+def deviations(bench, pieces: list[tuple[JointReference, float, float]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How far the states heard are from references, each played from its begin and told about until an end [s].
+
+    Returns
+    -------
+    at_once : (n,) largest position error [rad] of each state at its stamp.
+    nearest, speed : (n,) largest errors [rad], [rad/s] against the nearest position within 60 ms: a busy machine is
+        late now and then.
+    """
+    rows = []
+    shifts = np.append(0.0, np.linspace(-0.06, 0.06, 121))
+    for state in bench.heard["joint_states"]:
+        stamp = seconds(state.header.stamp)
+        for reference, begin, end in pieces:
+            if begin <= stamp < end:
+                desired = reference.samples(stamp - begin + shifts)
+                errors = np.max(np.abs(desired[0] - state.position), axis=1)
+                best = int(np.argmin(errors))
+                rows.append((errors[0], errors[best], np.max(np.abs(desired[1, best] - state.velocity))))
+    at_once, nearest, speed = np.array(rows).T
+    return at_once, nearest, speed
+
+
+def check_followed(bench, pieces: list[tuple[JointReference, float, float]]) -> None:
+    at_once, nearest, speed = deviations(bench, pieces)
+    assert len(at_once) > 100
+    assert np.median(at_once) < 5e-3
+    assert np.max(nearest) < 5e-3
+    assert np.max(speed) < 0.1
+
+
+def test_a_trajectory_is_followed_to_its_goal_and_held_without_a_stream(twin):
+    reference = way(START, GOAL)
+    twin.publisher(JointTrajectory, "joint_trajectory")
+    begin = now(twin) + 0.1
+    send(twin, reference, begin)
+    wait_for_time(twin, begin + reference.duration)
+    wait_for_rest(twin, GOAL)
+    assert reference.duration > 3.0 * twin.twin._options["command_timeout"]
+    check_followed(twin, [(reference, begin, begin + reference.duration)])
+
+
+def test_a_replacement_in_motion_gives_no_jump(twin):
+    old = way(START, GOAL)
+    twin.publisher(JointTrajectory, "joint_trajectory")
+    begin = now(twin) + 0.1
+    send(twin, old, begin)
+    wait_for_time(twin, begin + 0.45 * old.duration)
+    ahead = int(np.searchsorted(old.times, now(twin) - begin + 0.2))
+    since, switch = old.times[ahead - 12], old.times[ahead]
+    position, velocity, acceleration = old.sample(switch)
+    assert np.max(np.abs(velocity)) > 0.2
+    new = way(position, OTHER_GOAL, velocity, acceleration)
+    send(twin, joined(old, since, new, switch), begin + since)
+    wait_for_rest(twin, OTHER_GOAL)
+    check_followed(twin, [(old, begin, begin + switch), (new, begin + switch, begin + switch + new.duration)])
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (lambda message: setattr(message.points[3], "positions", [np.nan] * 7), "positions of a trajectory hold nan"),
+        (
+            lambda message: setattr(message, "joint_names", ["elbow", *message.joint_names[1:]]),
+            "lacks joints panda_joint1",
+        ),
+        (lambda message: setattr(message.header.stamp, "sec", message.header.stamp.sec - 100), "ends in the past"),
+        (lambda message: setattr(message, "points", []), "no points"),
+    ],
+    ids=["NaN", "unknown joint", "past", "empty"],
+)
+def test_a_bad_one_is_refused_and_the_old_one_goes_on(twin, spoil, reason):
+    reference = way(START, GOAL)
+    twin.publisher(JointTrajectory, "joint_trajectory")
+    begin = now(twin) + 0.1
+    send(twin, reference, begin)
+    wait_for_time(twin, begin + 0.3 * reference.duration)
+    other = way(START, OTHER_GOAL)
+    knots = other.times, other.positions, other.velocities, other.accelerations
+    message = joint_trajectory_message(ROBOT.joint_names, *knots, now(twin))
+    spoil(message)
+    twin.publisher(JointTrajectory, "joint_trajectory").publish(message)
+    twin.wait(lambda: reason in twin.twin._refusals.newest(within=60.0), f"a refusal: {reason}")
+    wait_for_rest(twin, GOAL)
+    check_followed(twin, [(reference, begin, begin + reference.duration)])
+
+
+def test_whichever_spoke_last_commands_and_the_change_is_logged(twin, make_pose):
+    twin.listen(Log, "/rosout", 100)
+    send(twin, way(START, GOAL), 0.0)
+    wait_for_rest(twin, GOAL)
+    pose = make_pose(np.concatenate(ROBOT.forward(START)))
+    publisher = twin.publisher(PoseStamped, "target_pose")
+    timer = twin.repeat(0.02, lambda: publisher.publish(pose))
+    tool = lambda: ROBOT.forward(measured(twin))[0]  # noqa: E731
+    twin.wait(lambda: np.linalg.norm(tool() - ROBOT.forward(START)[0]) < 2e-3, "the arm at the pose")
+    twin.probe.destroy_timer(timer)
+    twin.wait(lambda: twin.twin._world._target is None, "the hold after the last pose")
+    send(twin, way(measured(twin), GOAL), 0.0)
+    wait_for_rest(twin, GOAL)
+    said = [
+        "joint_trajectory commands the arm from now on",
+        "target_pose commands the arm from now on, no longer joint_trajectory",
+        "joint_trajectory commands the arm from now on, no longer target_pose",
+    ]
+    changes = lambda: [log.msg for log in twin.heard["/rosout"] if "commands the arm" in log.msg]  # noqa: E731
+    twin.wait(lambda: len(changes()) == 3, "three changes in the log")
+    assert changes() == said
+
+
+def test_reset_ends_a_trajectory(twin):
+    twin.publisher(JointTrajectory, "joint_trajectory")
+    begin = now(twin) + 0.1
+    reference = way(START, GOAL)
+    send(twin, reference, begin)
+    wait_for_time(twin, begin + 0.4 * reference.duration)
+    assert np.max(np.abs(measured(twin) - START)) > 0.05
+    assert twin.call(Trigger, "twin/reset", Trigger.Request()).success
+    twin.wait(lambda: np.max(np.abs(measured(twin) - START)) < 1e-3, "the arm back at its start")
+    wait_for_time(twin, begin + reference.duration + 0.2)
+    wait_for_rest(twin, START)
