@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.readers import DEFAULT_COLUMNS, METRES_PER_UNIT, read_demonstrations
+from geodesic_motion_ros.demonstrations.readers import (
+    DEFAULT_COLUMNS,
+    METRES_PER_UNIT,
+    holds_joints,
+    read_demonstrations,
+    read_joint_demonstrations,
+)
 from geodesic_motion_ros.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -23,31 +29,68 @@ class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescript
         return action.help if unsaid else super()._get_help_string(action)
 
 
-def add_recording(parser: argparse.ArgumentParser, required: bool = True, several: bool = False) -> None:
-    """--demos, --units, --columns and --rate."""
+def add_recording(
+    parser: argparse.ArgumentParser, required: bool = True, several: bool = False, joints: bool = False
+) -> None:
+    """--demos, --units, --columns and --rate; with `joints`, for recordings of joints too, --space and --robot."""
     group = parser.add_argument_group("recording")
     group.add_argument(
         "--demos", type=Path, required=required, metavar="FILE", nargs="+" if several else None,
         help="recorded demonstrations: .npy (N, T, columns), .npz, or .csv with a column `demonstration`",
     )  # fmt: skip
     group.add_argument(
-        "--units", choices=tuple(METRES_PER_UNIT), required=required,
+        "--units", choices=tuple(METRES_PER_UNIT), required=required and not joints,
         help="of the positions; always to be said, a wrong guess would be off by a hundred",
     )  # fmt: skip
     group.add_argument(
-        "--columns", default=DEFAULT_COLUMNS, metavar="NAMES",
+        "--columns", metavar="NAMES",
         help="columns of the file in their order; `t` [s] where it has times, `px,py,pz` without orientation, "
-        "`px,py` for a plane",
+        f"`px,py` for a plane; {DEFAULT_COLUMNS} without it",
     )  # fmt: skip
     group.add_argument(
         "--rate", type=float, default=100.0, metavar="HZ", help="samples a second of files without times"
     )
+    if joints:
+        group.add_argument(
+            "--space", choices=("task", "joint"),
+            help="what the file holds: poses of the tool, or configurations of the whole arm [rad]; without it as the "
+            "file says of itself",
+        )  # fmt: skip
+        group.add_argument("--robot", help="whose joints were recorded; panda without it")
+
+
+def recorded_space(arguments: argparse.Namespace) -> Literal["task", "joint"]:
+    """What the recording is of: what --space says, else what the file says of itself."""
+    return arguments.space or ("joint" if holds_joints(arguments.demos) else "task")
+
+
+def refuse_other_space(arguments: argparse.Namespace, space: str, options: dict[str, tuple[str, ...]]) -> None:
+    """Refuse given options, by space, that belong to another space than the recording: ParameterError names one."""
+    for other, names in options.items():
+        given = [name for name in names if getattr(arguments, name) is not None]
+        if other != space and given:
+            option = f"--{given[0].replace('_', '-')}"
+            raise ParameterError(
+                f"{option} is for {_RECORDINGS[other]}; {arguments.demos} is taken for {_RECORDINGS[space]} "
+                f"(--space {space})"
+            )
 
 
 def read_recording(arguments: argparse.Namespace, path: Path) -> Demonstrations:
-    """The demonstrations of one file; DemonstrationError says what is wrong with it."""
-    return read_demonstrations(path, arguments.units, arguments.columns, arguments.rate)
+    """The poses of one file; DemonstrationError says what is wrong with it."""
+    if arguments.units is None:
+        raise ParameterError(f"say the units of the positions in {path}: --units {', '.join(METRES_PER_UNIT)}")
+    return read_demonstrations(path, arguments.units, arguments.columns or DEFAULT_COLUMNS, arguments.rate)
 
+
+def read_joint_recording(arguments: argparse.Namespace, path: Path) -> JointDemonstrations:
+    """The joints of one file; DemonstrationError says what is wrong with it."""
+    return read_joint_demonstrations(path, arguments.robot or "panda", arguments.rate)
+
+
+#: Of recordings, by the space that is learned from them.
+RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ("robot",)}
+_RECORDINGS = {"task": "recordings of the tool", "joint": "recordings of joints"}
 
 Recording = TypeVar("Recording", Demonstrations, JointDemonstrations)
 
@@ -60,6 +103,11 @@ def evenly_sampled(demonstrations: Recording) -> Recording:
 def add_json(parser: argparse.ArgumentParser) -> None:
     """--json."""
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to a file as well")
+
+
+def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """The values of those options that were given."""
+    return {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
 
 
 def indices(text: str) -> tuple[int, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -13,32 +12,40 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from geodesic_motion_ros.cli import train_joint, train_task
 from geodesic_motion_ros.cli.arguments import (
     HelpFormatter,
     add_json,
     add_recording,
     indices,
     pictured,
-    read_recording,
+    recorded_space,
+    refuse_other_space,
     seed,
     writable,
 )
-from geodesic_motion_ros.errors import DemonstrationError, ParameterError
-from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-    from geodesic_motion_ros.manifold.training import TrainingSettings
-    from geodesic_motion_ros.skill import Skill
 
-# A demonstration that stays within this [m], [rad] of its first pose does not move; motions smaller than this [m] look
-# like a wrong unit; an error of this share of the motion is no skill.
-_STILL_DISTANCE, _STILL_ANGLE, _SMALL, _POOR = 1e-3, 0.02, 0.02, 0.2
+# Motions smaller than this [m] look like a wrong unit; an error of this share of the motion is no skill.
+_SMALL, _POOR = 0.02, 0.2
+_SPACES = {"task": train_task, "joint": train_joint}
+_TOLD = {
+    "task": "poses of the tool: a skill of poses is learned",
+    "joint": "configurations of the whole arm: a joint-space skill is learned",
+}
+#: Settings of the training that both spaces have.
+_SHARED = ("seed", "steps", "kernels", "sheet", "kl_weight")
 
 _DESCRIPTION = """\
 Learns a skill from a handful of demonstrations of one task: a latent space with a Riemannian metric that is cheap to
-cross where people moved. Takes a minute or two on one core; the same seed gives the same skill, bit by bit.
+cross where people moved. Takes a few minutes on one core; the same seed gives the same skill, bit by bit.
+
+A recording of the tool's poses becomes a skill of poses; one of an arm's joints, a file with joint positions in
+radians as `demonstrate` writes it, becomes a joint-space skill, which moves the whole arm.
 """
 _EPILOG = """\
 With --held-out the skill is learned from the other demonstrations, and how well it predicts the held-out ones from
@@ -49,6 +56,7 @@ examples:
   geodesic-motion train --demos pouring.npy --units cm --out skills/pouring
   geodesic-motion train --demos pouring.npy --units cm --held-out 0,3,6 --out skills/pouring_036 --json out/036.json
   geodesic-motion train --demos reach.csv --units m --columns t,px,py,pz,qx,qy,qz,qw --out skills/reach
+  geodesic-motion train --demos reach.npz --space joint --out skills/reach
 
 as the paper has it (by default changed where that was measured to be better):
   geodesic-motion train ... --sheet raw --orientation-model sign_blind --schedule joint --orientation-scale kappa
@@ -62,7 +70,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "train", help="learn a skill from demonstrations",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
-    add_recording(parser)
+    add_recording(parser, joints=True)
     skill = parser.add_argument_group("skill")
     skill.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the skill goes")
     skill.add_argument("--name", help="what it is called; without it, like its folder")
@@ -72,34 +80,22 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--held-out", type=indices, metavar="NUMBERS", help="demonstrations to measure on instead of learning from: 0,3"
     )
     _add_training(parser.add_argument_group("training"))
+    train_task.add_options(parser.add_argument_group("training on recordings of the tool"))
+    train_joint.add_options(parser.add_argument_group("training on recordings of joints"))
     add_json(parser)
     parser.set_defaults(run=run)
 
 
 def _add_training(group: argparse._ArgumentGroup) -> None:
-    """Settings of the training; what is not given stays at the defaults of TrainingSettings."""
+    """Settings of the training; what is not given stays at the defaults."""
     group.add_argument("--seed", type=seed, help="of everything random; 0 without it")
     group.add_argument("--steps", type=int, help="of the optimiser; 5000 without it")
-    group.add_argument("--kernels", type=int, help="radial-basis kernels of sigma and kappa; 500 without it")
+    group.add_argument("--kernels", type=int, help="radial-basis kernels of the deviations; 500 without it")
     group.add_argument(
         "--sheet", choices=("canonical", "raw"),
         help="learn what is left when start and goal offsets are taken out (default), or the paper's: no change",
     )  # fmt: skip
-    group.add_argument(
-        "--orientation-model", choices=("two_cluster", "sign_blind"),
-        help="q and -q in clusters of their own (default of the raw sheet), or the paper's antipodal mixture",
-    )  # fmt: skip
-    group.add_argument(
-        "--schedule", choices=("two_stage", "joint"),
-        help="means first, then sigma and kappa (default), or the paper's: everything together",
-    )  # fmt: skip
-    group.add_argument(
-        "--orientation-scale", choices=("spread", "kappa"),
-        help="what of kappa enters the metric: kappa^(-1/2) (default), or kappa as in the paper",
-    )  # fmt: skip
     group.add_argument("--sigma-weight", type=float, help="weight of sigma in the metric; 10 without it, the paper: 1")
-    group.add_argument("--position-weight", type=float, help="beta1 of the evidence lower bound")
-    group.add_argument("--orientation-weight", type=float, help="beta2 of the evidence lower bound")
     group.add_argument("--kl-weight", type=float, help="weight of the divergence; 0.3 without it, the paper: 1")
 
 
@@ -107,28 +103,26 @@ def run(arguments: argparse.Namespace) -> None:
     """Train, measure, save, report."""
     from tqdm import tqdm
 
-    from geodesic_motion_ros.experiments.baselines import require_peers
-    from geodesic_motion_ros.manifold.training import train_task_space_skill
-
-    demonstrations = read_recording(arguments, arguments.demos)
-    shown = demonstrations.split(arguments.held_out)[0] if arguments.held_out else demonstrations
-    refuse_motionless(shown)
-    if arguments.held_out:
-        require_peers()
-    settings = _settings(arguments)
+    space = recorded_space(arguments)
+    refuse_other_space(arguments, space, {name: module.OPTIONS for name, module in _SPACES.items()})
+    training = (
+        train_joint.JointTraining if space == "joint" else train_task.TaskTraining
+    ).from_arguments(arguments, _SHARED)  # fmt: skip
     _refuse_foreign(arguments.out)
     _refuse_unwritable(arguments.out)
     writable(arguments.json)
+    print(f"{arguments.demos}: {_TOLD[space]}")
+    shown = training.tool_demonstrations()
     extent = _extent(shown)
-    _note_the_recording(shown, extent)
+    _note_the_recording(shown, extent, space)
     # A log that no person watches gets a line now and then.
     interval = 0.1 if sys.stderr.isatty() else 10.0
     with tqdm(desc=arguments.demos.stem, unit="step", mininterval=interval) as bar:
-        skill = train_task_space_skill(
-            shown, settings, arguments.name or arguments.out.resolve().name, _shown_on(bar), _provenance(arguments)
-        )
+        name = arguments.name or arguments.out.resolve().name
+        skill = training.learn(name, _shown_on(bar), _provenance(arguments))
     if arguments.held_out:
-        skill = replace(skill, quality=skill.quality | held_out_quality(skill, demonstrations, arguments.held_out))
+        measured = {"held_out": list(arguments.held_out)} | training.held_out_quality(skill)
+        skill = replace(skill, quality=skill.quality | measured)
     folder = skill.save(arguments.out)
     for name, value in skill.quality.items():
         print(f"{name:32} {value:.2f}" if isinstance(value, float) else f"{name:32} {value}")
@@ -137,33 +131,6 @@ def run(arguments: argparse.Namespace) -> None:
     pictured(skill, folder / "report.png")
     if arguments.json is not None:
         write_json(arguments.json, {"skill": skill.name, "folder": folder.as_posix(), "quality": skill.quality})
-
-
-def held_out_quality(skill: Skill, demonstrations: Demonstrations, held_out: tuple[int, ...]) -> dict[str, Any]:
-    """Figures of the rows geodesic and people of `evaluate`, for one skill: quality to be kept in it."""
-    from geodesic_motion_ros.experiments.imitation import evaluate
-
-    seed = int(skill.provenance["seed"])
-    rows = evaluate(
-        demonstrations, [held_out], [seed], lambda *_: skill, show_progress=False, sheets=[skill.sheet]
-    ).rows
-    figures = {f"held_out_{column}": value for column, value in rows["geodesic"].items()}
-    figures |= {f"people_{column}": rows["people"][column] for column in ("dtw_mm", "orientation_deg")}
-    return {"held_out": list(held_out)} | {name: value for name, value in figures.items() if value is not None}
-
-
-def _settings(arguments: argparse.Namespace) -> TrainingSettings:
-    from geodesic_motion_ros.graph.pose_graph import MetricSettings
-    from geodesic_motion_ros.manifold.training import TrainingSettings
-
-    def given(*names: str) -> dict[str, Any]:
-        return {name: getattr(arguments, name) for name in names if getattr(arguments, name) is not None}
-
-    chosen = given(
-        "seed", "steps", "kernels", "sheet", "orientation_model", "schedule",
-        "position_weight", "orientation_weight", "kl_weight",
-    )  # fmt: skip
-    return TrainingSettings(metric=MetricSettings(**given("sigma_weight", "orientation_scale")), **chosen)
 
 
 def _provenance(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -189,31 +156,20 @@ def _refuse_unwritable(folder: Path) -> None:
         raise ParameterError(f"{folder} cannot be written ({error.strerror}): choose another --out") from error
 
 
-def refuse_motionless(demonstrations: Demonstrations) -> None:
-    """Refuse what nothing can be learned from: DemonstrationError names the demonstration that does not move."""
-    for item in demonstrations:
-        moved = float(np.linalg.norm(item.positions - item.positions[0], axis=1).max())
-        turned = float(angle_between(item.quaternions, item.quaternions[0]).max())
-        if moved < _STILL_DISTANCE and turned < _STILL_ANGLE:
-            raise DemonstrationError(
-                f"demonstration '{item.name}' does not move: {1e3 * moved:.2g} mm and {math.degrees(turned):.2g} deg "
-                "at most from its first pose; leave it out of the file"
-            )
-
-
 def _extent(demonstrations: Demonstrations) -> float:
     """How large the motions are [m]: diagonal of the box around one of them, the median."""
     return float(np.median([np.linalg.norm(np.ptp(item.positions, axis=0)) for item in demonstrations]))
 
 
-def _note_the_recording(demonstrations: Demonstrations, extent: float) -> None:
+def _note_the_recording(demonstrations: Demonstrations, extent: float, space: str) -> None:
     if len(demonstrations) == 1:
         _note(
             "one demonstration only: the skill can carry it to other starts and goals, but has no other way around an "
             "obstacle, and start and goal choose nothing (no density of them, no regression on them)"
         )
     if extent < _SMALL:
-        _note(f"the motions are only {1e3 * extent:.2g} mm large: is --units right?")
+        doubt = ": is --units right?" if space == "task" else ", as the tool moves"
+        _note(f"the motions are only {1e3 * extent:.2g} mm large{doubt}")
 
 
 def _note_the_result(quality: Mapping[str, Any], extent: float) -> None:

@@ -86,14 +86,14 @@ def canonical_joint_form(
                 f"task; distances [rad] from the mean are {told}"
             )
     ends = np.stack([start_poles[start_groups], goal_poles[goal_groups]], axis=1)
-    canonical = np.stack([_without_offsets(curve, pole, robot) for curve, pole in zip(shown, ends, strict=True)])
+    canonical = np.stack([without_offsets(curve, pole, robot) for curve, pole in zip(shown, ends, strict=True)])
     return CanonicalJointDemonstrations(
         canonical, start_offsets, goal_offsets, start_groups, goal_groups, start_poles, goal_poles
     )
 
 
-def _without_offsets(curve: np.ndarray, poles: np.ndarray, robot: Robot) -> np.ndarray:
-    """y (T, eta) with y + D(y, s) = curve, from the poles (2, eta)."""
+def without_offsets(curve: np.ndarray, poles: np.ndarray, robot: Robot) -> np.ndarray:
+    """y (T, eta) with y + D(y, s) = curve (T, eta), which is equally spaced in s, for poles (2, eta) [rad]."""
     offsets = JointOffsets.between(robot, poles, curve[[0, -1]])
     s = np.linspace(0.0, 1.0, len(curve))
     canonical = curve

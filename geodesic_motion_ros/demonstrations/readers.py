@@ -117,6 +117,25 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
     return demonstrations
 
 
+def holds_joints(path: str | Path) -> bool:
+    """Whether a file says of itself that it is a recording of joints, for `read_joint_demonstrations`.
+
+    A `.npz` with the key `configurations`, or a `.csv` whose header names no position. False for what cannot be read.
+    """
+    path = Path(path)
+    try:
+        if path.suffix.lower() == ".npz":
+            with np.load(path, allow_pickle=False) as archive:
+                return "configurations" in archive.files
+        if path.suffix.lower() == ".csv":
+            with path.open(newline="", encoding="utf-8-sig") as stream:
+                header = [cell.strip() for cell in next(csv.reader(stream), [])]
+            return bool(header) and not set(header) & {*POSITION, *QUATERNION}
+    except (OSError, ValueError, BadZipFile, csv.Error):
+        return False
+    return False
+
+
 def parse_columns(columns: str) -> tuple[str, ...]:
     """Column names out of "px,py,...". DemonstrationError names unknown, repeated and missing ones."""
     names = tuple(name.strip() for name in columns.split(","))

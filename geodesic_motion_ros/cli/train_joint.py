@@ -1,0 +1,104 @@
+"""What `train` does with a recording of an arm's joints."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given, read_joint_recording
+from geodesic_motion_ros.errors import DemonstrationError
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+    from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+    from geodesic_motion_ros.robot.kinematics import Robot
+    from geodesic_motion_ros.skill import Skill
+
+# A demonstration whose joints all stay within this [rad] of where they begin does not move.
+_STILL = 0.02
+
+_SETTINGS = ("latent_dimension", "volume_weight")
+#: What only recordings of joints have.
+OPTIONS = (*RECORDING_OPTIONS["joint"], *_SETTINGS, "joint_weight")
+
+
+def add_options(group: argparse._ArgumentGroup) -> None:
+    """Settings of the training that task space does not have."""
+    group.add_argument("--latent-dimension", type=int, choices=(2, 3), help="of the latent space; 3 without it")
+    group.add_argument(
+        "--volume-weight", type=float,
+        help="of the change of variables from joint angles to the body; 0 without it, the paper: 1",
+    )  # fmt: skip
+    group.add_argument(
+        "--joint-weight", type=float,
+        help="what a radian of a joint counts in the metric beside the body's motion [m]; 0.05 without it",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class JointTraining:
+    """A recording of joints and how it is learned; `held_out` are the indices to measure on, perhaps none."""
+
+    demonstrations: JointDemonstrations
+    robot: Robot
+    held_out: tuple[int, ...]
+    settings: JointTrainingSettings
+
+    @classmethod
+    def from_arguments(cls, arguments: argparse.Namespace, shared: tuple[str, ...]) -> JointTraining:
+        """Read and check; `shared` are the names of the options that all spaces have."""
+        from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
+        from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+        from geodesic_motion_ros.robot.kinematics import Robot
+
+        metric = JointMetricSettings(**given(arguments, "sigma_weight", "joint_weight"))
+        demonstrations = read_joint_recording(arguments, arguments.demos)
+        settings = JointTrainingSettings(metric=metric, **given(arguments, *shared, *_SETTINGS))
+        training = cls(demonstrations, Robot.named(demonstrations.robot), arguments.held_out or (), settings)
+        refuse_motionless(training.shown)
+        return training
+
+    @property
+    def shown(self) -> JointDemonstrations:
+        """What is learned from."""
+        return self.demonstrations.split(self.held_out)[0] if self.held_out else self.demonstrations
+
+    def tool_demonstrations(self) -> Demonstrations:
+        """How the tool moves in what is learned from."""
+        return self.shown.tool_demonstrations(self.robot)
+
+    def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
+        from geodesic_motion_ros.manifold.joint_training import train_joint_space_skill
+
+        return train_joint_space_skill(self.shown, self.robot, self.settings, name, progress, provenance)
+
+    def held_out_quality(self, skill: Skill) -> dict[str, Any]:
+        """Figures of the rows geodesic, reconstruction and people of `evaluate`, for one skill."""
+        from geodesic_motion_ros.experiments.joint_imitation import evaluate_joints
+
+        seed = self.settings.seed
+        report = evaluate_joints(
+            self.demonstrations, [self.held_out], [seed], lambda *_: skill, show_progress=False
+        )  # fmt: skip
+        return {
+            f"{name}_{column}": value
+            for name, row in (("held_out", "geodesic"), ("reconstruction", "reconstruction"), ("people", "people"))
+            for column, value in report.means(row).items()
+            if value is not None
+        }
+
+
+def refuse_motionless(demonstrations: JointDemonstrations) -> None:
+    """Refuse what nothing can be learned from: DemonstrationError names the demonstration that does not move."""
+    for item in demonstrations:
+        turned = float(np.abs(item.configurations - item.configurations[0]).max())
+        if turned < _STILL:
+            raise DemonstrationError(
+                f"demonstration '{item.name}' does not move: its joints turn by {turned:.2g} rad at most; leave it out "
+                "of the file"
+            )

@@ -1,0 +1,103 @@
+"""What `train` does with a recording of the tool's poses."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given, read_recording
+from geodesic_motion_ros.errors import DemonstrationError
+from geodesic_motion_ros.quaternions import angle_between
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+    from geodesic_motion_ros.manifold.training import TrainingSettings
+    from geodesic_motion_ros.skill import Skill
+
+# A demonstration that stays within this [m], [rad] of its first pose does not move.
+_STILL_DISTANCE, _STILL_ANGLE = 1e-3, 0.02
+
+_SETTINGS = ("orientation_model", "schedule", "position_weight", "orientation_weight")
+#: What only recordings of poses have.
+OPTIONS = (*RECORDING_OPTIONS["task"], *_SETTINGS, "orientation_scale")
+
+
+def add_options(group: argparse._ArgumentGroup) -> None:
+    """Settings of the training that joint space does not have."""
+    group.add_argument(
+        "--orientation-model", choices=("two_cluster", "sign_blind"),
+        help="q and -q in clusters of their own (default of the raw sheet), or the paper's antipodal mixture",
+    )  # fmt: skip
+    group.add_argument(
+        "--schedule", choices=("two_stage", "joint"),
+        help="means first, then sigma and kappa (default), or the paper's: everything together",
+    )  # fmt: skip
+    group.add_argument(
+        "--orientation-scale", choices=("spread", "kappa"),
+        help="what of kappa enters the metric: kappa^(-1/2) (default), or kappa as in the paper",
+    )  # fmt: skip
+    group.add_argument("--position-weight", type=float, help="beta1 of the evidence lower bound")
+    group.add_argument("--orientation-weight", type=float, help="beta2 of the evidence lower bound")
+
+
+@dataclass(frozen=True)
+class TaskTraining:
+    """A recording of the tool and how it is learned; `held_out` are the indices to measure on, perhaps none."""
+
+    demonstrations: Demonstrations
+    held_out: tuple[int, ...]
+    settings: TrainingSettings
+
+    @classmethod
+    def from_arguments(cls, arguments: argparse.Namespace, shared: tuple[str, ...]) -> TaskTraining:
+        """Read and check; `shared` are the names of the options that all spaces have."""
+        from geodesic_motion_ros.experiments.baselines import require_peers
+        from geodesic_motion_ros.graph.pose_graph import MetricSettings
+        from geodesic_motion_ros.manifold.training import TrainingSettings
+
+        metric = MetricSettings(**given(arguments, "sigma_weight", "orientation_scale"))
+        demonstrations = read_recording(arguments, arguments.demos)
+        settings = TrainingSettings(metric=metric, **given(arguments, *shared, *_SETTINGS))
+        training = cls(demonstrations, arguments.held_out or (), settings)
+        refuse_motionless(training.tool_demonstrations())
+        if training.held_out:
+            require_peers()
+        return training
+
+    def tool_demonstrations(self) -> Demonstrations:
+        """What is learned from."""
+        return self.demonstrations.split(self.held_out)[0] if self.held_out else self.demonstrations
+
+    def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
+        from geodesic_motion_ros.manifold.training import train_task_space_skill
+
+        return train_task_space_skill(self.tool_demonstrations(), self.settings, name, progress, provenance)
+
+    def held_out_quality(self, skill: Skill) -> dict[str, Any]:
+        """Figures of the rows geodesic and people of `evaluate`, for one skill."""
+        from geodesic_motion_ros.experiments.imitation import evaluate
+
+        rows = evaluate(
+            self.demonstrations, [self.held_out], [self.settings.seed], lambda *_: skill, show_progress=False,
+            sheets=[skill.sheet],
+        ).rows  # fmt: skip
+        figures = {f"held_out_{column}": value for column, value in rows["geodesic"].items()}
+        figures |= {f"people_{column}": rows["people"][column] for column in ("dtw_mm", "orientation_deg")}
+        return {name: value for name, value in figures.items() if value is not None}
+
+
+def refuse_motionless(demonstrations: Demonstrations) -> None:
+    """Refuse what nothing can be learned from: DemonstrationError names the demonstration that does not move."""
+    for item in demonstrations:
+        moved = float(np.linalg.norm(item.positions - item.positions[0], axis=1).max())
+        turned = float(angle_between(item.quaternions, item.quaternions[0]).max())
+        if moved < _STILL_DISTANCE and turned < _STILL_ANGLE:
+            raise DemonstrationError(
+                f"demonstration '{item.name}' does not move: {1e3 * moved:.2g} mm and {math.degrees(turned):.2g} deg "
+                "at most from its first pose; leave it out of the file"
+            )
