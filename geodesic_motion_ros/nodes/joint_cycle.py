@@ -50,7 +50,8 @@ class JointCycle(StreamCycle[np.ndarray]):
     def _output(self, plan: JointPlan) -> CycleOutput:
         # Where the arm was found elsewhere, what was being played must not go on.
         standing, self._standing = self._standing, None
-        sent = standing if standing is not None and self._lost is not None else plan
+        stays = self._lost is not None and standing is not None and standing.verdict.ok
+        sent = standing if stays else plan
         trajectory = None if sent.reference is None else (sent.reference, sent.begin)
         commanded = self.planner.commanded(self._now)
         way = self.planner.way() if plan.verdict.ok else None
