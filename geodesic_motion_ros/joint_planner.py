@@ -43,10 +43,12 @@ _SMOOTHING_WIDTHS = ((2.0, 2.0), (1.0, 1.0))
 _ENTRY_STEPS = 3
 #: Samples of the curve per grid step.
 _SAMPLES_PER_STEP = 2.0
-#: A new way must take so much less time than the one being followed, or keep so much further [m] from obstacles.
-_WORTHWHILE, _SAFER = 1.05, 2e-3
+#: A new way must take so much less time than the one being followed.
+_WORTHWHILE = 1.05
 #: Obstacles nearer than this to the way being followed make every bit of clearance a gain [m].
 _CLOSE = 0.03
+#: While none is so near, faster ways are looked for so often [s].
+_SEARCH_PERIOD = 0.1
 #: Where along its expected motion an obstacle is looked for by the search: shares of the prediction.
 _PREDICTED_AT = (0.0, 0.5, 1.0)
 
@@ -126,11 +128,12 @@ class _Played:
 
 @dataclass(frozen=True)
 class _Followed:
-    """What the reference being played was planned for, and its verdict."""
+    """What the reference being played was planned for, its verdict, and when another was last looked for [s]."""
 
     query: JointQuery
     verdict: Verdict
     obstacles: MovingSpheres
+    searched: float
 
 
 @dataclass(frozen=True)
@@ -317,12 +320,17 @@ class JointSpacePlanner:
         if isinstance(query, Verdict):
             return self._stopped(now, query)
         self._query = query
+        followed = self._free_way(state, obstacles)
+        if followed is not None and followed.verdict.clearance > _CLOSE and now < followed.searched + _SEARCH_PERIOD:
+            self._followed = followed
+            return JointPlan(None, now, followed.verdict)
         plan = self._solve(query, state, obstacles)
-        if self._keep_rather(plan, state, obstacles):
-            return self._keep(obstacles)
+        if followed is not None and not self._gains(plan, followed, state):
+            self._followed = replace(followed, obstacles=self._obstacles, searched=now)
+            return JointPlan(None, now, followed.verdict)
         if plan.reference is None:
             return self._stopped(now, plan.verdict)
-        self._followed = _Followed(query, plan.verdict, self._obstacles)
+        self._followed = _Followed(query, plan.verdict, self._obstacles, now)
         return self._play(plan.reference, now, state.time, plan.verdict)
 
     def stop(self, now: float, verdict: Verdict) -> JointPlan:
@@ -391,30 +399,24 @@ class JointSpacePlanner:
         )
         return JointPlan(None, now, followed.verdict) if same and obstacles.stand and before.stand else None
 
-    def _keep(self, obstacles: MovingSpheres) -> JointPlan:
-        assert self._followed is not None
-        self._followed = replace(self._followed, obstacles=self._obstacles)
-        return JointPlan(None, obstacles.time, self._followed.verdict)
-
-    def _keep_rather(self, plan: JointPlan, state: _State, obstacles: MovingSpheres) -> bool:
-        """Whether what is being played leads to the same goal, is free, and the new plan is no gain.
-
-        A gain is a safer way, or one that takes clearly less time.
-        """
+    def _free_way(self, state: _State, obstacles: MovingSpheres) -> _Followed | None:
+        """What is being played, with its present clearance, where it leads to the present goal and is free."""
         followed, played = self._followed, self._played
         if followed is None or played is None or followed.query is not self._query or not followed.verdict.ok:
-            return False
-        rest = played.reference.rest(state.time - played.begin)
-        certificate = self._certify(rest, obstacles)
-        nearest = float(np.min(certificate.clearance))
+            return None
+        certificate = self._certify(played.reference.rest(state.time - played.begin), obstacles)
         if self.settings.avoidance and self._certifier.objection(certificate) is not None:
-            return False
-        self._followed = replace(followed, verdict=replace(followed.verdict, clearance=nearest))
+            return None
+        return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
+
+    def _gains(self, plan: JointPlan, followed: _Followed, state: _State) -> bool:
+        """Whether a new plan is safer than what is being played from a state on, or takes clearly less time."""
+        assert self._played is not None
         if plan.reference is None:
-            return True
-        gain = plan.verdict.clearance - (0.0 if nearest <= _CLOSE else _SAFER)
-        no_safer = gain <= nearest or nearest > _CLOSE
-        return no_safer and rest.duration <= _WORTHWHILE * plan.reference.duration
+            return False
+        nearest, left = followed.verdict.clearance, self._played.end - state.time
+        safer = nearest <= _CLOSE and plan.verdict.clearance > nearest
+        return safer or left > _WORTHWHILE * plan.reference.duration
 
     def _stopped(self, now: float, verdict: Verdict) -> JointPlan:
         """A stop along the way being gone, or what is being played where that is one already."""
@@ -430,7 +432,7 @@ class JointSpacePlanner:
         if objection is not None and self.settings.avoidance:
             verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
         assert self._followed is not None
-        self._followed = _Followed(self._followed.query, verdict, self._obstacles)
+        self._followed = _Followed(self._followed.query, verdict, self._obstacles, now)
         return self._play(stop, now, state_time, verdict)
 
     def _play(self, reference: JointReference, now: float, switch: float, verdict: Verdict) -> JointPlan:
