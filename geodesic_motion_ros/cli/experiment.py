@@ -33,11 +33,12 @@ avoidance  spheres dead-centre on the planned path of held-out demonstrations: c
 crossing   what it costs to change between the clusters of q and -q, and whether the planner's graph forbids it
 goals      simulated demonstrations between places that vary: held-out ones predicted from start and goal
 modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
+whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
 rate       planner and twin as two processes, ten obstacles: ticks a second while the goal stays, and while it moves
 
-Table, figure and JSON go to out/experiments/NAME/. All but geodesics and rate train skills, each once: they are kept in
-out/experiments/skills and taken from there when data, settings and training code are the same. goals and modes make
-their demonstrations themselves, with an arm in PyBullet; one skill per seed, two minutes each.
+Table, figure and JSON go to out/experiments/NAME/. avoidance, crossing, goals and modes train skills, each once: they
+are kept in out/experiments/skills and taken from there when data, settings and training code are the same. goals and
+modes make their demonstrations themselves, with an arm in PyBullet; one skill per seed, two minutes each.
 """
 _EPILOG = """\
 examples:
@@ -46,6 +47,7 @@ examples:
   geodesic-motion experiment crossing --demos pouring.npy --units cm
   geodesic-motion experiment goals --shown 20
   geodesic-motion experiment modes --save two_ways.npz
+  geodesic-motion experiment whole-arm --skill FOLDER --moving-scenes 500 --processes 2
   geodesic-motion experiment rate --goals-hz 10
 """
 
@@ -53,7 +55,7 @@ examples:
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command and its experiments to the parser of the command line."""
     parser = commands.add_parser(
-        "experiment", help="measure what is claimed: geodesics, avoidance, crossing, goals, modes, rate",
+        "experiment", help="measure what is claimed: geodesics, avoidance, crossing, goals, modes, whole-arm, rate",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     names = parser.add_subparsers(dest="experiment", metavar="NAME", required=True)
@@ -102,13 +104,24 @@ def add_command(commands: argparse._SubParsersAction) -> None:
             help="write the demonstrations of the first seed to a file to train on (units m) and measure nothing",
         )  # fmt: skip
 
+    whole_arm = names.add_parser("whole-arm", help="avoidance with the whole arm", formatter_class=HelpFormatter)
+    whole_arm.add_argument("--skill", required=True, metavar="SKILL", help="of joint space: its folder, or a name")
+    whole_arm.add_argument(
+        "--parts", type=_parts, default="one way,all ways,elbow,moving", metavar="PART,PART", help="what is measured"
+    )
+    whole_arm.add_argument("--scenes", type=int, default=40, help="of standing spheres, in each part")
+    whole_arm.add_argument("--moving-scenes", type=int, default=40, help="of moving spheres")
+    whole_arm.add_argument("--seed", type=int, default=0, help="of the scenes")
+    whole_arm.add_argument("--processes", type=int, default=1, help="that play scenes of moving spheres")
+    whole_arm.set_defaults(run=_whole_arm)
+
     rate = names.add_parser("rate", help="ticks a second while the goal moves", formatter_class=HelpFormatter)
     rate.add_argument("--skill", default="panda_pouring", metavar="SKILL", help="its folder, or a shipped name")
     rate.add_argument("--seconds", type=float, default=8.0, help="length of each stretch")
     rate.add_argument("--goals-hz", type=float, default=10.0, help="new goals a second")
     rate.add_argument("--obstacles", type=int, default=10, help="spheres near the way")
     rate.set_defaults(run=_rate)
-    for experiment in (geodesics, avoidance, crossing, goals, modes, rate):
+    for experiment in (geodesics, avoidance, crossing, goals, modes, whole_arm, rate):
         experiment.add_argument(
             "--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results"
         )
@@ -183,6 +196,24 @@ def _modes(arguments: argparse.Namespace) -> None:
     report = measure_modes(settings, arguments.out / "skills", _training(arguments, "canonical"))
     draw_modes(report, folder / "modes.png")
     _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _whole_arm(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.whole_arm import WholeArmSettings, draw_whole_arm, measure_whole_arm
+    from geodesic_motion_ros.skill import Skill
+
+    settings = WholeArmSettings(
+        arguments.parts, arguments.scenes, arguments.moving_scenes, arguments.seed, arguments.processes
+    )
+    skill = Skill.load(arguments.skill)
+    folder = _folder(arguments)
+    report = measure_whole_arm(skill, settings)
+    draw_whole_arm(report, folder)
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _parts(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(","))
 
 
 def _save(path: Path, demonstrations: Demonstrations, said: str) -> None:

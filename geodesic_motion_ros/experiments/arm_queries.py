@@ -70,6 +70,6 @@ def body_spheres(planner: JointSpacePlanner, configurations: np.ndarray) -> np.n
 
 
 def distances(planner: JointSpacePlanner, bodies: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
-    """Signed distances (n,) [m] of `body_spheres` (n, S, 3) from a sphere at (3,), or for each from its own, (n, 1, 3)."""
+    """Signed distances (n,) [m] of `body_spheres` (n, S, 3) from a sphere at (3,), or each from its own, (n, 1, 3)."""
     radii = planner.collision.radii[planner.collision.moving]
     return np.min(np.linalg.norm(bodies - centre, axis=-1) - radii, axis=1) - radius

@@ -1,0 +1,231 @@
+"""Whole-arm avoidance on one joint-space skill, in parts: spheres that stand on the arm's way, and spheres that move.
+
+What each part asks, and how it is judged, is told in `blocked_arm.py` and `moving_spheres.py`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from tqdm import tqdm
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.blocked_arm import KINDS, BlockedScene, BlockedWays, Kind, every
+from geodesic_motion_ros.experiments.moving_spheres import MovingScene, play_moving_scenes
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import text_table
+
+Part = Literal["one way", "all ways", "elbow", "moving"]
+PARTS: tuple[Part, ...] = (*KINDS, "moving")
+#: Postures of each way in the picture, their size in pixels, and the camera.
+_POSTURES, _WIDTH, _HEIGHT, _VIEW = 5, 480, 420, "front"
+_TOOL_COLOUR = (0.16, 0.50, 0.73)
+
+
+@dataclass(frozen=True)
+class WholeArmSettings:
+    """Which parts, how many scenes of standing spheres each, and how many of moving ones.
+
+    `seed` is of the scenes. `processes` play scenes of moving spheres at once, which does not change them.
+    """
+
+    parts: tuple[Part, ...] = PARTS
+    blocked_scenes: int = 40
+    moving_scenes: int = 40
+    seed: int = 0
+    processes: int = 1
+
+    def __post_init__(self) -> None:
+        unknown = [part for part in self.parts if part not in PARTS]
+        if unknown or not self.parts:
+            raise ParameterError(f"parts are {', '.join(self.parts)}: choose from {', '.join(PARTS)}")
+        for name in ("blocked_scenes", "moving_scenes", "processes"):
+            if getattr(self, name) < 1:
+                raise ParameterError(f"{name} is {getattr(self, name)}; at least 1 is needed")
+        if self.seed < 0:
+            raise ParameterError(f"seed is {self.seed}; it must not be negative")
+
+
+@dataclass(frozen=True)
+class WholeArmReport:
+    """All scenes of the parts that were asked for."""
+
+    settings: WholeArmSettings
+    blocked: dict[Kind, list[BlockedScene]]
+    moving: list[MovingScene] = field(repr=False)
+
+    def blocked_summary(self, kind: Kind) -> dict[str, float | int | None]:
+        """The figures of one kind of standing spheres."""
+        scenes = self.blocked[kind]
+        answers = [scene.answer for scene in scenes]
+        answered = [1e3 * answer.clearance for answer in answers if answer.answered]
+        controls = [scene.hand_only for scene in scenes if scene.hand_only is not None]
+        return {
+            "scenes": len(scenes),
+            "switched": sum(answer.answered and answer.switched and not answer.hits for answer in answers),
+            "same_family": sum(answer.answered and not answer.switched and not answer.hits for answer in answers),
+            "infeasible": sum(not answer.answered for answer in answers),
+            "hits": sum(answer.hits for answer in answers),
+            "least_clearance_mm": min(answered, default=None),
+            "median_clearance_mm": float(np.median(answered)) if answered else None,
+            "promised_too_much": sum(
+                answer.answered and answer.certified > answer.clearance + 1e-4 for answer in answers
+            ),
+            "hand_only_hits": sum(control.hits for control in controls) if controls else None,
+        }
+
+    def moving_summary(self) -> dict[str, float | int]:
+        """The figures of moving spheres."""
+        scenes = self.moving
+        contacts = Counter(contact for scene in scenes for contact in scene.contacts)
+        ticks = 1e3 * np.concatenate([scene.ticks for scene in scenes])
+        worst = np.max([scene.strains for scene in scenes], axis=0)
+        return {
+            "scenes": len(scenes),
+            "spheres": sum(scene.spheres for scene in scenes),
+            "contacts_moving": contacts["moving"],
+            "contacts_no_room": contacts["no room"],
+            "contacts_standing": contacts["standing"],
+            "goals_reached": sum(scene.reached for scene in scenes),
+            "replans": sum(scene.replans for scene in scenes),
+            "largest_step_rad": max(scene.step for scene in scenes),
+            "samples_over_limits": sum(scene.excess for scene in scenes),
+            "velocity_share": float(worst[0]),
+            "acceleration_share": float(worst[1]),
+            "jerk_share": float(worst[2]),
+            "least_clearance_mm": 1e3 * min(scene.clearance for scene in scenes),
+            "median_duration_s": float(np.median([scene.duration for scene in scenes])),
+            "tick_p50_ms": float(np.percentile(ticks, 50)),
+            "tick_p99_ms": float(np.percentile(ticks, 99)),
+            "tick_longest_ms": float(np.max(ticks)),
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` writes."""
+        content: dict[str, Any] = {"settings": asdict(self.settings)}
+        for kind, scenes in self.blocked.items():
+            content[kind] = {"summary": self.blocked_summary(kind), "scenes": [_told(scene) for scene in scenes]}
+        if self.moving:
+            told = [{name: value for name, value in asdict(scene).items() if name != "ticks"} for scene in self.moving]
+            content["moving"] = {"summary": self.moving_summary(), "scenes": told}
+        return content
+
+    def table(self) -> str:
+        """The tables as plain text, with what was declared infeasible and why."""
+        said = []
+        if self.blocked:
+            head = [
+                "standing spheres", "scenes", "switched", "same family", "infeasible", "hits", "least mm", "median mm",
+                "promised too much", "hand alone hits",
+            ]  # fmt: skip
+            said.append(text_table(head, [[kind, *self.blocked_summary(kind).values()] for kind in self.blocked], 1))
+        for kind, scenes in self.blocked.items():
+            reasons = Counter(scene.answer.reason for scene in scenes if not scene.answer.answered)
+            said += [f"{kind}, {count} x: {reason}" for reason, count in reasons.most_common()]
+        if self.moving:
+            rows = [[name.replace("_", " "), value] for name, value in self.moving_summary().items()]
+            said.append(text_table(["moving spheres", ""], rows, 3))
+        return "\n".join(said)
+
+
+def measure_whole_arm(
+    skill: Skill, settings: WholeArmSettings = WholeArmSettings(), show_progress: bool = True
+) -> WholeArmReport:
+    """Draw, plan, play and judge.
+
+    Raises
+    ------
+    ParameterError : the skill is not of joint space, or there are no such scenes with it.
+    """
+    if skill.space != "joint":
+        raise ParameterError(f"'{skill.name}' is a skill of {skill.space} space: this experiment is of joint space")
+    blocked: dict[Kind, list[BlockedScene]] = {}
+    kinds = [kind for kind in KINDS if kind in settings.parts]
+    if kinds:
+        ways, numbers = BlockedWays(skill), range(settings.blocked_scenes)
+        for kind in kinds:
+            counted = tqdm(numbers, desc=kind, unit="scene", disable=not show_progress)
+            blocked[kind] = [ways.scene(kind, number, settings.seed) for number in counted]
+    moving = []
+    if "moving" in settings.parts:
+        moving = play_moving_scenes(
+            skill, settings.moving_scenes, settings.seed, settings.processes, show_progress
+        )
+    return WholeArmReport(settings, blocked, moving)
+
+
+def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
+    """Clearances in `whole_arm.png`; postures with and without the sphere, of the widest switch, in `strip.png`."""
+    from matplotlib.figure import Figure
+    from matplotlib.image import imsave
+
+    figure = Figure(figsize=(12, 4.5), layout="constrained")
+    standing, moving = figure.subplots(1, 2)
+    for kind, scenes in report.blocked.items():
+        measured = [1e3 * scene.answer.clearance for scene in scenes if scene.answer.answered]
+        standing.hist(measured, bins=20, histtype="step", label=f"{kind}, {len(measured)} of {len(scenes)} answered")
+    standing.axvline(0.0, color="tab:red")
+    standing.set(xlabel="measured clearance of the arm [mm]", ylabel="references", title="standing spheres")
+    if report.blocked:
+        standing.legend()
+    cleared = [1e3 * scene.clearance for scene in report.moving if np.isfinite(scene.clearance)]
+    moving.hist(cleared, bins=20, histtype="step")
+    moving.axvline(0.0, color="tab:red")
+    moving.set(xlabel="least clearance of the moving arm [mm]", ylabel="scenes", title="moving spheres")
+    figure.savefig(folder / "whole_arm.png", dpi=110)
+    switches = [
+        scene for scenes in report.blocked.values() for scene in scenes
+        if scene.reference is not None and scene.answer.switched
+    ]  # fmt: skip
+    if switches:
+        imsave(folder / "strip.png", switch_strip(max(switches, key=lambda scene: scene.answer.clearance)))
+
+
+def switch_strip(scene: BlockedScene) -> np.ndarray:
+    """Picture, uint8, of a scene's ways as rows of postures: without the spheres above, with them below.
+
+    The curve is the way of the tool.
+    """
+    references = [scene.nominal, scene.reference or scene.nominal]
+    with PandaWorld() as world:
+        rows = [_postures(world, reference) for reference in references[:1]]
+        world.set_obstacles(_spheres(scene))
+        rows += [_postures(world, reference) for reference in references[1:]]
+    return np.concatenate(rows)
+
+
+def _postures(world: PandaWorld, reference: JointReference) -> np.ndarray:
+    """The arm at equal parts of a reference's time, side by side."""
+    tools = [world.robot.forward(configuration)[0] for configuration in every(0.05, reference)]
+    world.add_curve(np.array(tools), _TOOL_COLOUR)
+    pictures = []
+    for configuration in reference.samples(np.linspace(0.0, reference.duration, _POSTURES))[0]:
+        world.reset(configuration)
+        pictures.append(world.render(_WIDTH, _HEIGHT, _VIEW, oversampling=2))
+    world.clear_curves()
+    return np.concatenate(pictures, axis=1)
+
+
+def _spheres(scene: BlockedScene) -> dict[str, tuple[np.ndarray, float]]:
+    return {
+        str(i): (centre, float(radius))
+        for i, (centre, radius) in enumerate(zip(scene.centres, scene.radii, strict=True))
+    }
+
+
+def _told(scene: BlockedScene) -> dict[str, Any]:
+    return {
+        "number": scene.number,
+        "start": scene.query.start,
+        "goal": scene.query.goal,
+        "centres": scene.centres,
+        "radii": scene.radii,
+        "answer": asdict(scene.answer),
+        "hand_only": None if scene.hand_only is None else asdict(scene.hand_only),
+    }
