@@ -93,8 +93,8 @@ def draw_latent(
     handles += _ways(axes, ways)
     _frame_codes(axes, planner.skill, codes)
     axes.set_title(title, loc="left", fontsize=11)
-    _legend(figure, handles)
-    _write(figure, path)
+    legend_below(figure, handles)
+    write_figure(figure, path)
 
 
 def draw_paths(
@@ -109,11 +109,11 @@ def draw_paths(
     columns = figure.add_gridspec(1, 2, width_ratios=(1.25, 1.0))
     decoded = [skill.decoder.decode(code).positions for code in demonstrations_of(skill)]
     space = figure.add_subplot(columns[0], projection="3d", computed_zorder=False)
-    handles = _spatial(space, decoded, ways, obstacle, zoom=1.25)
+    handles = draw_in_space(space, decoded, ways, obstacle, zoom=1.25)
     _side_view(figure.add_subplot(columns[1]), decoded, ways, obstacle)
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-    _legend(figure, handles)
-    _write(figure, path)
+    legend_below(figure, handles)
+    write_figure(figure, path)
 
 
 def _side_view(axes: Axes, demonstrations: Sequence[np.ndarray], ways: Sequence[Way], obstacle: Sphere | None) -> None:
@@ -157,10 +157,10 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     _frame_codes(axes, skill, np.concatenate([*codes, line, *geodesics]))
     axes.set_title(f"Latent space of {skill.name}", loc="left", fontsize=11)
     space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
-    _spatial(space, [skill.decoder.decode(code).positions for code in codes], ways, zoom=0.9)
+    draw_in_space(space, [skill.decoder.decode(code).positions for code in codes], ways, zoom=0.9)
     space.set_title("The same curves, decoded", loc="left", fontsize=11)
-    _legend(figure, handles)
-    _write(figure, path)
+    legend_below(figure, handles)
+    write_figure(figure, path)
 
 
 def _geodesic(planner: ReactivePlanner, code: np.ndarray) -> np.ndarray | None:
@@ -225,14 +225,15 @@ def _frame_codes(axes: Axes, skill: Skill, codes: np.ndarray) -> None:
     axes.set_ylim(lower[1], upper[1])
 
 
-def _spatial(
+def draw_in_space(
     axes: Axes,
     demonstrations: Sequence[np.ndarray],
     ways: Sequence[Way],
     obstacle: Sphere | None = None,
     zoom: float = 1.0,
+    also: Sequence[np.ndarray] = (),
 ) -> list[Line2D | Patch]:
-    """Curves in space with equal scales; in centimetres."""
+    """Curves in space with equal scales; in centimetres. Points (n, 3) [m] of `also` must be seen too."""
     axes.view_init(18.0, -28.0)
     axes.set_proj_type("ortho")
     for positions in demonstrations:
@@ -240,7 +241,7 @@ def _spatial(
     handles: dict[str, Line2D | Patch] = {
         "demonstrations": Line2D([], [], color=GREY, linewidth=0.9, label="demonstrations")
     }
-    everything = [*demonstrations, *(way.positions for way in ways)]
+    everything = [*demonstrations, *also, *(way.positions for way in ways)]
     if obstacle is not None:
         everything += [obstacle.centre + obstacle.radius, obstacle.centre - obstacle.radius]
         _ball(axes, obstacle)
@@ -270,12 +271,12 @@ def _ball(axes: Axes, obstacle: Sphere) -> None:
     axes.plot(*(100.0 * obstacle.track.T), ":", color=ORANGE, linewidth=1.6, zorder=2)
 
 
-def _legend(figure: Figure, handles: Sequence[Line2D | Patch]) -> None:
+def legend_below(figure: Figure, handles: Sequence[Line2D | Patch]) -> None:
     figure.legend(
         handles=list(handles), loc="outside lower center", ncols=2 if len(handles) > 3 else 3, frameon=False, fontsize=9
     )
 
 
-def _write(figure: Figure, path: str | os.PathLike[str]) -> None:
+def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     FigureCanvasAgg(figure).print_figure(os.fspath(path), dpi=_DPI)

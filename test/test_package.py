@@ -279,7 +279,8 @@ def test_only_the_simulation_and_teachers_import_pybullet() -> None:
 
 
 def test_every_part_of_the_package_has_its_place() -> None:
-    assert all_parts() == RUN | MAY_TRAIN | {"demonstrations", "plots", "__init__", "__main__"}
+    pictures = {"plots", "joint_plots", "isosurface"}
+    assert all_parts() == RUN | MAY_TRAIN | pictures | {"demonstrations", "__init__", "__main__"}
 
 
 def test_torch_stays_in_the_learning_tower() -> None:

@@ -147,7 +147,10 @@ def writable(path: Path | None) -> None:
 
 def pictured(skill: Skill, path: Path) -> None:
     """Draw a skill's latent space into a file, and say where it is."""
-    from geodesic_motion_ros.plots import training_report
+    if skill.space == "joint":
+        from geodesic_motion_ros.joint_plots import joint_report as report
+    else:
+        from geodesic_motion_ros.plots import training_report as report
 
-    training_report(skill, path)
+    report(skill, path)
     print(f"wrote its picture to {path}")

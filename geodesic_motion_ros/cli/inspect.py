@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import argparse
+import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, pictured, writable
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.tables import write_json
 
 if TYPE_CHECKING:
+    from geodesic_motion_ros.graph.latent_graph import LatentGraph
     from geodesic_motion_ros.skill import Skill
 
 _DESCRIPTION = """\
 Shows what a skill holds: what it was learned from, how well, where it begins and ends, how large its latent graph is
-and from which thresholds on the planner refuses a path. Writes the picture of its latent space.
+and from which thresholds on the planner refuses a path. Writes the picture of its latent space; that of a joint-space
+skill has a geodesic around an obstacle on the arm besides.
 """
 _EPILOG = """\
 examples:
@@ -57,9 +62,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 def describe(skill: Skill) -> dict[str, Any]:
     """What a skill holds, as plain values; lengths in metres unless a name says otherwise."""
+    begun = time.perf_counter()
     graph = skill.graph()
+    seconds = time.perf_counter() - begun
     sheets = 2 if skill.orientation_model == "two_cluster" and len(skill.codes) % 2 == 0 else 1
-    counts = np.bincount(graph.component)
     start, goal = skill.start_pose, skill.goal_pose
     return {
         "name": skill.name,
@@ -73,18 +79,14 @@ def describe(skill: Skill) -> dict[str, Any]:
             "goal_position": goal[:3].tolist(), "goal_quaternion": goal[3:].tolist(),
             "distance": float(np.linalg.norm(goal[:3] - start[:3])),
             "turn_deg": float(np.degrees(angle_between(start[3:], goal[3:]))),
-        },
+        } | _families(skill),
         "latent": {
             "dimension": skill.decoder.latent_dimension,
             "lower": skill.latent_lower.tolist(), "upper": skill.latent_upper.tolist(),
-            "orientation_model": skill.orientation_model, "kernels": len(skill.decoder.rbf_centres),
-            "sigma_weight": skill.metric.sigma_weight, "orientation_scale": skill.metric.orientation_scale,
+            "sheet": skill.sheet, "orientation_model": skill.orientation_model,
+            "kernels": len(skill.decoder.rbf_centres), **asdict(skill.metric),
         },
-        "graph": {
-            "shape": list(graph.grid.shape), "nodes": len(graph.latent), "edges": len(graph.edges),
-            "kept_percent": 100.0 * len(graph.latent) / float(np.prod(graph.grid.shape)),
-            "large_pieces": int(np.sum(counts >= 0.05 * counts.max())),
-        },
+        "graph": _graph(skill, graph) | {"built_in_s": seconds},
         "thresholds": {
             "sigma_support": skill.sigma_support, "sigma_limit": skill.sigma_limit,
             "energy_per_edge": skill.energy_per_edge,
@@ -92,6 +94,33 @@ def describe(skill: Skill) -> dict[str, Any]:
         "quality": dict(skill.quality),
         "provenance": {name: value for name, value in skill.provenance.items() if name != "settings"},
     }  # fmt: skip
+
+
+def _families(skill: Skill) -> dict[str, Any]:
+    """How many demonstrations went each way, and how many groups of starts and goals there are."""
+    sheet = skill.canonical
+    if sheet is None:
+        return {}
+    told: dict[str, Any] = {"demonstrations_per_family": np.bincount(sheet.modes.astype(int)).tolist()}
+    if skill.space == "joint":
+        told |= {"start_groups": len(sheet.start_poles), "goal_groups": len(sheet.goal_poles)}
+    return told
+
+
+def _graph(skill: Skill, graph: LatentGraph) -> dict[str, Any]:
+    counts = np.bincount(graph.component)
+    told = {
+        "shape": list(graph.grid.shape), "nodes": len(graph.latent), "edges": len(graph.edges),
+        "kept_percent": 100.0 * len(graph.latent) / float(np.prod(graph.grid.shape)),
+        "large_pieces": len(graph.pieces_with_demonstrations()),
+        "nodes_per_piece": np.sort(counts[graph.pieces_with_demonstrations()])[::-1].tolist(),
+    }  # fmt: skip
+    if skill.canonical is not None and np.any(skill.canonical.modes):
+        modes = np.repeat(skill.canonical.modes.astype(int), skill.codes.shape[1])
+        # Families of a sheet are those of its demonstrations as recorded, without antipodal copies.
+        codes = skill.codes[: len(skill.canonical.modes)].reshape(-1, skill.codes.shape[-1])
+        told["nodes_per_family"] = np.bincount(modes[cKDTree(codes).query(graph.latent)[1]]).tolist()
+    return told
 
 
 def _print(described: dict[str, Any]) -> None:
