@@ -20,11 +20,11 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.graph.ambient import ambient_factors
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.shortest_path import shortest_path, touched_nodes
+from geodesic_motion_ros.graph.shortest_path import touched_nodes
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference, timed_joint_reference
+from geodesic_motion_ros.latent_way import cheapest_way, way_verdict
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.query import checked_pose
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
@@ -33,14 +33,10 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-#: The smoothed curve may leave the pruned nodes by this factor of sigma before it counts as unsupported.
-_CURVE_SIGMA_MULTIPLE = 1.2
 #: What is tried in one tick until a curve is certified: multiples of the obstacle margin, and for each of them
 #: smoothing widths in grid steps, of the latent path and of the configurations decoded from it.
 _MARGIN_MULTIPLES = (1.0, 4.0)
 _SMOOTHING_WIDTHS = ((2.0, 2.0), (1.0, 1.0))
-#: A path may enter the graph this many grid steps from the start.
-_ENTRY_STEPS = 3
 #: Samples of the curve per grid step.
 _SAMPLES_PER_STEP = 2.0
 #: A new way must take so much less time than the one being followed.
@@ -439,9 +435,7 @@ class JointSpacePlanner:
         """Hand out what is being played until the switch, and the new reference from there on."""
         assert self._played is not None
         begin = self._played.knot_before(now)
-        whole = joined(
-            self._played.reference, begin - self._played.begin, reference, switch - self._played.begin
-        )
+        whole = joined(self._played.reference, begin - self._played.begin, reference, switch - self._played.begin)
         self._played = _Played(whole, begin)
         return JointPlan(whole, begin, verdict)
 
@@ -467,11 +461,12 @@ class JointSpacePlanner:
         free[query.members] = query.arm.clearances(centres, radii, within)
         # The goal itself was found free; its node lies under it but for rounding.
         free[query.goal_node] = math.inf
+        start = query.start_latent if state.latent is None else state.latent
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         for multiple in _MARGIN_MULTIPLES:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
             blocked = free < min(multiple * settings.obstacle_margin, 0.5 * ends)
-            found = self._search(query, state, factors, touched, blocked)
+            found = cheapest_way(self.graph, query, start, factors, touched, blocked)
             if isinstance(found, Verdict):
                 return JointPlan(None, state.time, found if not verdict.reason else verdict)
             for widths in _SMOOTHING_WIDTHS:
@@ -498,28 +493,6 @@ class JointSpacePlanner:
             nearest.append(clearance)
         return min(nearest)
 
-    def _search(
-        self, query: JointQuery, state: _State, factors: np.ndarray, touched: np.ndarray, blocked: np.ndarray
-    ) -> tuple[np.ndarray, float] | Verdict:
-        """Latent polyline (m, d) of the cheapest path and its largest energy per edge, or the refusal."""
-        start = query.start_latent if state.latent is None else state.latent
-        source = self.graph.node_near(start, ~blocked, _ENTRY_STEPS)
-        if source is None:
-            reason = "obstacles leave no free node near the start"
-            return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
-        nodes, edges, cost = shortest_path(
-            self.graph.adjacency, query.base, query.graph.fixed, query.graph.shares, factors, touched, blocked,
-            query.to_goal, source, query.goal_node,
-        )  # fmt: skip
-        if not math.isfinite(cost):
-            reason = "obstacles block every way to the goal that was demonstrated"
-            return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
-        energy = float(np.max(query.graph.energies(edges), initial=0.0))
-        points = self.graph.latent[nodes]
-        if len(points) > 1 and (points[1] - points[0]) @ (start - points[0]) > 0.0:
-            points = points[1:]
-        return np.concatenate([start[None], points]), energy
-
     def _certified(
         self,
         query: JointQuery,
@@ -540,27 +513,14 @@ class JointSpacePlanner:
             reason = "stopping first: the way to the goal turns off the present motion, or leaves the joints' limits"
             return JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
         certificate = self._certify(reference, obstacles)
-        sigma = float(np.max(rms_sigma(self.graph.decoder.uncertainty(latent))))
-        in_support = sigma <= _CURVE_SIGMA_MULTIPLE * self.skill.sigma_limit
-        clearance = float(np.min(certificate.clearance))
-        found = dict(
-            clearance=clearance, energy_per_edge=energy, in_support=in_support, end_correction=correction,
-            **query.misfits,
+        objection = self._certifier.objection(certificate) if self.settings.avoidance else None
+        verdict = way_verdict(
+            self.skill, self.graph, query, self.graph.decoder.uncertainty(latent), energy,
+            float(np.min(certificate.clearance)), correction,
+            None if objection is None else f"on the best way {objection}",
         )  # fmt: skip
-        objection = self._certifier.objection(certificate)
-        if self.settings.avoidance and objection is not None:
-            reason = f"on the best way {objection}"
-        elif not in_support:
-            reason = "the best path leaves the part of the latent space that demonstrations support"
-        elif energy > self.graph.energy_limit:
-            reason = (
-                f"the best path has an edge of energy {energy:.3g}, demonstrations stay below "
-                f"{self.graph.energy_limit:.3g}: it crosses where nobody moved"
-            )
-        else:
-            certified = replace(reference, clearance=certificate.clearance)
-            return JointPlan(certified, state.time, Verdict(VerdictCode.OK, **found))
-        return JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **found))
+        found = replace(reference, clearance=certificate.clearance) if verdict.ok else None
+        return JointPlan(found, state.time, verdict)
 
     def _certify(self, reference: JointReference, obstacles: MovingSpheres) -> Certificate:
         return self._certifier.certify(

@@ -10,31 +10,29 @@ that the tool has: it is bent to it, or, where it leads elsewhere, the tool stop
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
-from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factors, clearances
-from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
-from geodesic_motion_ros.graph.shortest_path import shortest_path, touched_nodes
-from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.graph.transport import carried
-from geodesic_motion_ros.motion_curve import MotionCurve, distinct
+from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.pose_solver import (
+    AT_REST,
+    MARGIN_MULTIPLES,
+    Motion,
+    Obstacles,
+    Plan,
+    PoseSolver,
+    Scene,
+    refusal,
+)
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.query import Pose, Query, QueryBuilder, checked_pose
 from geodesic_motion_ros.reference import (
     ReferenceFollower,
     TaskSpaceReference,
-    bent_to,
-    correct_ends,
     initial_rate,
-    resample_latent,
-    smooth_latent,
-    smooth_poses,
     timed_reference,
 )
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -43,16 +41,6 @@ from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.time_law import braking_law
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-#: The smoothed curve may leave the pruned nodes by this factor of sigma before it counts as unsupported.
-_CURVE_SIGMA_MULTIPLE = 1.2
-#: What is tried in one tick until a curve is certified: multiples of the obstacle margin, and for each of them
-#: smoothing widths in grid steps, of the latent path and of the poses decoded from it. The second smooths out where the
-#: decoder and the corrections along ridges have kinks, by a millimetre or two: the arm
-#: would have to brake there.
-_MARGIN_MULTIPLES = (1.0, 2.5)
-_SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
-#: A path may enter the graph this many grid steps from the start.
-_ENTRY_STEPS = 3
 #: A stream's pose is looked for on the first seconds of its reference only, or as many as a stop takes: a task may pass
 #: the same place again.
 _LOCATE_WITHIN = 0.5
@@ -64,56 +52,6 @@ _SAME_PLACE, _SAME_ANGLE, _SAME_SPEED = 1e-6, 1e-6, 1e-3
 _WORTHWHILE, _SAFER = 1.03, 1e-3
 #: A new way may need so much more than the accelerations allowed because it is entered in motion.
 _STRAIN = 1.11
-#: Dense samples of the published curve per grid step.
-_SAMPLES_PER_STEP = 1.0
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Answer of one planning step.
-
-    With an OK verdict the reference leads to the goal. With any other it is a ramped, certified stop along the
-    reference followed so far, or None: then the commanded pose must stay where it is.
-
-    turning : there is a way to the goal, but not one that the present motion can be bent into: this is the stop before
-        it. The verdict says so, and becomes OK by itself.
-    """
-
-    reference: TaskSpaceReference | None
-    verdict: Verdict
-    turning: bool = False
-
-    def in_base(self, frame: TaskFrame) -> Plan:
-        """The same plan, its reference brought from the task frame into the base frame."""
-        if self.reference is None or frame.is_identity:
-            return self
-        return replace(self, reference=self.reference.moved(frame.to_base))
-
-
-@dataclass(frozen=True)
-class Obstacles:
-    """Spheres: centres (o, 3), radii (o,) [m]."""
-
-    centres: np.ndarray
-    radii: np.ndarray
-
-    @classmethod
-    def none(cls) -> Obstacles:
-        return cls(np.empty((0, 3)), np.empty(0))
-
-
-@dataclass(frozen=True)
-class _Scene:
-    """The task frame, and the obstacles in the base frame and seen from it: replaced as a whole."""
-
-    frame: TaskFrame
-    in_base: Obstacles
-    in_task: Obstacles
-
-    @classmethod
-    def of(cls, frame: TaskFrame, in_base: Obstacles) -> _Scene:
-        centres = np.ascontiguousarray(frame.points_to_task(in_base.centres))
-        return cls(frame, in_base, Obstacles(centres, in_base.radii))
 
 
 @dataclass(frozen=True)
@@ -126,26 +64,7 @@ class _Followed:
     query: Query
     reference: TaskSpaceReference
     verdict: Verdict
-    scene: _Scene
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """How the stream moves as a tick begins.
-
-    Attributes
-    ----------
-    speed : over full speed.
-    velocity : (6,) [m/s], [rad/s], None at rest and where the pose is not near the reference followed.
-    rest : what is left of that reference, where pose and speed are those it has there.
-    """
-
-    speed: float
-    velocity: np.ndarray | None = None
-    rest: TaskSpaceReference | None = None
-
-
-_AT_REST = _Motion(0.0)
+    scene: Scene
 
 
 class ReactivePlanner:
@@ -159,11 +78,10 @@ class ReactivePlanner:
         self.skill = skill
         self.settings = settings or PlannerSettings()
         self.graph: PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
-        self._points = np.array(self.settings.tool_points, dtype=float)
-        self._point_radii = np.array(self.settings.tool_radii, dtype=float)
         self._queries = QueryBuilder(skill, self.graph, self.settings)
         self.robot = Robot.named(skill.robot)
-        self._scene = _Scene.of(TaskFrame.identity(), Obstacles.none())
+        self._solver = PoseSolver(skill, self.graph, self.settings, self.robot)
+        self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
         # The goal as it was given, and whether that was in the task frame, with which it moves.
         self._goal: tuple[Pose, bool] | None = None
         self._query: Query | None = None
@@ -187,7 +105,7 @@ class ReactivePlanner:
                 follower.accept(plan.reference)
             follower.advance(0.1)
         self.stop(follower.position, follower.quaternion, follower.speed)
-        self._scene = _Scene.of(TaskFrame.identity(), Obstacles.none())
+        self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
         self._goal = self._query = self._followed = None
 
     # ---------------------------------------------------------------- inputs
@@ -216,7 +134,7 @@ class ReactivePlanner:
         if pose is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
         before, frame = self._scene.frame, TaskFrame(pose.position, pose.quaternion)
-        self._scene = _Scene.of(frame, self._scene.in_base)
+        self._scene = Scene.of(frame, self._scene.in_base)
         self._query = None
         if self._followed is not None:
             moved = self._followed.reference.moved(lambda *poses: frame.to_task(*before.to_base(*poses)))
@@ -249,7 +167,7 @@ class ReactivePlanner:
         # What is told twice, by two sensors or on two topics, is one obstacle.
         spheres = np.unique(np.column_stack([centres, radii]), axis=0)
         obstacles = Obstacles(np.ascontiguousarray(spheres[:, :3]), np.ascontiguousarray(spheres[:, 3]))
-        self._scene = _Scene.of(self._scene.frame, obstacles)
+        self._scene = Scene.of(self._scene.frame, obstacles)
         return Verdict(VerdictCode.OK)
 
     # ------------------------------------------------------------- planning
@@ -263,9 +181,9 @@ class ReactivePlanner:
         """
         start, reason = checked_pose("state", position, quaternion)
         if start is None:
-            return _refusal(VerdictCode.BAD_INPUT, reason)
+            return refusal(VerdictCode.BAD_INPUT, reason)
         if self._goal is None:
-            return _refusal(VerdictCode.NO_GOAL, "no goal has been given")
+            return refusal(VerdictCode.NO_GOAL, "no goal has been given")
         scene = self._scene
         plan = self._tick_in_task(_to_task(scene.frame, start), self._goal_in_task(scene.frame), scene, speed)
         return plan.in_base(scene.frame)
@@ -275,7 +193,7 @@ class ReactivePlanner:
         pose, in_task_frame = self._goal
         return pose if in_task_frame else _to_task(frame, pose)
 
-    def _tick_in_task(self, start: Pose, goal: Pose, scene: _Scene, speed: float) -> Plan:
+    def _tick_in_task(self, start: Pose, goal: Pose, scene: Scene, speed: float) -> Plan:
         motion = self._motion(start, speed)
         kept = self._kept(motion, scene)
         if kept is not None:
@@ -287,7 +205,7 @@ class ReactivePlanner:
                 return Plan(self._braking(start, scene.in_task, speed), query)
             self._query, latent = query, query.start_latent
         assert self._query is not None
-        plan = self._chosen(self._solve(self._query, start, latent, scene, motion), motion, scene)
+        plan = self._chosen(self._solver.solve(self._query, start, latent, scene, motion), motion, scene)
         if plan.reference is not None and plan.reference.strain > _STRAIN:
             plan = self._stop_first(plan, start, scene, speed)
         if not plan.verdict.ok:
@@ -296,23 +214,23 @@ class ReactivePlanner:
         self._followed = _Followed(self._query, plan.reference, plan.verdict, scene)
         return plan
 
-    def _motion(self, start: Pose, speed: float) -> _Motion:
+    def _motion(self, start: Pose, speed: float) -> Motion:
         """How the stream moves at a pose and a speed [m/s]."""
         share_of_speed = speed / self.settings.speed
         if self._followed is None:
-            return _Motion(share_of_speed)
+            return Motion(share_of_speed)
         reference = self._followed.reference
         segment, share, distance, angle = self._foot(reference, start)
         if not self._near(distance, angle):
-            return _Motion(share_of_speed)
+            return Motion(share_of_speed)
         direction = reference.curve.velocity(segment, share)
         full = float(reference.limits.fraction(direction[:3], direction[3:]))
         velocity = direction * share_of_speed / full if full > 0.0 and speed > 0.0 else None
         same = abs(reference.rate_at(segment, share) * full - share_of_speed) <= _SAME_SPEED
         same = same and distance <= _SAME_PLACE and angle <= _SAME_ANGLE
-        return _Motion(share_of_speed, velocity, reference.rest(segment, share) if same else None)
+        return Motion(share_of_speed, velocity, reference.rest(segment, share) if same else None)
 
-    def _kept(self, motion: _Motion, scene: _Scene) -> Plan | None:
+    def _kept(self, motion: Motion, scene: Scene) -> Plan | None:
         """The reference being followed, where nothing has changed: it is still the best way."""
         followed = self._followed
         if motion.rest is None or followed is None or followed.query is not self._query:
@@ -322,13 +240,13 @@ class ReactivePlanner:
             return None
         return self._keep(motion.rest, scene)
 
-    def _keep(self, rest: TaskSpaceReference, scene: _Scene) -> Plan:
+    def _keep(self, rest: TaskSpaceReference, scene: Scene) -> Plan:
         assert self._followed is not None
         verdict = replace(self._followed.verdict, clearance=float(np.min(rest.clearance)))
         self._followed = replace(self._followed, reference=rest, verdict=verdict, scene=scene)
         return Plan(rest, verdict)
 
-    def _chosen(self, plan: Plan, motion: _Motion, scene: _Scene) -> Plan:
+    def _chosen(self, plan: Plan, motion: Motion, scene: Scene) -> Plan:
         """A new plan, or the reference being followed where that leads to the same goal and the new one is no gain.
 
         A gain is a safer way or one that takes clearly less time; a way that the present motion cannot be bent into is
@@ -339,19 +257,19 @@ class ReactivePlanner:
             return plan
         if not (plan.turning or plan.verdict.ok):
             return plan
-        rest = replace(rest, clearance=self._clearance(rest.curve, scene.in_task))
+        rest = replace(rest, clearance=self._solver.clearance(rest.curve, scene.in_task))
         nearest = float(np.min(rest.clearance))
         if plan.reference is None or plan.reference.strain > _STRAIN:
             keep = nearest > 0.0 or not self.settings.avoidance
         else:
             # Close to an obstacle every bit of clearance is a gain.
-            close = nearest <= max(_MARGIN_MULTIPLES) * self.settings.obstacle_margin
+            close = nearest <= max(MARGIN_MULTIPLES) * self.settings.obstacle_margin
             gain = float(np.min(plan.reference.clearance)) - (0.0 if close else _SAFER)
             no_safer = gain <= nearest or not self.settings.avoidance
             keep = no_safer and rest.duration <= _WORTHWHILE * plan.reference.duration
         return self._keep(rest, scene) if keep else plan
 
-    def _stop_first(self, plan: Plan, start: Pose, scene: _Scene, speed: float) -> Plan:
+    def _stop_first(self, plan: Plan, start: Pose, scene: Scene, speed: float) -> Plan:
         """The stop before a way that is entered too fast; that way itself where the stop is not free."""
         braking = self._braking(start, scene.in_task, speed)
         if braking is None:
@@ -382,7 +300,7 @@ class ReactivePlanner:
         start, start_reason = checked_pose("start", start_position, start_quaternion)
         goal, goal_reason = checked_pose("goal", goal_position, goal_quaternion)
         if start is None or goal is None:
-            return _refusal(VerdictCode.BAD_INPUT, start_reason or goal_reason)
+            return refusal(VerdictCode.BAD_INPUT, start_reason or goal_reason)
         scene = self._scene
         start, goal = _to_task(scene.frame, start), _to_task(scene.frame, goal)
         verdict = self._goal_verdict(goal, scene.frame)
@@ -391,22 +309,14 @@ class ReactivePlanner:
         query = self._queries.build(start, goal)
         if isinstance(query, Verdict):
             return Plan(None, query)
-        return self._solve(query, start, query.start_latent, scene, _AT_REST).in_base(scene.frame)
+        return self._solver.solve(query, start, query.start_latent, scene, AT_REST).in_base(scene.frame)
 
     def _goal_verdict(self, goal: Pose, frame: TaskFrame) -> Verdict:
         """Whether a goal (task frame) is within the arm's reach and within what was demonstrated."""
-        beyond = self._beyond_reach(goal.position[None], frame)
+        beyond = self._solver.beyond_reach(goal.position[None], frame)
         if beyond:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, f"the goal is {beyond}")
         return self._queries.goal_verdict(goal)
-
-    def _beyond_reach(self, positions: np.ndarray, frame: TaskFrame) -> str:
-        """How far tool positions (n, 3) of the task frame lie from the shoulder where the arm cannot reach, or ''."""
-        distance = float(np.linalg.norm(frame.points_to_base(positions) - self.robot.shoulder, axis=1).max())
-        if distance <= self.robot.reach:
-            return ""
-        reach = self.robot.reach
-        return f"{distance:.2f} m from the shoulder; the tool of the {self.skill.robot} reaches {reach:.2f} m"
 
     def query(
         self,
@@ -467,95 +377,6 @@ class ReactivePlanner:
     def _near(self, distance: float, angle: float) -> bool:
         return distance <= self.settings.reanchor_distance and angle <= self.settings.reanchor_angle
 
-    # --------------------------------------------------------------- solve
-
-    def _solve(self, query: Query, start: Pose, start_latent: np.ndarray, scene: _Scene, motion: _Motion) -> Plan:
-        """Reweight once; then search, smooth, decode, certify and time until an attempt is certified."""
-        settings, obstacles = self.settings, scene.in_task
-        avoided = obstacles if settings.avoidance else Obstacles.none()
-        ends = self._end_clearance(query, start, avoided)
-        if isinstance(ends, Plan):
-            return ends
-        near = self._within_reach(query, avoided)
-        within = max(_MARGIN_MULTIPLES) * settings.obstacle_margin
-        # Only the query's own piece of the graph can be reached.
-        factors = np.ones((len(self.graph.latent), len(self._points)))
-        factors[query.members] = ambient_factors(
-            query.body_points, self._point_radii, near.centres, near.radii,
-            settings.ambient_strength, settings.ambient_width_ratio,
-        )  # fmt: skip
-        touched = touched_nodes(factors)
-        query.graph.fill_shares(self.graph.adjacency, touched)
-        free = np.full(len(self.graph.latent), -math.inf)
-        free[query.members] = clearances(query.body_points, self._point_radii, near.centres, near.radii, within)
-        # The goal itself was found free; its node lies under it but for rounding.
-        free[query.goal_node] = math.inf
-        for multiple in _MARGIN_MULTIPLES:
-            # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
-            margin = min(multiple * settings.obstacle_margin, 0.5 * ends)
-            found = self._search(query, start_latent, factors, touched, free < margin)
-            if isinstance(found, Plan):
-                return found
-            for widths in _SMOOTHING_WIDTHS:
-                plan = self._certified(query, start, *found, scene, widths, motion)
-                if plan.reference is not None or plan.turning:
-                    return plan
-        return plan
-
-    def _within_reach(self, query: Query, obstacles: Obstacles) -> Obstacles:
-        """Obstacles that can touch any node's ambient factor or margin; the others change nothing."""
-        settings = self.settings
-        grown = obstacles.radii + self._point_radii.max()
-        margin = max(_MARGIN_MULTIPLES) * settings.obstacle_margin
-        reach = np.maximum(CUTOFF * settings.ambient_width_ratio * grown, grown + margin)
-        lower, upper = query.body_box
-        gap = np.maximum(np.maximum(lower - obstacles.centres, obstacles.centres - upper), 0.0)
-        near = np.linalg.norm(gap, axis=1) <= reach
-        return Obstacles(obstacles.centres[near], obstacles.radii[near])
-
-    def _end_clearance(self, query: Query, start: Pose, obstacles: Obstacles) -> float | Plan:
-        """Smaller clearance [m] of start and goal, or the refusal where one of them is covered."""
-        positions = np.stack([start.position, query.goal.position])
-        quaternions = np.stack([start.quaternion, query.goal.quaternion])
-        body = tool_points(positions, quaternions, self._points)
-        here, there = clearances(body, self._point_radii, obstacles.centres, obstacles.radii, math.inf)
-        if here <= 0.0:
-            reason = f"the tool overlaps an obstacle by {-1000 * here:.0f} mm where it stands"
-            return _refusal(VerdictCode.IN_COLLISION, reason, query, clearance=float(here))
-        if there <= 0.0:
-            reason = f"an obstacle covers the goal by {-1000 * there:.0f} mm"
-            return _refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query)
-        return float(min(here, there))
-
-    def _search(
-        self,
-        query: Query,
-        start_latent: np.ndarray,
-        factors: np.ndarray,
-        touched: np.ndarray,
-        blocked: np.ndarray,
-    ) -> tuple[np.ndarray, float] | Plan:
-        """Latent polyline (m, d) of the cheapest path and its largest energy per edge, or the refusal."""
-        source = self.graph.node_near(start_latent, ~blocked, _ENTRY_STEPS)
-        if source is None:
-            return _refusal(VerdictCode.NO_FEASIBLE_PATH, "obstacles leave no free node near the start", query)
-        nodes, edges, cost = shortest_path(
-            self.graph.adjacency, query.base, query.graph.fixed, query.graph.shares, factors, touched, blocked,
-            query.to_goal, source, query.goal_node,
-        )  # fmt: skip
-        if not math.isfinite(cost):
-            reason = "obstacles block every way to the goal that was demonstrated"
-            return _refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query)
-        energy = float(np.max(query.graph.energies(edges), initial=0.0))
-        return self._polyline(start_latent, nodes), energy
-
-    def _polyline(self, start: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-        """Latent start followed by the path's nodes, less the first node where it lies behind the start."""
-        points = self.graph.latent[nodes]
-        if len(points) > 1 and (points[1] - points[0]) @ (start - points[0]) > 0.0:
-            points = points[1:]
-        return np.concatenate([start[None], points])
-
     def _braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
         """Come to rest along the reference followed so far; None at rest, or where that would touch an obstacle."""
         settings = self.settings
@@ -575,94 +396,15 @@ class ReactivePlanner:
         if braking is not None:
             curve, times, rates = braking
             reference = TaskSpaceReference(
-                times, rates, curve, settings.limits, latent[: len(times)], self._clearance(curve, obstacles)
+                times, rates, curve, settings.limits, latent[: len(times)], self._solver.clearance(curve, obstacles)
             )
         else:
-            clearance = self._clearance(curve, obstacles)
+            clearance = self._solver.clearance(curve, obstacles)
             reference = timed_reference(curve, latent, clearance, settings.limits, speed / settings.speed)
         if settings.avoidance and np.min(reference.clearance) <= 0.0:
             return None
         return reference
 
-    def _clearance(self, curve: MotionCurve, obstacles: Obstacles) -> np.ndarray:
-        """Certified clearance [m] of every segment of a curve: (n - 1,)."""
-        return curve_clearances(
-            tool_points(curve.positions, curve.quaternions, self._points), self._point_radii,
-            curve_allowance(curve, self._points), obstacles.centres, obstacles.radii,
-        )  # fmt: skip
-
-    def _certified(
-        self,
-        query: Query,
-        start: Pose,
-        polyline: np.ndarray,
-        energy: float,
-        scene: _Scene,
-        widths: tuple[float, float],
-        motion: _Motion,
-    ) -> Plan:
-        """Smooth, decode, transport, meet the ends exactly, judge the very curve that will be published, time it."""
-        settings = self.settings
-        step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
-        latent = smooth_latent(resample_latent(polyline, step), widths[0] * _SAMPLES_PER_STEP)
-        decoded = self.graph.decoder.decode(latent)
-        displacements = query.offsets.displacements(*self.graph.progress_map(latent))
-        positions, quaternions = carried(decoded.positions, decoded.quaternions, displacements)
-        positions, quaternions = smooth_poses(positions, continuous_signs(quaternions), widths[1] * _SAMPLES_PER_STEP)
-        if quaternions[0] @ start.quaternion < 0.0:
-            quaternions = -quaternions
-        ends = np.stack([start.position, query.goal.position])
-        correction = float(np.linalg.norm(positions[[0, -1]] - ends, axis=1).max())
-        positions, quaternions = correct_ends(
-            positions, quaternions, (start.position, start.quaternion), (query.goal.position, query.goal.quaternion)
-        )
-        positions, quaternions, latent = self._drawn(positions, quaternions, latent)
-        if motion.velocity is not None:
-            bent = bent_to(positions, quaternions, motion.velocity, settings.limits)
-            if bent is None:
-                reason = "stopping first: the way to the goal turns off the present motion"
-                return replace(_refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query), turning=True)
-            positions, quaternions, latent = self._drawn(*bent, latent)
-        beyond = self._beyond_reach(positions, scene.frame)
-        if beyond:
-            return _refusal(VerdictCode.NO_FEASIBLE_PATH, f"the way leads {beyond}", query)
-        curve = MotionCurve.through(positions, quaternions, settings.limits, motion.velocity)
-        clearance = self._clearance(curve, scene.in_task)
-        found = self._path_verdict(query, float(np.max(rms_sigma(decoded.sigma))), energy, float(np.min(clearance)))
-        verdict = replace(found, end_correction=correction)
-        if not verdict.ok:
-            return Plan(None, verdict)
-        return Plan(timed_reference(curve, latent, clearance, settings.limits, motion.speed), verdict)
-
-    def _drawn(
-        self, positions: np.ndarray, quaternions: np.ndarray, latent: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The distinct poses of a curve."""
-        kept = distinct(positions, quaternions, self.settings.limits)
-        return positions[kept], quaternions[kept], latent[kept]
-
-    def _path_verdict(self, query: Query, sigma: float, energy: float, clearance: float) -> Verdict:
-        """Judge a path by its largest rms sigma [m], its largest energy of one edge and its clearance [m]."""
-        in_support = sigma <= _CURVE_SIGMA_MULTIPLE * self.skill.sigma_limit
-        found = dict(clearance=clearance, energy_per_edge=energy, in_support=in_support, **query.misfits)
-        if self.settings.avoidance and clearance <= 0.0:
-            reason = f"the best path would touch an obstacle (clearance {1000 * clearance:.1f} mm)"
-        elif not in_support:
-            reason = "the best path leaves the part of the latent space that demonstrations support"
-        elif energy > self.graph.energy_limit:
-            reason = (
-                f"the best path has an edge of energy {energy:.3g}, demonstrations stay below "
-                f"{self.graph.energy_limit:.3g}: it crosses where nobody moved"
-            )
-        else:
-            return Verdict(VerdictCode.OK, **found)
-        return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **found)
-
 
 def _to_task(frame: TaskFrame, pose: Pose) -> Pose:
     return Pose(*frame.to_task(pose.position, pose.quaternion))
-
-
-def _refusal(code: VerdictCode, reason: str, query: Query | None = None, clearance: float = math.nan) -> Plan:
-    """No reference, and why; what is known of the query's ends goes with it."""
-    return Plan(None, Verdict(code, reason, clearance=clearance, **(query.misfits if query else {})))

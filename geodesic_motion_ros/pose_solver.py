@@ -1,0 +1,255 @@
+"""PoseSolver: one query on a task-space skill -> a certified reference and its verdict, in the task frame.
+
+Reweight, search, smooth, decode, transport, certify, time: what a tick of `planner.ReactivePlanner` does when its
+reference cannot stay.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
+from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factors, clearances
+from geodesic_motion_ros.graph.pose_graph import PoseGraph
+from geodesic_motion_ros.graph.shortest_path import touched_nodes
+from geodesic_motion_ros.graph.tool_points import tool_points
+from geodesic_motion_ros.graph.transport import carried
+from geodesic_motion_ros.latent_way import cheapest_way, way_verdict
+from geodesic_motion_ros.motion_curve import MotionCurve, distinct
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.quaternions import continuous_signs
+from geodesic_motion_ros.query import Pose, Query
+from geodesic_motion_ros.reference import (
+    TaskSpaceReference,
+    bent_to,
+    correct_ends,
+    resample_latent,
+    smooth_latent,
+    smooth_poses,
+    timed_reference,
+)
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+#: What is tried in one tick until a curve is certified: multiples of the obstacle margin, and for each of them
+#: smoothing widths in grid steps, of the latent path and of the poses decoded from it. The second smooths out where the
+#: decoder and the corrections along ridges have kinks, by a millimetre or two: the arm
+#: would have to brake there.
+MARGIN_MULTIPLES = (1.0, 2.5)
+_SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
+#: Dense samples of the published curve per grid step.
+_SAMPLES_PER_STEP = 1.0
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Answer of one planning step.
+
+    With an OK verdict the reference leads to the goal. With any other it is a ramped, certified stop along the
+    reference followed so far, or None: then the commanded pose must stay where it is.
+
+    turning : there is a way to the goal, but not one that the present motion can be bent into: this is the stop before
+        it. The verdict says so, and becomes OK by itself.
+    """
+
+    reference: TaskSpaceReference | None
+    verdict: Verdict
+    turning: bool = False
+
+    def in_base(self, frame: TaskFrame) -> Plan:
+        """The same plan, its reference brought from the task frame into the base frame."""
+        if self.reference is None or frame.is_identity:
+            return self
+        return replace(self, reference=self.reference.moved(frame.to_base))
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """Spheres: centres (o, 3), radii (o,) [m]."""
+
+    centres: np.ndarray
+    radii: np.ndarray
+
+    @classmethod
+    def none(cls) -> Obstacles:
+        return cls(np.empty((0, 3)), np.empty(0))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The task frame, and the obstacles in the base frame and seen from it: replaced as a whole."""
+
+    frame: TaskFrame
+    in_base: Obstacles
+    in_task: Obstacles
+
+    @classmethod
+    def of(cls, frame: TaskFrame, in_base: Obstacles) -> Scene:
+        centres = np.ascontiguousarray(frame.points_to_task(in_base.centres))
+        return cls(frame, in_base, Obstacles(centres, in_base.radii))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the stream moves as a tick begins.
+
+    Attributes
+    ----------
+    speed : over full speed.
+    velocity : (6,) [m/s], [rad/s], None at rest and where the pose is not near the reference followed.
+    rest : what is left of that reference, where pose and speed are those it has there.
+    """
+
+    speed: float
+    velocity: np.ndarray | None = None
+    rest: TaskSpaceReference | None = None
+
+
+AT_REST = Motion(0.0)
+
+
+class PoseSolver:
+    """Plans single ways on one task-space skill; holds no state of its own."""
+
+    def __init__(self, skill: Skill, graph: PoseGraph, settings: PlannerSettings, robot: Robot) -> None:
+        self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
+        self._points = np.array(settings.tool_points, dtype=float)
+        self._point_radii = np.array(settings.tool_radii, dtype=float)
+
+    def beyond_reach(self, positions: np.ndarray, frame: TaskFrame) -> str:
+        """How far tool positions (n, 3) of the task frame lie from the shoulder where the arm cannot reach, or ''."""
+        distance = float(np.linalg.norm(frame.points_to_base(positions) - self.robot.shoulder, axis=1).max())
+        if distance <= self.robot.reach:
+            return ""
+        reach = self.robot.reach
+        return f"{distance:.2f} m from the shoulder; the tool of the {self.skill.robot} reaches {reach:.2f} m"
+
+    # --------------------------------------------------------------- solve
+
+    def solve(self, query: Query, start: Pose, start_latent: np.ndarray, scene: Scene, motion: Motion) -> Plan:
+        """Reweight once; then search, smooth, decode, certify and time until an attempt is certified."""
+        settings, obstacles = self.settings, scene.in_task
+        avoided = obstacles if settings.avoidance else Obstacles.none()
+        ends = self._end_clearance(query, start, avoided)
+        if isinstance(ends, Plan):
+            return ends
+        near = self._within_reach(query, avoided)
+        within = max(MARGIN_MULTIPLES) * settings.obstacle_margin
+        # Only the query's own piece of the graph can be reached.
+        factors = np.ones((len(self.graph.latent), len(self._points)))
+        factors[query.members] = ambient_factors(
+            query.body_points, self._point_radii, near.centres, near.radii,
+            settings.ambient_strength, settings.ambient_width_ratio,
+        )  # fmt: skip
+        touched = touched_nodes(factors)
+        query.graph.fill_shares(self.graph.adjacency, touched)
+        free = np.full(len(self.graph.latent), -math.inf)
+        free[query.members] = clearances(query.body_points, self._point_radii, near.centres, near.radii, within)
+        # The goal itself was found free; its node lies under it but for rounding.
+        free[query.goal_node] = math.inf
+        for multiple in MARGIN_MULTIPLES:
+            # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
+            margin = min(multiple * settings.obstacle_margin, 0.5 * ends)
+            found = cheapest_way(self.graph, query, start_latent, factors, touched, free < margin)
+            if isinstance(found, Verdict):
+                return Plan(None, found)
+            for widths in _SMOOTHING_WIDTHS:
+                plan = self._certified(query, start, *found, scene, widths, motion)
+                if plan.reference is not None or plan.turning:
+                    return plan
+        return plan
+
+    def _within_reach(self, query: Query, obstacles: Obstacles) -> Obstacles:
+        """Obstacles that can touch any node's ambient factor or margin; the others change nothing."""
+        settings = self.settings
+        grown = obstacles.radii + self._point_radii.max()
+        margin = max(MARGIN_MULTIPLES) * settings.obstacle_margin
+        reach = np.maximum(CUTOFF * settings.ambient_width_ratio * grown, grown + margin)
+        lower, upper = query.body_box
+        gap = np.maximum(np.maximum(lower - obstacles.centres, obstacles.centres - upper), 0.0)
+        near = np.linalg.norm(gap, axis=1) <= reach
+        return Obstacles(obstacles.centres[near], obstacles.radii[near])
+
+    def _end_clearance(self, query: Query, start: Pose, obstacles: Obstacles) -> float | Plan:
+        """Smaller clearance [m] of start and goal, or the refusal where one of them is covered."""
+        positions = np.stack([start.position, query.goal.position])
+        quaternions = np.stack([start.quaternion, query.goal.quaternion])
+        body = tool_points(positions, quaternions, self._points)
+        here, there = clearances(body, self._point_radii, obstacles.centres, obstacles.radii, math.inf)
+        if here <= 0.0:
+            reason = f"the tool overlaps an obstacle by {-1000 * here:.0f} mm where it stands"
+            return refusal(VerdictCode.IN_COLLISION, reason, query, clearance=float(here))
+        if there <= 0.0:
+            reason = f"an obstacle covers the goal by {-1000 * there:.0f} mm"
+            return refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query)
+        return float(min(here, there))
+
+    def clearance(self, curve: MotionCurve, obstacles: Obstacles) -> np.ndarray:
+        """Certified clearance [m] of every segment of a curve: (n - 1,)."""
+        return curve_clearances(
+            tool_points(curve.positions, curve.quaternions, self._points), self._point_radii,
+            curve_allowance(curve, self._points), obstacles.centres, obstacles.radii,
+        )  # fmt: skip
+
+    def _certified(
+        self,
+        query: Query,
+        start: Pose,
+        polyline: np.ndarray,
+        energy: float,
+        scene: Scene,
+        widths: tuple[float, float],
+        motion: Motion,
+    ) -> Plan:
+        """Smooth, decode, transport, meet the ends exactly, judge the very curve that will be published, time it."""
+        settings = self.settings
+        step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
+        latent = smooth_latent(resample_latent(polyline, step), widths[0] * _SAMPLES_PER_STEP)
+        decoded = self.graph.decoder.decode(latent)
+        displacements = query.offsets.displacements(*self.graph.progress_map(latent))
+        positions, quaternions = carried(decoded.positions, decoded.quaternions, displacements)
+        positions, quaternions = smooth_poses(positions, continuous_signs(quaternions), widths[1] * _SAMPLES_PER_STEP)
+        if quaternions[0] @ start.quaternion < 0.0:
+            quaternions = -quaternions
+        ends = np.stack([start.position, query.goal.position])
+        correction = float(np.linalg.norm(positions[[0, -1]] - ends, axis=1).max())
+        positions, quaternions = correct_ends(
+            positions, quaternions, (start.position, start.quaternion), (query.goal.position, query.goal.quaternion)
+        )
+        positions, quaternions, latent = self._drawn(positions, quaternions, latent)
+        if motion.velocity is not None:
+            bent = bent_to(positions, quaternions, motion.velocity, settings.limits)
+            if bent is None:
+                reason = "stopping first: the way to the goal turns off the present motion"
+                return replace(refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query), turning=True)
+            positions, quaternions, latent = self._drawn(*bent, latent)
+        beyond = self.beyond_reach(positions, scene.frame)
+        if beyond:
+            return refusal(VerdictCode.NO_FEASIBLE_PATH, f"the way leads {beyond}", query)
+        curve = MotionCurve.through(positions, quaternions, settings.limits, motion.velocity)
+        clearance = self.clearance(curve, scene.in_task)
+        nearest = float(np.min(clearance))
+        objection = None
+        if settings.avoidance and nearest <= 0.0:
+            objection = f"the best path would touch an obstacle (clearance {1000 * nearest:.1f} mm)"
+        verdict = way_verdict(self.skill, self.graph, query, decoded.sigma, energy, nearest, correction, objection)
+        if not verdict.ok:
+            return Plan(None, verdict)
+        return Plan(timed_reference(curve, latent, clearance, settings.limits, motion.speed), verdict)
+
+    def _drawn(
+        self, positions: np.ndarray, quaternions: np.ndarray, latent: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The distinct poses of a curve."""
+        kept = distinct(positions, quaternions, self.settings.limits)
+        return positions[kept], quaternions[kept], latent[kept]
+
+
+def refusal(code: VerdictCode, reason: str, query: Query | None = None, clearance: float = math.nan) -> Plan:
+    """No reference, and why; what is known of the query's ends goes with it."""
+    return Plan(None, Verdict(code, reason, clearance=clearance, **(query.misfits if query else {})))
