@@ -13,8 +13,8 @@ have no `ros2` command line: for those who have, it prints the command that does
 """
 _EPILOG = """\
 examples:
-  geodesic-motion goal panda_pouring
-  geodesic-motion goal panda_pouring --move 0 0.02 0
+  geodesic-motion goal panda_reach_to_grasp
+  geodesic-motion goal panda_reach_to_grasp --move 0 0.02 0
 """
 
 

@@ -15,7 +15,7 @@ _PANDA_HAND = (
 )
 
 PLANNER = (
-    Parameter("skill", "panda_pouring", "Skill folder, or the name of a shipped skill"),
+    Parameter("skill", "panda_reach_to_grasp", "Skill folder, or the name of a shipped skill"),
     _BASE_FRAME,
     Parameter("rate", 100.0, "Planning cycles per second", "Hz", 10.0, 1000.0),
     Parameter("avoidance", True, "false ignores all obstacles: for control experiments only"),
@@ -233,7 +233,7 @@ TWIN = (
     _BASE_FRAME,
     Parameter(
         "skill",
-        "panda_pouring",
+        "panda_reach_to_grasp",
         "Start where this skill begins: its folder, or the name of a shipped one; empty, or with other "
         "initial_joint_positions than the default: start there",
         read_only=False,
