@@ -46,6 +46,8 @@ class LoopingNode(Node, ABC):
         except BaseException:
             self.destroy_node()
             raise
+        # rclpy's first line looks through all modules, 0.1 s and more with the interpreter held: not in a loop.
+        self.get_logger().info("built")
 
     @abstractmethod
     def _build(self) -> None:
