@@ -1,11 +1,11 @@
-"""The offset of two clocks is steady while readings are not, and at once another when a clock was set."""
+"""The offset of two clocks is steady while readings are not, and soon another when a clock was set."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.nodes.clock_offset import LARGEST_ERROR, ClockOffset
+from geodesic_motion_ros.nodes.clock_offset import LARGEST_ERROR, MOST_OUTLIERS, ClockOffset
 
 AHEAD = 1.7e9
 
@@ -28,8 +28,14 @@ def test_a_drift_is_followed() -> None:
 
 
 @pytest.mark.parametrize("leap", [-3600.0, -1.1 * LARGEST_ERROR, 1.1 * LARGEST_ERROR, 3600.0])
-def test_a_clock_that_was_set_is_believed_at_once(leap: float) -> None:
+def test_a_clock_that_was_set_is_believed_soon_and_one_late_reading_never(leap: float) -> None:
     offset = ClockOffset()
     for time in (0.0, 0.1, 0.2):
         offset.update(AHEAD + time, time)
-    assert offset.update(AHEAD + 0.3 + leap, 0.3) - AHEAD == pytest.approx(leap, abs=1e-6)
+    for _ in range(3):
+        for _ in range(MOST_OUTLIERS):
+            assert offset.update(AHEAD + 0.3 + leap, 0.3) == pytest.approx(AHEAD, abs=1e-6)
+        assert offset.update(AHEAD + 0.4, 0.4) == pytest.approx(AHEAD, abs=1e-6)
+    for _ in range(MOST_OUTLIERS + 1):
+        told = offset.update(AHEAD + 0.5 + leap, 0.5)
+    assert told - AHEAD == pytest.approx(leap, abs=1e-6)
