@@ -1,7 +1,8 @@
-"""The demo: a Panda does the shipped skill three times, planner and twin as two processes over real ROS 2.
+"""The demo: a Panda does a skill three times, planner and twin as two processes over real ROS 2.
 
 Once without an obstacle, once with a sphere that moves into its way and avoidance off (the control: it must hit), once
-with the same sphere and avoidance on. What is printed was measured by the twin on the arm's real geometry.
+with the same sphere and avoidance on. What is printed was measured by the twin on the arm's real geometry. The scene is
+the skill's: on joint-space skills the sphere is in the way of the elbow, on task-space skills in that of the hand.
 """
 
 from __future__ import annotations
@@ -24,45 +25,38 @@ import yaml
 from rclpy.utilities import remove_ros_args
 
 from geodesic_motion_ros.errors import GeodesicMotionError
-from geodesic_motion_ros.nodes.demo_pictures import draw
 from geodesic_motion_ros.nodes.demo_run import DemoError, Probe, Processes, Recording, isolated_environment
-from geodesic_motion_ros.nodes.parameter_tables import PLANNER
-from geodesic_motion_ros.planner import ReactivePlanner
-from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.quaternions import angle_between, to_rotation
-from geodesic_motion_ros.reference import TaskSpaceReference
-from geodesic_motion_ros.robot.inverse_kinematics import solve
-from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
+from geodesic_motion_ros.nodes.demo_scene import DemoScene
+from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
+from geodesic_motion_ros.nodes.hand_scene import HandScene
+from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.simulation.scenes import LineObstacle
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json
 
-SKILL = "panda_pouring"
-#: The sphere: radius [m] and speed [m/s]; when the undisturbed motion would meet it (share of its duration); how far
-#: beside the tool's way it crosses, along the tool's x axis [m], so that there is room on its other side.
-RADIUS, SPEED, MEETING_SHARE, BESIDE = 0.035, 0.10, 0.60, 0.022
-#: It sets out this far from the way [m], is there a little before the hand [s], and comes to rest this far behind it
-#: [m], which is still under the palm: where a busy machine slows the arm down, the sphere is in its way all the same.
-BEFORE, EARLY, AFTER = 0.30, 0.3, 0.06
-
+SKILL = "panda_reach_to_grasp"
 #: What the demo promises; and the rate [Hz] below which it warns that the machine is busy.
 LARGEST_ERROR_MM, LARGEST_ERROR_DEG, LEAST_RATE = 10.0, 3.0, 99.0
 #: The run without avoidance ends this long after the first contact [s].
 AFTER_CONTACT = 3.0
 
 _DESCRIPTION = """\
-A simulated Panda pours, as people have shown it: three times over real ROS 2, planner and twin in two processes.
+A simulated Panda does a skill as it was shown: three times over real ROS 2, planner and twin in two processes.
 
   no_obstacle    the learned motion, undisturbed
-  avoidance_off  a sphere moves into the way of the hand, and the planner is told to ignore it: the arm hits it
+  avoidance_off  a sphere moves into the way, and the planner is told to ignore it: the arm hits it
   avoidance_on   the same sphere; the planner looks for another way a hundred times a second
+
+With a skill of the whole arm the sphere goes where the elbow would swing to, far from the hand, and the arm takes its
+elbow to the other side; with a skill of the tool the sphere goes into the way of the hand.
 
 It takes about a minute and ends by itself; Ctrl-C ends it and its processes earlier."""
 
 _EPILOG = """\
 what it writes to the folder OUT:
-  summary.json   the figures of the table, one object a run, and whether the demo has passed
-  latent.png     the skill's latent space with the way of the hand, without and with the obstacle
+  summary.json   the figures of the table, one object a run, and whether the demo has passed; with a skill of the whole
+                 arm also the families of demonstrations that the arm was in, one after the other
+  latent.png     the skill's latent space with the way of the arm, without and with the obstacle
   paths.png      the same ways in space, among the demonstrations
   strip.png, arm.gif    the arm, avoidance off above (left) and on below (right)
   RUN/*.yaml, RUN/*.log    the parameter files and logs of the two nodes of each run
@@ -92,20 +86,12 @@ RUNS = (
 
 
 class Demo:
-    """Prepares the scene from the skill, makes the runs, judges them."""
+    """Makes the runs of a scene."""
 
-    def __init__(self, out: Path, gui: bool, domain: int) -> None:
-        self._out, self._gui, self._domain = out, gui, domain
-        self.skill = Skill.load(SKILL)
-        self.planner = ReactivePlanner(self.skill, _planner_settings())
-        self.goal = self.skill.goal_pose
-        start = self.skill.start_pose
-        plan = self.planner.plan(start[:3], start[3:], self.goal[:3], self.goal[3:])
-        if plan.reference is None:
-            raise DemoError(f"skill {self.skill.name} has no way from its own start to its goal: {plan.verdict.reason}")
-        self.nominal = plan.reference
-        self.obstacle = crossing_obstacle(plan.reference)
-        self._start_joints = solve(Robot.panda(), start[:3], start[3:])
+    def __init__(self, skill: str, out: Path, gui: bool, domain: int) -> None:
+        """skill : a folder, or the name of a shipped skill."""
+        self._skill, self._out, self._gui, self._domain = skill, out, gui, domain
+        self.scene = scene_of(Skill.load(skill))
 
     def run(self, run: Run) -> Recording:
         """Start both nodes, let the arm move, end the nodes."""
@@ -113,34 +99,27 @@ class Demo:
         with Processes(self._out / run.key, environment) as processes:
             processes.start("twin", self._twin_parameters(run))
             processes.start("planner", self._planner_parameters(run))
-            with Probe(processes, self._domain, self.skill.base_frame, self.goal) as probe:
+            with Probe(processes, self._domain, self.scene.skill.base_frame, self.scene.goal) as probe:
                 # An arm that has hit the obstacle is stuck there: what follows shows nothing.
                 return probe.run(math.inf if run.avoidance else AFTER_CONTACT)
 
     def _twin_parameters(self, run: Run) -> dict[str, Any]:
-        scene = {"ball": describe(self.obstacle)} if run.obstacle else {}
-        return {
-            "initial_joint_positions": [float(angle) for angle in self._start_joints],
-            "scene": yaml.safe_dump(scene) if scene else "",
-            "gui": self._gui,
-        }
+        scene = {"ball": describe(self.scene.obstacle)} if run.obstacle else {}
+        return {"skill": self._skill, "scene": yaml.safe_dump(scene) if scene else "", "gui": self._gui}
 
     def _planner_parameters(self, run: Run) -> dict[str, Any]:
         # The pictures are drawn afterwards, from what was recorded.
         return {
-            "skill": SKILL,
+            "skill": self._skill,
             "avoidance": run.avoidance,
-            "obstacle_point_radius": self.obstacle.radius,
+            "obstacle_point_radius": self.scene.obstacle.radius,
             "latent_view_rate": 0.0,
         }
 
 
-def crossing_obstacle(nominal: TaskSpaceReference) -> LineObstacle:
-    """The sphere that moves into the undisturbed motion, across the hand and a little beside the tool's way."""
-    meeting = MEETING_SHARE * nominal.duration
-    position, quaternion = nominal.sample(meeting)
-    x_axis, y_axis, _ = to_rotation(quaternion).as_matrix().T
-    return crossing(position + BESIDE * x_axis, y_axis, meeting - EARLY, SPEED, RADIUS, BEFORE, AFTER)
+def scene_of(skill: Skill) -> DemoScene:
+    """What the demo shows of a skill."""
+    return (ElbowScene if skill.space == "joint" else HandScene)(skill)
 
 
 def describe(obstacle: LineObstacle) -> dict[str, Any]:
@@ -191,6 +170,9 @@ def missed_bars(summary: Mapping[str, Any]) -> list[str]:
         missed.append("avoidance_off: the arm did not touch the obstacle, so this scene proves nothing")
     if on["contacts"] > 0 or on["min_clearance_mm"] <= 0.0:
         missed.append(f"avoidance_on: contact in {on['contacts']} steps, clearance {on['min_clearance_mm']:.1f} mm")
+    families = summary.get("families")
+    if families and set(families["avoidance_on"]) <= set(families["no_obstacle"]):
+        missed.append(f"avoidance_on: the arm stayed in the families {families['no_obstacle']} of demonstrations")
     for run in RUNS:
         millimetres, degrees = summary[run.key]["goal_error_mm"], summary[run.key]["goal_error_deg"]
         if run.avoidance and (millimetres > LARGEST_ERROR_MM or degrees > LARGEST_ERROR_DEG):
@@ -234,7 +216,7 @@ def table(summary: Mapping[str, Any]) -> str:
     return "\n".join([*lines[:2], rule, *lines[2:]])
 
 
-def perform(out: Path, gui: bool, domain: int, pictures: bool) -> int:
+def perform(skill: str, out: Path, gui: bool, domain: int, pictures: bool) -> int:
     """Run the demo; returns the exit code."""
     began = time.monotonic()
 
@@ -242,22 +224,30 @@ def perform(out: Path, gui: bool, domain: int, pictures: bool) -> int:
         print(f"[{time.monotonic() - began:5.1f} s] {text}", flush=True)
 
     out.mkdir(parents=True, exist_ok=True)
-    say(f"loading the skill {SKILL}")
-    demo = Demo(out, gui, domain)
+    say(f"loading the skill {skill}")
+    demo = Demo(skill, out, gui, domain)
+    scene = demo.scene
     recordings: dict[str, Recording] = {}
-    summary: dict[str, Any] = {"skill": demo.skill.name}
+    families: dict[str, list[int]] = {}
+    summary: dict[str, Any] = {"skill": scene.skill.name}
     for number, run in enumerate(RUNS, 1):
         say(f"run {number} of {len(RUNS)}: {run.title}")
         recordings[run.key] = demo.run(run)
-        summary[run.key] = figures(recordings[run.key], demo.goal, run.obstacle)
+        summary[run.key] = figures(recordings[run.key], scene.goal, run.obstacle)
         say(f"  {_outcome(summary[run.key])}")
+        taken = scene.families(recordings[run.key])
+        if taken is not None:
+            families[run.key] = taken
+            say(f"  as in the demonstrations of family {', then '.join(map(str, taken))}")
+    if families:
+        summary["families"] = families
     missed = missed_bars(summary)
     summary["passed"] = not missed
     summary["warnings"] = slow = slow_runs(summary)
     write_json(out / "summary.json", summary)
     if pictures:
         say("drawing the pictures")
-        draw(demo.planner, demo.obstacle.radius, recordings, out)
+        scene.draw(recordings, out)
     say(f"done; figures{' and pictures' if pictures else ''} in {out}")
     print(f"\n{table(summary)}\n")
     for sentence in slow:
@@ -275,15 +265,6 @@ def _outcome(row: Mapping[str, Any]) -> str:
     if row["contacts"]:
         return f"{text}, after hitting the obstacle"
     return f"{text}, past the obstacle with {row['min_clearance_mm']:.0f} mm to spare"
-
-
-def _planner_settings() -> PlannerSettings:
-    """Settings as the planner node has them by default."""
-    values = {parameter.name: parameter.default for parameter in PLANNER}
-    spheres = np.array(values["tool_spheres"]).reshape(-1, 4)
-    return PlannerSettings(
-        tool_points=tuple(map(tuple, spheres[:, :3].tolist())), tool_radii=tuple(spheres[:, 3].tolist())
-    )
 
 
 @contextmanager
@@ -307,6 +288,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="demo", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results (%(default)s)")
+    parser.add_argument("--skill", default=SKILL, help="skill folder, or the name of a shipped skill (%(default)s)")
     parser.add_argument("--gui", action="store_true", help="open PyBullet's window; needs a display")
     parser.add_argument(
         "--domain", type=int, choices=range(1, 102), metavar="1..101", default=1 + os.getpid() % 101,
@@ -321,7 +303,7 @@ def main(args: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(remove_ros_args(args=list(sys.argv if args is None else ["demo", *args]))[1:])
     try:
         with _termination_as_interrupt():
-            return perform(options.out, options.gui, options.domain, not options.no_pictures)
+            return perform(options.skill, options.out, options.gui, options.domain, not options.no_pictures)
     except KeyboardInterrupt:
         print("interrupted; planner and twin are stopped", file=sys.stderr)
         return 130

@@ -1,0 +1,59 @@
+"""What the demo shows of a skill: a way, an obstacle that moves into it, and pictures of what came of both."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.nodes.demo_run import DemoError, Recording
+from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+from geodesic_motion_ros.nodes.parameters import Value
+from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.simulation.scenes import LineObstacle
+
+#: Parameters of the planner node as they are by default.
+DEFAULTS: dict[str, Value] = {parameter.name: parameter.default for parameter in PLANNER}
+
+
+class DemoScene(ABC):
+    """A skill from its mean start to its mean goal, and the sphere that moves into that motion.
+
+    Attributes
+    ----------
+    nominal : the undisturbed motion, a reference.
+    goal : (7,) tool pose: x, y, z [m], w, x, y, z.
+    obstacle : counts its time from when the goal is sent.
+    """
+
+    def __init__(self, planner: ReactivePlanner | JointSpacePlanner) -> None:
+        """planner : as the planner node makes it of the skill.
+
+        Raises
+        ------
+        DemoError : the skill has no way from its own start to its goal.
+        """
+        self.skill = planner.skill
+        start, self.goal = self.skill.start_pose, self.skill.goal_pose
+        plan = planner.plan(start[:3], start[3:], self.goal[:3], self.goal[3:])
+        if plan.reference is None:
+            raise DemoError(f"skill {self.skill.name} has no way from its own start to its goal: {plan.verdict.reason}")
+        self.nominal: Any = plan.reference
+        self.obstacle = self._obstacle()
+
+    @abstractmethod
+    def _obstacle(self) -> LineObstacle:
+        """The sphere that moves into the undisturbed motion."""
+
+    @abstractmethod
+    def families(self, recording: Recording) -> list[int] | None:
+        """Families of demonstrations that the arm was in, one after the other; None where that is not told."""
+
+    @abstractmethod
+    def draw(self, recordings: Mapping[str, Recording], out: Path) -> None:
+        """Write latent.png, paths.png, strip.png and arm.gif to a folder.
+
+        recordings : of the runs `no_obstacle`, `avoidance_off` and `avoidance_on`.
+        """

@@ -1,0 +1,120 @@
+"""The demo of a joint-space skill: a sphere moves to where the elbow would be, far from the hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.spatial import cKDTree
+
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.joint_plots import draw_tubes
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.nodes.demo_pictures import AROUND_RGB, FREE_RGB, Curve, Film, draw_films, met
+from geodesic_motion_ros.nodes.demo_run import Recording
+from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
+from geodesic_motion_ros.nodes.skill_kinds import joint_settings
+from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, draw_in_space, legend_below, write_figure
+from geodesic_motion_ros.reference import smooth_latent
+from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
+from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
+from geodesic_motion_ros.skill import Skill
+
+#: The sphere: radius [m], speed [m/s], and how far from its place it sets out [m].
+RADIUS, SPEED, BEFORE = 0.055, 0.10, 0.45
+#: It comes to rest this long [s] after the undisturbed elbow would have been there. Its surface is in the way seconds
+#: before: the elbow has set out by then, and has time to turn back.
+LATE = 1.2
+#: A family counts as taken where its ridge has more than this share; where families begin and end alike, none has.
+_TAKEN_SHARE = 0.9
+#: Recorded instants that are looked up in the latent space [1/s].
+_REPLAY_RATE = 20.0
+#: Width over which their latent points are averaged, in instants.
+_LATENT_SMOOTHING = 4.0
+#: Radii of the tubes that show where tool and elbow were [m].
+_TOOL_TUBE, _ELBOW_TUBE = 0.002, 0.006
+
+
+class ElbowScene(DemoScene):
+    """A sphere comes from outside to where the undisturbed elbow would be swung out furthest, and stays."""
+
+    def __init__(self, skill: Skill) -> None:
+        self.planner = JointSpacePlanner(skill, joint_settings(DEFAULTS))
+        super().__init__(self.planner)
+
+    def _obstacle(self) -> LineObstacle:
+        time = self._furthest_out(self.nominal)
+        configuration = self.nominal.sample(time)[0]
+        robot = self.planner.robot
+        elbow, hand = elbow_position(robot, configuration), robot.forward(configuration)[0]
+        inwards = _foot(elbow, robot.shoulder, hand) - elbow
+        return crossing(elbow, inwards, time + LATE, SPEED, RADIUS, BEFORE, after=0.0)
+
+    def _furthest_out(self, reference: JointReference) -> float:
+        angles = [abs(swivel_angle(self.planner.robot, position)) for position in reference.positions]
+        return float(reference.times[np.argmax(angles)])
+
+    def families(self, recording: Recording) -> list[int]:
+        shares = self.planner.graph.ridge_shares[self._nodes_along(recording)]
+        taken = np.argmax(shares, axis=1)[np.max(shares, axis=1, initial=0.0) > _TAKEN_SHARE]
+        return [int(family) for family, _ in groupby(taken)]
+
+    def draw(self, recordings: Mapping[str, Recording], out: Path) -> None:
+        free, around = recordings["no_obstacle"], recordings["avoidance_on"]
+        obstacle = met(around, *self._elbow_way(around), self.obstacle.radius)
+        tool = self._way(free, "without obstacle", BLUE), self._way(around, "around the moving obstacle", VERMILION)
+        elbow = tuple(
+            replace(way, positions=self._elbow_way(recording)[1])
+            for way, recording in zip(tool, (free, around), strict=True)
+        )
+        title = f"Latent space of {self.skill.name}: two motions to one goal"
+        draw_tubes(out / "latent.png", self.planner, tool, obstacle, title)
+        self._draw_paths(out / "paths.png", (*tool, *elbow), obstacle)
+        curves = [
+            Curve(way.positions, colour, radius)
+            for ways, radius in ((tool, _TOOL_TUBE), (elbow, _ELBOW_TUBE))
+            for way, colour in zip(ways, (FREE_RGB, AROUND_RGB), strict=True)
+        ]
+        draw_films(out, recordings, self.obstacle.radius, Film("elbow", curves, self._elbow_way))
+
+    def _way(self, recording: Recording, name: str, colour: str) -> Way:
+        latent = self.planner.graph.latent[self._nodes_along(recording)]
+        return Way(smooth_latent(latent, _LATENT_SMOOTHING), np.array(recording.positions), name, colour)
+
+    def _elbow_way(self, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+        """Times (n,) [s] and where the elbow was (n, 3) [m]."""
+        return np.array(recording.joint_times), self._elbows(np.array(recording.joints))
+
+    def _elbows(self, configurations: np.ndarray) -> np.ndarray:
+        return np.array([elbow_position(self.planner.robot, configuration) for configuration in configurations])
+
+    def _draw_paths(self, path: Path, ways: Sequence[Way], obstacle: Sphere) -> None:
+        """Tool and elbow among those of the demonstrations."""
+        shown = [self.skill.decoder.configurations(code) for code in self.skill.codes]
+        tools = [end_effector_poses(np.ascontiguousarray(item), self.planner.robot.chain)[0] for item in shown]
+        figure = Figure(figsize=(10.0, 6.0), layout="constrained")
+        space = figure.add_subplot(projection="3d", computed_zorder=False)
+        handles = draw_in_space(space, [*tools, *map(self._elbows, shown)], ways, obstacle, zoom=1.1)
+        figure.suptitle("Ways of tool and elbow, as measured", x=0.01, ha="left", fontsize=11)
+        legend_below(figure, handles)
+        write_figure(figure, path)
+
+    def _nodes_along(self, recording: Recording) -> np.ndarray:
+        """Nodes (n,) of the latent graph whose configurations are nearest to those measured, `_REPLAY_RATE` a second.
+
+        Start and goal are the mean ones that the skill has learned: nodes need not be carried to them.
+        """
+        times = np.arange(recording.joint_times[0], recording.joint_times[-1], 1.0 / _REPLAY_RATE)
+        measured = np.array(recording.joints)[np.searchsorted(recording.joint_times, times)]
+        return cKDTree(self.planner.graph.configurations).query(measured)[1]
+
+
+def _foot(point: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Where the perpendicular from a point (3,) meets the line through two others."""
+    along = (end - start) / np.linalg.norm(end - start)
+    return start + ((point - start) @ along) * along
