@@ -42,9 +42,11 @@ class JointSheet(DemonstratedEnds):
             "configurations": (count, samples, joints), "modes": (count,),
             "start_offsets": (count, joints), "goal_offsets": (count, joints),
             "start_groups": (count,), "goal_groups": (count,),
-            "start_poles": (int(self.start_groups.max()) + 1, joints),
-            "goal_poles": (int(self.goal_groups.max()) + 1, joints),
         })  # fmt: skip
+        for end in ("start", "goal"):
+            self.check_numbers(f"{end}_groups")
+            groups = len(set(getattr(self, f"{end}_groups").tolist()))
+            self.check_arrays({f"{end}_poles": (groups, joints)})
 
     def corrections(self, decoder: JointSpaceDecoder, ridges: Ridges, weights: np.ndarray) -> np.ndarray:
         """What the decoder lacks on the ridges to be the demonstrations' weighted means, (K, S, eta) [rad]."""

@@ -48,10 +48,15 @@ class DemonstratedEnds:
             array = getattr(self, name)
             if array.shape != shape or not np.all(np.isfinite(array)):
                 raise SkillError(f"canonical {name} must be finite with shape {shape}, has shape {array.shape}")
-        if set(self.modes.tolist()) != set(range(len(set(self.modes.tolist())))):
-            raise SkillError(f"modes must be numbered from 0 without gaps, are {sorted(set(self.modes.tolist()))}")
+        self.check_numbers("modes")
         if not self.penalty > 0.0:
             raise SkillError(f"regression_penalty is {self.penalty}, must be positive, or .inf for no regression")
+
+    def check_numbers(self, name: str) -> None:
+        """Refuse numbers of modes or groups that are not counted from 0 without gaps (SkillError)."""
+        numbers = set(getattr(self, name).tolist())
+        if numbers != set(range(len(numbers))):
+            raise SkillError(f"{name} must be numbered from 0 without gaps, are {sorted(numbers)}")
 
     @property
     def has_ridges(self) -> bool:

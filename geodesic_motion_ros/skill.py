@@ -214,6 +214,8 @@ class Skill:
             "latent_lower": (d,), "latent_upper": (d,), "start_pose": (7,), "goal_pose": (7,),
             "codes": (*self.codes.shape[:2], d),
         }  # fmt: skip
+        if self.space == "joint":
+            self._check_joints()
         if self.canonical is not None:
             self.canonical.check(*self.codes.shape[:2])
         for name, shape in shapes.items():
@@ -224,6 +226,16 @@ class Skill:
             value = getattr(self, name)
             if not (isinstance(value, float) and value > 0.0):
                 raise SkillError(f"{name} is {value!r}, must be a positive number")
+
+
+    def _check_joints(self) -> None:
+        joints = len(Robot.named(self.robot).joint_names)
+        counted = {"the decoder": self.decoder.joints}
+        if self.canonical is not None:
+            counted["the canonical sheet"] = self.canonical.configurations.shape[-1]
+        for what, count in counted.items():
+            if count != joints:
+                raise SkillError(f"{what} is of {count} joints; the robot {self.robot!r} has {joints}")
 
 
 def _canonical(described: dict[str, Any], archive: Any) -> CanonicalSheet | None:

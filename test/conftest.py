@@ -115,6 +115,12 @@ def reach_demonstrations() -> JointDemonstrations:
 
 
 @pytest.fixture(scope="session")
+def separated_demonstrations() -> JointDemonstrations:
+    """Three demonstrations of each family, whose elbows stay on their sides from start to goal."""
+    return reaches(3, connected=False)
+
+
+@pytest.fixture(scope="session")
 def reach_skill(reach_demonstrations: JointDemonstrations) -> Skill:
     """A joint-space skill of the whole Panda on the canonical sheet, with two ways, really trained."""
     from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill

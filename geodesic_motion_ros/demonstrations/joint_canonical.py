@@ -25,7 +25,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 #: Starts and goals may lie this far [rad], over all joints, from the mean of their group.
 LARGEST_OFFSET = 1.5
 #: y = theta - D(y, s) is solved by so many fixed-point iterations.
-_ITERATIONS = 4
+_ITERATIONS = 8
 
 
 @dataclass(frozen=True)

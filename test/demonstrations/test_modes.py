@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.canonical import canonical_form
-from geodesic_motion_ros.demonstrations.modes import cluster_modes
+from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_modes
 
 S = np.linspace(0.0, 1.0, 50)[:, None]
 
@@ -57,3 +57,19 @@ def test_too_few_demonstrations_are_one_mode(count):
 
 def test_equal_curves_are_one_mode():
     np.testing.assert_array_equal(cluster_modes(np.tile(bundle(np.random.default_rng(0), 0.1, 1), (6, 1, 1))), 0)
+
+
+@pytest.mark.parametrize("connected", [True, False])
+def test_families_of_elbows_are_two_modes_whose_blends_stay_apart(
+    reach_demonstrations, separated_demonstrations, connected
+):
+    """Even where all begin and end alike: a mean of both ways would be a third one that nobody showed."""
+    demonstrations = reach_demonstrations if connected else separated_demonstrations
+    curves = demonstrations.resampled(60).configurations_array()
+    modes = cluster_modes(curves)
+    count = len(curves) // 2
+    np.testing.assert_array_equal(modes, np.repeat([0, 1], count))
+    weights = blend_weights(modes, 5, seed=0)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0)
+    assert not np.any((weights[:, :count].sum(axis=1) > 0.0) & (weights[:, count:].sum(axis=1) > 0.0))
+    np.testing.assert_array_equal(weights, blend_weights(modes, 5, seed=0))
