@@ -245,7 +245,7 @@ def draw_in_space(
     if obstacle is not None:
         everything += [obstacle.centre + obstacle.radius, obstacle.centre - obstacle.radius]
         _ball(axes, obstacle)
-        handles["obstacle"] = Patch(facecolor=ORANGE, label="obstacle when the hand passes (dotted: its way)")
+        handles["obstacle"] = Patch(facecolor=ORANGE, label="obstacle when it was nearest (dotted: its way)")
     for way in ways:
         line = 100.0 * way.positions.T
         axes.plot(*line, color="white", linewidth=3.4, zorder=3)

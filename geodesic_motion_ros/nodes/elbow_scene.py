@@ -36,8 +36,11 @@ _TAKEN_SHARE = 0.9
 _REPLAY_RATE = 20.0
 #: Width over which their latent points are averaged, in instants.
 _LATENT_SMOOTHING = 4.0
-#: Radii of the tubes that show where tool and elbow were [m].
-_TOOL_TUBE, _ELBOW_TUBE = 0.002, 0.006
+#: Radii [m] of the tubes that show where tool and elbow were, without obstacle and around it: where both ways are one
+#: the thicker tube is seen.
+_TOOL_TUBES, _ELBOW_TUBES = (0.0015, 0.0025), (0.0055, 0.007)
+#: The name of a curve stands beside its beginning [cm].
+_NAME_ABOVE = np.array([0.0, -1.0, 2.0])
 
 
 class ElbowScene(DemoScene):
@@ -74,11 +77,11 @@ class ElbowScene(DemoScene):
         )
         title = f"Latent space of {self.skill.name}: two motions to one goal"
         draw_tubes(out / "latent.png", self.planner, tool, obstacle, title)
-        self._draw_paths(out / "paths.png", (*tool, *elbow), obstacle)
+        self._draw_paths(out / "paths.png", {"tool": tool, "elbow": elbow}, obstacle)
         curves = [
             Curve(way.positions, colour, radius)
-            for ways, radius in ((tool, _TOOL_TUBE), (elbow, _ELBOW_TUBE))
-            for way, colour in zip(ways, (FREE_RGB, AROUND_RGB), strict=True)
+            for ways, radii in ((tool, _TOOL_TUBES), (elbow, _ELBOW_TUBES))
+            for way, colour, radius in zip(ways, (FREE_RGB, AROUND_RGB), radii, strict=True)
         ]
         draw_films(out, recordings, self.obstacle.radius, Film("elbow", curves, self._elbow_way))
 
@@ -93,13 +96,16 @@ class ElbowScene(DemoScene):
     def _elbows(self, configurations: np.ndarray) -> np.ndarray:
         return np.array([elbow_position(self.planner.robot, configuration) for configuration in configurations])
 
-    def _draw_paths(self, path: Path, ways: Sequence[Way], obstacle: Sphere) -> None:
-        """Tool and elbow among those of the demonstrations."""
+    def _draw_paths(self, path: Path, ways: Mapping[str, Sequence[Way]], obstacle: Sphere) -> None:
+        """Measured ways of parts of the arm, by their names, among those of tool and elbow in the demonstrations."""
         shown = [self.skill.decoder.configurations(code) for code in self.skill.codes]
         tools = [end_effector_poses(np.ascontiguousarray(item), self.planner.robot.chain)[0] for item in shown]
-        figure = Figure(figsize=(10.0, 6.0), layout="constrained")
+        figure = Figure(figsize=(9.0, 6.4), layout="constrained")
         space = figure.add_subplot(projection="3d", computed_zorder=False)
-        handles = draw_in_space(space, [*tools, *map(self._elbows, shown)], ways, obstacle, zoom=1.1)
+        every = [way for part in ways.values() for way in part]
+        handles = draw_in_space(space, [*tools, *map(self._elbows, shown)], every, obstacle, zoom=1.15)
+        for name, (undisturbed, *_) in ways.items():
+            space.text(*(100.0 * undisturbed.positions[0] + _NAME_ABOVE), name, fontsize=11, ha="right", zorder=5)
         figure.suptitle("Ways of tool and elbow, as measured", x=0.01, ha="left", fontsize=11)
         legend_below(figure, handles)
         write_figure(figure, path)
