@@ -52,7 +52,9 @@ class JointCycle(StreamCycle[np.ndarray]):
         standing, self._standing = self._standing, None
         stays = self._lost is not None and standing is not None and standing.verdict.ok
         sent = standing if stays else plan
-        trajectory = None if sent.reference is None else (sent.reference, sent.begin)
+        # A trajectory that has ended when it arrives would be refused.
+        begin = sent.begin + (self.planner.settings.latency if stays else 0.0)
+        trajectory = None if sent.reference is None else (sent.reference, begin)
         commanded = self.planner.commanded(self._now)
         way = self.planner.way() if plan.verdict.ok else None
         return CycleOutput(
@@ -76,8 +78,8 @@ class JointCycle(StreamCycle[np.ndarray]):
     def _set_obstacles(self, inputs: CycleInputs[np.ndarray]) -> Verdict:
         obstacles = inputs.obstacles
         # Heard by the steady clock; trajectories are stamped with another.
-        ages = inputs.steady - obstacles.times
-        centres = obstacles.centres + np.maximum(ages, 0.0)[:, None] * obstacles.velocities
+        ages = np.clip(inputs.steady - obstacles.times, 0.0, self.planner.settings.prediction)
+        centres = obstacles.centres + ages[:, None] * obstacles.velocities
         return self.planner.set_obstacles(centres, obstacles.radii, obstacles.velocities, inputs.now)
 
     def _take_task_frame(self, frame: Pose | None) -> None:
