@@ -45,6 +45,9 @@ _WORTHWHILE = 1.05
 _CLOSE = 0.03
 #: While none is so near, faster ways are looked for so often [s].
 _SEARCH_PERIOD = 0.1
+#: Ways among obstacles that move are certified with this multiple of the obstacle margin, for nothing moves exactly as
+#: expected; less than that share of it must not be left of what was promised, or of that margin.
+_MOVING_MULTIPLE, _LEFT_OF_PROMISE = 2.0, 0.5
 #: Where along its expected motion an obstacle is looked for by the search: shares of the prediction.
 _PREDICTED_AT = (0.0, 0.5, 1.0)
 
@@ -124,12 +127,16 @@ class _Played:
 
 @dataclass(frozen=True)
 class _Followed:
-    """What the reference being played was planned for, its verdict, and when another was last looked for [s]."""
+    """What the reference being played was planned for, its verdict, and when another was last looked for [s].
+
+    The verdict tells the present clearance; `promised` was that of the plan [m].
+    """
 
     query: JointQuery
     verdict: Verdict
     obstacles: MovingSpheres
     searched: float
+    promised: float
 
 
 @dataclass(frozen=True)
@@ -323,10 +330,10 @@ class JointSpacePlanner:
         plan = self._solve(query, state, obstacles)
         if followed is not None and not self._gains(plan, followed, state):
             self._followed = replace(followed, obstacles=self._obstacles, searched=now)
-            return JointPlan(None, now, followed.verdict)
+            return self._continued(now, followed)
         if plan.reference is None:
             return self._stopped(now, plan.verdict)
-        self._followed = _Followed(query, plan.verdict, self._obstacles, now)
+        self._followed = _Followed(query, plan.verdict, self._obstacles, now, plan.verdict.clearance)
         return self._play(plan.reference, now, state.time, plan.verdict)
 
     def stop(self, now: float, verdict: Verdict) -> JointPlan:
@@ -414,22 +421,38 @@ class JointSpacePlanner:
         safer = nearest <= _CLOSE and plan.verdict.clearance > nearest
         return safer or left > _WORTHWHILE * plan.reference.duration
 
+    def _continued(self, now: float, followed: _Followed) -> JointPlan:
+        """What is being played, or a stop where obstacles have come nearer than expected and it keeps further off."""
+        nearest = followed.verdict.clearance
+        kept = min(followed.promised, _MOVING_MULTIPLE * self.settings.obstacle_margin)
+        if self.settings.avoidance and not self._obstacles.stand and nearest < _LEFT_OF_PROMISE * kept:
+            _, _, certificate = self._stop(now)
+            if np.min(certificate.clearance) > nearest:
+                reason = f"an obstacle has come within {nearest:.3f} m of the way being gone"
+                return self._stopped(now, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason))
+        return JointPlan(None, now, followed.verdict)
+
+    def _stop(self, now: float) -> tuple[JointReference, float, Certificate]:
+        """The soonest stop along what is being played, when it takes over [s], and its certificate."""
+        assert self._played is not None
+        switch = self._played.switch(now + self.settings.latency)
+        stop = stopping_reference(self._played.reference, switch - self._played.begin, self.limits)
+        return stop, switch, self._certify(stop, self._obstacles.at(switch, self.settings.prediction))
+
     def _stopped(self, now: float, verdict: Verdict) -> JointPlan:
         """A stop along the way being gone, or what is being played where that is one already."""
         assert self._played is not None
         stops_already = self._followed is None or not self._followed.verdict.ok
         if stops_already or now >= self._played.end:
             return JointPlan(None, now, verdict)
-        state_time = self._played.switch(now + self.settings.latency)
-        stop = stopping_reference(self._played.reference, state_time - self._played.begin, self.limits)
-        certificate = self._certify(stop, self._obstacles.at(state_time, self.settings.prediction))
+        stop, switch, certificate = self._stop(now)
         objection = self._certifier.objection(certificate)
         verdict = replace(verdict, clearance=float(np.min(certificate.clearance)))
         if objection is not None and self.settings.avoidance:
             verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
         assert self._followed is not None
-        self._followed = _Followed(self._followed.query, verdict, self._obstacles, now)
-        return self._play(stop, now, state_time, verdict)
+        self._followed = _Followed(self._followed.query, verdict, self._obstacles, now, verdict.clearance)
+        return self._play(stop, now, switch, verdict)
 
     def _play(self, reference: JointReference, now: float, switch: float, verdict: Verdict) -> JointPlan:
         """Hand out what is being played until the switch, and the new reference from there on."""
@@ -462,29 +485,34 @@ class JointSpacePlanner:
         # The goal itself was found free; its node lies under it but for rounding.
         free[query.goal_node] = math.inf
         start = query.start_latent if state.latent is None else state.latent
+        # Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
+        margin = 0.0 if obstacles.stand else min(_MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         for multiple in _MARGIN_MULTIPLES:
-            # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
             blocked = free < min(multiple * settings.obstacle_margin, 0.5 * ends)
             found = cheapest_way(self.graph, query, start, factors, touched, blocked)
             if isinstance(found, Verdict):
                 return JointPlan(None, state.time, found if not verdict.reason else verdict)
             for widths in _SMOOTHING_WIDTHS:
-                plan = self._certified(query, state, *found, obstacles, widths)
+                plan = self._certified(query, state, *found, obstacles, margin, widths)
                 if plan.reference is not None:
                     return plan
                 verdict = plan.verdict
         return JointPlan(None, state.time, verdict)
 
     def _end_clearance(self, query: JointQuery, state: _State, obstacles: MovingSpheres) -> float | Verdict:
-        """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered."""
+        """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
+
+        The goal is to be free of where obstacles are expected to come to a stand.
+        """
+        later = obstacles.at(obstacles.time + self.settings.prediction, self.settings.prediction)
         nearest = []
-        for where, configuration, code in (
-            ("stands", state.position, VerdictCode.IN_COLLISION),
-            ("is to go", query.goal, VerdictCode.NO_FEASIBLE_PATH),
+        for where, configuration, code, spheres in (
+            ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),
+            ("is to go", query.goal, VerdictCode.NO_FEASIBLE_PATH, later),
         ):
             clearance, sphere = configuration_clearance(
-                self.collision, self.robot, configuration, obstacles.centres, obstacles.radii
+                self.collision, self.robot, configuration, spheres.centres, spheres.radii
             )
             if clearance <= 0.0:
                 link = self.collision.link_of(sphere)
@@ -500,6 +528,7 @@ class JointSpacePlanner:
         polyline: np.ndarray,
         energy: float,
         obstacles: MovingSpheres,
+        margin: float,
         widths: tuple[float, float],
     ) -> JointPlan:
         """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be played."""
@@ -513,7 +542,7 @@ class JointSpacePlanner:
             reason = "stopping first: the way to the goal turns off the present motion, or leaves the joints' limits"
             return JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
         certificate = self._certify(reference, obstacles)
-        objection = self._certifier.objection(certificate) if self.settings.avoidance else None
+        objection = self._certifier.objection(certificate, margin) if self.settings.avoidance else None
         verdict = way_verdict(
             self.skill, self.graph, query, self.graph.decoder.uncertainty(latent), energy,
             float(np.min(certificate.clearance)), correction,
