@@ -22,10 +22,11 @@ help: ## this list
 	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 13
 	@echo
 	@echo "  make demo ARGS=--gui        opens PyBullet's window"
+	@echo "  make demo ARGS='--skill panda_pouring'   the hand around the obstacle"
 	@echo "  make test ARGS='-k skill'   some of the tests"
 	@echo "  make PYTHON=python3.10 ...  the Python of a new .venv (3.10, 3.11 or 3.12)"
 
-demo: $(ready) ## a Panda pours around a moving obstacle: two minutes, headless; pictures in out/demo
+demo: $(ready) ## a Panda takes its elbow out of a moving obstacle's way: two minutes, headless; pictures in out/demo
 	@MPLBACKEND=Agg $(python) -m geodesic_motion_ros demo $(ARGS) < /dev/null
 
 test: lint ## ruff, then the tests
