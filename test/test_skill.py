@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -214,3 +214,72 @@ def test_a_loaded_skill_decodes_to_the_same_graph(fan_skill, folder):
     np.testing.assert_array_equal(first.latent, second.latent)
     np.testing.assert_array_equal(first.edges, second.edges)
     np.testing.assert_array_equal(first.decoded.positions, second.decoded.positions)
+
+
+@pytest.fixture
+def joint_folder(reach_skill, tmp_path) -> Path:
+    return reach_skill.save(tmp_path / "reach")
+
+
+def test_a_joint_skill_comes_back_bit_by_bit_and_as_the_same_graph(reach_skill, joint_folder):
+    loaded = Skill.load(joint_folder)
+    for name, array in reach_skill.decoder.arrays().items():
+        np.testing.assert_array_equal(loaded.decoder.arrays()[name], array)
+    for field in fields(reach_skill.canonical):
+        saved, read = (getattr(skill.canonical, field.name) for skill in (reach_skill, loaded))
+        np.testing.assert_array_equal(read, saved)
+    assert (loaded.space, loaded.metric, loaded.quality) == ("joint", reach_skill.metric, reach_skill.quality)
+    first, second = reach_skill.graph((25, 25, 25)), loaded.graph((25, 25, 25))
+    np.testing.assert_array_equal(first.configurations, second.configurations)
+    np.testing.assert_array_equal(first.edges, second.edges)
+
+
+@pytest.mark.parametrize(
+    ("name", "array"),
+    [
+        ("configurations", np.zeros((8, 3, 7))),
+        ("start_offsets", np.zeros((8, 6))),
+        ("goal_groups", np.array([0, 0, 0, 0, 3, 3, 3, 3])),
+        ("start_poles", np.full((1, 7), np.nan)),
+        ("start_poles", None),
+    ],
+)
+def test_broken_arrays_of_a_joint_sheet_are_named(joint_folder, name, array):
+    rewritten(joint_folder, **{f"canonical_{name}": array})
+    with pytest.raises(SkillError, match=name):
+        Skill.load(joint_folder)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"robot": "kuka"}, "robot 'kuka' is not known here; known: 'panda'"),
+        ({"space": "task"}, "not a readable skill"),
+        ({"metric": {"sigma_weight": 1.0, "orientation_scale": "spread"}}, "orientation_scale"),
+    ],
+)
+def test_a_joint_skill_of_another_kind_is_refused(joint_folder, changes, words):
+    edit(joint_folder, **changes)
+    with pytest.raises(SkillError, match=words):
+        Skill.load(joint_folder)
+
+
+def test_a_skill_of_an_arm_with_other_joints_is_refused_with_both_numbers(reach_skill, tmp_path):
+    decoder = reach_skill.decoder
+    without_last = {name: getattr(decoder, name)[:6] for name in ("W3", "b3", "joint_offset", "sigma_weights")}
+    shorter = replace(decoder, **without_last, sigma_floor=decoder.sigma_floor[:6])
+    folder = replace(reach_skill, decoder=shorter).save(tmp_path / "six")
+    with pytest.raises(SkillError, match=r"the decoder is of 6 joints; the robot 'panda' has 7"):
+        Skill.load(folder)
+    sheet = reach_skill.canonical
+    sheet = replace(sheet, configurations=sheet.configurations[..., :6])
+    folder = replace(reach_skill, canonical=sheet).save(tmp_path / "sheet")
+    with pytest.raises(SkillError, match="the canonical sheet is of 6 joints"):
+        Skill.load(folder)
+
+
+@pytest.mark.parametrize("damage", [flip_a_byte, truncate])
+def test_an_altered_joint_skill_is_refused(joint_folder, damage):
+    damage(joint_folder / "weights.safetensors")
+    with pytest.raises(SkillError, match=r"weights.safetensors differs from its checksum"):
+        Skill.load(joint_folder)

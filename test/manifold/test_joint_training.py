@@ -1,0 +1,118 @@
+"""Learning joint-space skills: the same from the same seed, to the paper's letter where asked, refused where wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.manifold.joint_calibration import calibrated_energy
+from geodesic_motion_ros.manifold.joint_training import (
+    JointTrainingSettings,
+    body_layer,
+    train_joint_model,
+    train_joint_space_skill,
+    training_configurations,
+)
+from geodesic_motion_ros.robot.kinematics import Robot
+
+ROBOT = Robot.panda()
+IN_NO_TIME = JointTrainingSettings(
+    steps=40, batch=64, hidden=(24, 16), samples=40, kernels=30, precision_samples=1, precision_iterations=20
+)
+
+
+def weights(configurations: np.ndarray, settings: JointTrainingSettings) -> dict[str, torch.Tensor]:
+    return train_joint_model(configurations, settings, body_layer(ROBOT, settings.metric)).state_dict()
+
+
+@pytest.fixture(scope="module")
+def configurations(reach_demonstrations) -> np.ndarray:
+    return training_configurations(reach_demonstrations, ROBOT, IN_NO_TIME)
+
+
+@pytest.fixture(scope="module")
+def learned(configurations) -> dict[str, torch.Tensor]:
+    return weights(configurations, IN_NO_TIME)
+
+
+def test_the_same_seed_gives_the_same_model_bit_by_bit(configurations, learned) -> None:
+    torch.manual_seed(123)  # what was drawn before must not matter, nor be disturbed
+    expected = torch.Generator().manual_seed(123)
+    again = weights(configurations, IN_NO_TIME)
+    assert learned.keys() == again.keys()
+    assert all(torch.equal(learned[name], again[name]) for name in learned)
+    assert torch.equal(torch.rand(3), torch.rand(3, generator=expected))
+
+
+def test_another_seed_gives_another_model(configurations, learned) -> None:
+    other = weights(configurations, replace(IN_NO_TIME, seed=1))
+    assert not torch.equal(other["encoder.perceptron.layers.0.weight"], learned["encoder.perceptron.layers.0.weight"])
+
+
+def test_the_volume_term_takes_part_where_it_is_asked_for(configurations, learned) -> None:
+    other = weights(configurations, replace(IN_NO_TIME, volume_weight=1.0))
+    name = "decoder.perceptron.layers.0.weight"
+    assert torch.isfinite(other[name]).all()
+    assert not torch.equal(other[name], learned[name])
+
+
+def test_canonical_demonstrations_and_their_blends_are_learned(reach_demonstrations, configurations) -> None:
+    assert configurations.shape == (8 * (1 + IN_NO_TIME.blends), 40, 7)
+    np.testing.assert_allclose(configurations[:, 0] - configurations[0, 0], 0.0, atol=1e-6)
+    # A blend lies in the hull of one family, which no mean of both does.
+    swung = configurations[:, 20, 0] - configurations[:, 20, 0].mean()
+    shown = np.abs(swung[:8]).min()
+    assert np.all(np.abs(swung[8:]) > 0.8 * shown)
+
+
+def test_the_raw_sheet_learns_what_was_recorded(reach_demonstrations) -> None:
+    raw = training_configurations(reach_demonstrations, ROBOT, replace(IN_NO_TIME, sheet="raw"))
+    assert raw.shape == (8, 40, 7)
+    for curve, item in zip(raw, reach_demonstrations, strict=True):
+        np.testing.assert_array_equal(curve[[0, -1]], item.configurations[[0, -1]])
+
+
+def test_a_raw_skill_of_two_dimensions_is_whole(reach_demonstrations) -> None:
+    settings = replace(IN_NO_TIME, sheet="raw", latent_dimension=2, steps=150)
+    licence = {"licence": "CC0-1.0"}
+    skill = train_joint_space_skill(reach_demonstrations, ROBOT, settings, name="flat", provenance=licence)
+    assert (skill.space, skill.sheet, skill.decoder.latent_dimension) == ("joint", "raw", 2)
+    assert skill.codes.shape[::2] == (8, 2)
+    assert skill.provenance["licence"] == "CC0-1.0"
+    assert skill.provenance["settings"]["latent_dimension"] == 2
+
+
+def test_a_skill_reproduces_what_it_was_shown(reach_skill, reach_demonstrations) -> None:
+    """The motions are half a metre long, and turn the tool by 90 degrees; a sixth of the usual steps."""
+    assert reach_skill.quality["training_position_error_mm"] < 15.0
+    assert reach_skill.quality["training_orientation_error_deg"] < 4.0
+    assert reach_skill.canonical.modes.tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
+    assert reach_skill.provenance["demonstrations"] == [item.name for item in reach_demonstrations]
+    for pose, end in ((reach_skill.start_pose, 0), (reach_skill.goal_pose, -1)):
+        shown = np.mean([ROBOT.forward(item.configurations[end])[0] for item in reach_demonstrations], axis=0)
+        np.testing.assert_allclose(pose[:3], shown, atol=5e-3)
+
+
+def test_the_threshold_of_energy_is_that_of_ways_along_the_demonstrations(reach_skill) -> None:
+    graph = replace(reach_skill, energy_per_edge=np.inf).graph()
+    assert calibrated_energy(graph, reach_skill.codes) == pytest.approx(reach_skill.energy_per_edge, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"sheet": "flat"}, "sheet is 'flat'; it must be one of canonical, raw"),
+        ({"latent_dimension": 4}, "latent_dimension is 4; configurations are learned in 2 or 3"),
+        ({"hidden": (10,)}, "hidden has 1 layers"),
+        ({"steps": 0}, "must be positive and finite: steps"),
+        ({"body_sigma": float("nan")}, "must be positive and finite: body_sigma"),
+        ({"volume_weight": -1.0}, "must be positive and finite: volume_weight"),
+    ],
+)
+def test_wrong_settings_are_named(changes, words) -> None:
+    with pytest.raises(ParameterError, match=words):
+        JointTrainingSettings(**changes)

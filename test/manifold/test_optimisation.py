@@ -1,0 +1,55 @@
+"""How networks are fitted: to the minimum, the same every time, leaving torch as it was."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from geodesic_motion_ros.manifold.optimisation import descend, minimise, one_seeded_thread
+
+TARGET = torch.tensor([1.0, -2.0, 0.5], dtype=torch.double)
+
+
+def test_what_is_drawn_depends_on_the_seed_alone() -> None:
+    draws = []
+    for seed in (3, 3, 4):
+        with one_seeded_thread(seed):
+            draws.append(torch.rand(5))
+            assert torch.get_num_threads() == 1
+    assert torch.equal(draws[0], draws[1])
+    assert not torch.equal(draws[0], draws[2])
+
+
+def test_threads_and_the_global_generator_come_back_even_after_an_error() -> None:
+    def fails() -> None:
+        with one_seeded_thread(0):
+            torch.rand(10)
+            raise RuntimeError("in the midst")
+
+    threads, state = torch.get_num_threads(), torch.random.get_rng_state()
+    torch.set_num_threads(2)
+    try:
+        with pytest.raises(RuntimeError, match="midst"):
+            fails()
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(threads)
+    assert torch.equal(torch.random.get_rng_state(), state)
+
+
+@pytest.mark.parametrize("fit", ["adam", "lbfgs"])
+def test_a_bowl_is_fitted_to_its_bottom_and_every_step_is_told(fit) -> None:
+    at = torch.zeros(3, dtype=torch.double, requires_grad=True)
+    told: list[tuple[str, int, int]] = []
+
+    def height() -> torch.Tensor:
+        return ((at - TARGET) ** 2 * torch.tensor([1.0, 5.0, 0.5])).sum()
+
+    if fit == "adam":
+        descend(lambda _: height(), [at], 600, 0.05, "bowl", lambda *where: told.append(where))
+    else:
+        minimise(height, [at], 25, "bowl", lambda *where: told.append(where))
+    torch.testing.assert_close(at.detach(), TARGET, atol=1e-3, rtol=0.0)
+    steps = 600 if fit == "adam" else 25
+    assert told[-1] == ("bowl", steps, steps)
+    assert [step for _, step, _ in told] == sorted({step for _, step, _ in told})
