@@ -488,8 +488,12 @@ class JointSpacePlanner:
         # Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
         margin = 0.0 if obstacles.stand else min(_MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
+        tried = None
         for multiple in _MARGIN_MULTIPLES:
             blocked = free < min(multiple * settings.obstacle_margin, 0.5 * ends)
+            if tried is not None and np.array_equal(blocked, tried):
+                break
+            tried = blocked
             found = cheapest_way(self.graph, query, start, factors, touched, blocked)
             if isinstance(found, Verdict):
                 return JointPlan(None, state.time, found if not verdict.reason else verdict)
@@ -498,6 +502,9 @@ class JointSpacePlanner:
                 if plan.reference is not None:
                     return plan
                 verdict = plan.verdict
+                if math.isnan(verdict.clearance):
+                    # It could not even be timed, and what is smoothed less is not easier to time.
+                    break
         return JointPlan(None, state.time, verdict)
 
     def _end_clearance(self, query: JointQuery, state: _State, obstacles: MovingSpheres) -> float | Verdict:

@@ -29,8 +29,9 @@ _STOP_SMOOTHING = 0.02
 _VELOCITY_SHARE, _ACCELERATION_SHARE = 0.95, 0.85
 #: Share of the accelerations that a correction at the start is planned with, and what its length [s] may be.
 _CORRECTION_SHARE, _SHORTEST_CORRECTION, _LONGEST_CORRECTION = 0.5, 0.06, 1.0
-#: How often a law is slowed down where it exceeds limits before it is given up.
-_ATTEMPTS = 8
+#: How often a law is slowed down where it exceeds limits before it is given up; sooner where after so many times its
+#: strain is still above the last number: each time about half of the excess is left, at best.
+_ATTEMPTS, _HOPELESS = 8, (3, 1.2)
 #: Share of the limits to which a law is slowed down where it exceeds them, and the least factor of a rate at once.
 _SLOWED_TO, _LEAST_FACTOR = 0.92, 0.5
 #: Shares of the accelerations that stops are tried with, one after the other.
@@ -171,7 +172,7 @@ def timed_joint_reference(
     curve = _PathCurve.through(path, latent, limits)
     state = np.stack([path[0], velocity, acceleration])
     slow = np.ones(len(curve.grid))
-    for _ in range(_ATTEMPTS):
+    for attempts in range(1, _ATTEMPTS + 1):
         law, begin = _planned_law(curve, limits, slow, velocity, acceleration)
         attempt = _played(curve, law, begin, limits, state, period)
         if attempt.keeps(limits):
@@ -179,6 +180,8 @@ def timed_joint_reference(
         strain = attempt.strain(limits)
         if np.all(strain <= 1.0):
             # Only positions are outside, and slower ones would be too.
+            return None
+        if attempts == _HOPELESS[0] and np.max(strain) > _HOPELESS[1]:
             return None
         slow *= _slower(curve.grid, law, begin + attempt.times, strain)
     return None
