@@ -17,6 +17,9 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.blocked_arm import KINDS, BlockedScene, BlockedWays, Kind, every
 from geodesic_motion_ros.experiments.moving_spheres import MovingScene, play_moving_scenes
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
@@ -24,8 +27,8 @@ from geodesic_motion_ros.tables import text_table
 Part = Literal["one way", "all ways", "elbow", "moving"]
 PARTS: tuple[Part, ...] = (*KINDS, "moving")
 #: Postures of each way in the picture, their size in pixels, and the camera.
-_POSTURES, _WIDTH, _HEIGHT, _VIEW = 5, 480, 420, "front"
-_TOOL_COLOUR = (0.16, 0.50, 0.73)
+_POSTURES, _WIDTH, _HEIGHT, _VIEW = 5, 520, 400, "side"
+_TOOL_COLOUR, _ELBOW_COLOUR = (0.16, 0.50, 0.73), (0.93, 0.58, 0.12)
 
 
 @dataclass(frozen=True)
@@ -161,7 +164,10 @@ def measure_whole_arm(
 
 
 def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
-    """Clearances in `whole_arm.png`; postures with and without the sphere, of the widest switch, in `strip.png`."""
+    """Clearances in `whole_arm.png`; postures with and without the sphere of one switch in `strip.png`.
+
+    The switch is the one whose sphere is deepest in the arm halfway on the nominal way.
+    """
     from matplotlib.figure import Figure
     from matplotlib.image import imsave
 
@@ -170,10 +176,9 @@ def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
     for kind, scenes in report.blocked.items():
         measured = [1e3 * scene.answer.clearance for scene in scenes if scene.answer.answered]
         standing.hist(measured, bins=20, histtype="step", label=f"{kind}, {len(measured)} of {len(scenes)} answered")
-    standing.axvline(0.0, color="tab:red")
+    standing.axvline(0.0, color="tab:red", label="contact")
     standing.set(xlabel="measured clearance of the arm [mm]", ylabel="references", title="standing spheres")
-    if report.blocked:
-        standing.legend()
+    standing.legend()
     cleared = [1e3 * scene.clearance for scene in report.moving if np.isfinite(scene.clearance)]
     moving.hist(cleared, bins=20, histtype="step")
     moving.axvline(0.0, color="tab:red")
@@ -184,13 +189,13 @@ def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
         if scene.reference is not None and scene.answer.switched
     ]  # fmt: skip
     if switches:
-        imsave(folder / "strip.png", switch_strip(max(switches, key=lambda scene: scene.answer.clearance)))
+        imsave(folder / "strip.png", switch_strip(min(switches, key=_halfway_clearance)))
 
 
 def switch_strip(scene: BlockedScene) -> np.ndarray:
     """Picture, uint8, of a scene's ways as rows of postures: without the spheres above, with them below.
 
-    The curve is the way of the tool.
+    The curves are the ways of tool and elbow.
     """
     references = [scene.nominal, scene.reference or scene.nominal]
     with PandaWorld() as world:
@@ -202,14 +207,21 @@ def switch_strip(scene: BlockedScene) -> np.ndarray:
 
 def _postures(world: PandaWorld, reference: JointReference) -> np.ndarray:
     """The arm at equal parts of a reference's time, side by side."""
-    tools = [world.robot.forward(configuration)[0] for configuration in every(0.05, reference)]
-    world.add_curve(np.array(tools), _TOOL_COLOUR)
+    way = every(0.05, reference)
+    world.add_curve(np.array([world.robot.forward(configuration)[0] for configuration in way]), _TOOL_COLOUR)
+    world.add_curve(np.array([elbow_position(world.robot, configuration) for configuration in way]), _ELBOW_COLOUR)
     pictures = []
     for configuration in reference.samples(np.linspace(0.0, reference.duration, _POSTURES))[0]:
         world.reset(configuration)
         pictures.append(world.render(_WIDTH, _HEIGHT, _VIEW, oversampling=2))
     world.clear_curves()
     return np.concatenate(pictures, axis=1)
+
+
+def _halfway_clearance(scene: BlockedScene) -> float:
+    """How far the arm is from the spheres halfway on the nominal way [m]."""
+    model, halfway = CollisionModel.panda(), scene.nominal.sample(0.5 * scene.nominal.duration)[0]
+    return configuration_clearance(model, Robot.panda(), halfway, scene.centres, scene.radii)[0]
 
 
 def _spheres(scene: BlockedScene) -> dict[str, tuple[np.ndarray, float]]:
