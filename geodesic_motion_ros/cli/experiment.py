@@ -34,6 +34,7 @@ crossing   what it costs to change between the clusters of q and -q, and whether
 goals      simulated demonstrations between places that vary: held-out ones predicted from start and goal
 modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
+volume     one whole-arm skill learned without and with the volume term of the paper's evidence lower bound
 rate       planner and twin as two processes, ten obstacles: ticks a second while the goal stays, and while it moves
 
 Table, figure and JSON go to out/experiments/NAME/. avoidance, crossing, goals and modes train skills, each once: they
@@ -48,6 +49,7 @@ examples:
   geodesic-motion experiment goals --shown 20
   geodesic-motion experiment modes --save two_ways.npz
   geodesic-motion experiment whole-arm --skill FOLDER --moving-scenes 500 --processes 2
+  geodesic-motion experiment volume --demos joints.npz
   geodesic-motion experiment rate --goals-hz 10
 """
 
@@ -55,7 +57,7 @@ examples:
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command and its experiments to the parser of the command line."""
     parser = commands.add_parser(
-        "experiment", help="measure what is claimed: geodesics, avoidance, crossing, goals, modes, whole-arm, rate",
+        "experiment", help="measure what is claimed: geodesics, avoidance, crossing, goals, modes, whole-arm and others",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     names = parser.add_subparsers(dest="experiment", metavar="NAME", required=True)
@@ -115,13 +117,20 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     whole_arm.add_argument("--processes", type=int, default=1, help="that play scenes of moving spheres")
     whole_arm.set_defaults(run=_whole_arm)
 
+    volume = names.add_parser("volume", help="the volume term off and on", formatter_class=HelpFormatter)
+    volume.add_argument("--demos", type=Path, required=True, metavar="FILE", help="recorded joints, as `demonstrate`'s")
+    volume.add_argument("--robot", default="panda", help="whose joints were recorded")
+    volume.add_argument("--weights", type=_weights, default="0,1", metavar="W,W", help="of the volume term")
+    volume.add_argument("--steps", type=int, help="of the training; JointTrainingSettings' default without it")
+    volume.set_defaults(run=_volume)
+
     rate = names.add_parser("rate", help="ticks a second while the goal moves", formatter_class=HelpFormatter)
     rate.add_argument("--skill", default="panda_pouring", metavar="SKILL", help="its folder, or a shipped name")
     rate.add_argument("--seconds", type=float, default=8.0, help="length of each stretch")
     rate.add_argument("--goals-hz", type=float, default=10.0, help="new goals a second")
     rate.add_argument("--obstacles", type=int, default=10, help="spheres near the way")
     rate.set_defaults(run=_rate)
-    for experiment in (geodesics, avoidance, crossing, goals, modes, whole_arm, rate):
+    for experiment in (geodesics, avoidance, crossing, goals, modes, whole_arm, volume, rate):
         experiment.add_argument(
             "--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results"
         )
@@ -210,6 +219,31 @@ def _whole_arm(arguments: argparse.Namespace) -> None:
     report = measure_whole_arm(skill, settings)
     draw_whole_arm(report, folder)
     _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _volume(arguments: argparse.Namespace) -> None:
+    from tqdm import tqdm
+
+    from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
+    from geodesic_motion_ros.experiments.imitation import stage_shown_on
+    from geodesic_motion_ros.experiments.volume import compare_volume, draw_volume
+    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+
+    demonstrations = read_joint_demonstrations(arguments.demos, arguments.robot)
+    settings = JointTrainingSettings()
+    if arguments.steps is not None:
+        settings = replace(settings, steps=arguments.steps)
+    folder = _folder(arguments)
+    with tqdm(desc="volume") as bar:
+        report = compare_volume(
+            demonstrations, arguments.weights, arguments.out / "skills", settings, stage_shown_on(bar)
+        )
+    draw_volume(report, folder / "volume.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _weights(text: str) -> tuple[float, ...]:
+    return tuple(float(weight) for weight in text.split(","))
 
 
 def _parts(text: str) -> tuple[str, ...]:

@@ -298,7 +298,7 @@ class _Judge:
 
 def _compared(first: np.ndarray, second: np.ndarray, robot: Robot) -> dict[str, float]:
     """The columns for two motions (S, eta), equally spaced along the body's arc."""
-    one, other = _tool_curve(first, robot), _tool_curve(second, robot)
+    one, other = tool_curve(first, robot), tool_curve(second, robot)
     found = compare(one, other)
     rows, columns = dtw_matching(first, second).T
     return {
@@ -309,7 +309,7 @@ def _compared(first: np.ndarray, second: np.ndarray, robot: Robot) -> dict[str, 
     }
 
 
-def _tool_curve(configurations: np.ndarray, robot: Robot) -> PoseCurve:
+def tool_curve(configurations: np.ndarray, robot: Robot) -> PoseCurve:
     positions, quaternions = end_effector_poses(np.ascontiguousarray(configurations), robot.chain)
     return PoseCurve(positions, continuous_signs(quaternions))
 

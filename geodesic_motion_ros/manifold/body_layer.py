@@ -11,6 +11,10 @@ from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.kinematics import Robot
 
 
+#: What keeps the volume finite where the arm is singular [m].
+EPSILON = 0.01
+
+
 class BodyLayer(nn.Module):
     """Body points p_k(theta), their stacked Jacobian J(theta), and log V = 1/2 log det(J^T J + epsilon^2 I).
 
@@ -22,7 +26,7 @@ class BodyLayer(nn.Module):
     from the joints' axes: a x (p - o) for a revolute joint, a for a prismatic one.
     """
 
-    def __init__(self, robot: Robot, body: BodyPoints, epsilon: float = 0.01) -> None:
+    def __init__(self, robot: Robot, body: BodyPoints, epsilon: float = EPSILON) -> None:
         super().__init__()
         self._chain = pytorch_kinematics.build_serial_chain_from_urdf(
             robot.urdf.read_bytes(), robot.tool_link, robot.base_link

@@ -1,0 +1,155 @@
+"""What the volume term does: one joint-space skill learned without and with the change of variables to the body.
+
+Seen at the robot's body the density of a configuration is p(theta | z) / V(theta), V = sqrt(det(J^T J)) of the stacked
+Jacobian of the body points (`manifold.body_layer`). Weighted by `volume_weight` in the evidence lower bound, -log V
+rewards postures in which the joints move the body little. Columns of the table, a row per weight:
+
+seconds         of training; nothing where the skill came from the cache
+error_mm, _deg  of the tool in the training demonstrations that encoder and decoder give back
+log_volume      mean log V along the obstacle-free way from the mean start to the mean goal; least : its smallest value
+from_mean_mm    mean distance of the tool on that way from the mean demonstration of the way's family
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+from geodesic_motion_ros.demonstrations.similarity import compare
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.joint_imitation import tool_curve
+from geodesic_motion_ros.experiments.trained import trained_once
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.manifold.body_layer import EPSILON
+from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
+from geodesic_motion_ros.robot.body_points import body_point_jacobians
+from geodesic_motion_ros.robot.kinematics import Robot, contiguous
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import text_table
+
+#: Points of a way where its volume is looked at.
+_SAMPLES = 200
+_COLOURS = (BLUE, VERMILION, GREEN, ORANGE)
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class VolumeRow:
+    """What was measured with one weight; `volumes` (samples,) is log V along the way."""
+
+    weight: float
+    seconds: float | None
+    error_mm: float
+    error_deg: float
+    log_volume: float
+    least: float
+    from_mean_mm: float
+    volumes: np.ndarray
+
+
+@dataclass(frozen=True)
+class VolumeReport:
+    """Rows, and log V (N, samples) along the demonstrations."""
+
+    rows: tuple[VolumeRow, ...]
+    shown: np.ndarray
+
+    def table(self) -> str:
+        head = ("volume weight", "seconds", "error mm", "error deg", "log V", "least log V", "from mean mm")
+        return text_table(head, [tuple(asdict(row).values())[:-1] for row in self.rows])
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"rows": [asdict(row) for row in self.rows], "demonstrations": self.shown}
+
+
+def compare_volume(
+    demonstrations: JointDemonstrations,
+    weights: Sequence[float],
+    cache: Path,
+    settings: JointTrainingSettings | None = None,
+    progress: Progress | None = None,
+) -> VolumeReport:
+    """Learn one skill per weight, all else the same, and plan with it.
+
+    Raises
+    ------
+    ParameterError : no weights. SkillError : a skill that came out cannot be used.
+    """
+    if not weights:
+        raise ParameterError("no volume weights: give at least one, 0 leaves the term out")
+    robot = Robot.named(demonstrations.robot)
+    base = settings or JointTrainingSettings()
+    if base.sheet != "canonical":
+        raise ParameterError("the volume term is compared on canonical sheets")
+    rows = []
+    for weight in weights:
+        began, trained = time.monotonic(), []
+
+        def told(stage: str, step: int, steps: int, trained: list[str] = trained) -> None:
+            trained.append(stage)
+            if progress is not None:
+                progress(stage, step, steps)
+
+        skill = trained_once("volume", demonstrations, replace(base, volume_weight=weight), cache, told)
+        rows.append(_measured(skill, robot, weight, time.monotonic() - began if trained else None))
+    metric = base.metric
+    shown = [along_body_arc(item.configurations, robot, metric, _SAMPLES) for item in demonstrations]
+    return VolumeReport(tuple(rows), np.stack([log_volumes(curve, robot, metric) for curve in shown]))
+
+
+def log_volumes(configurations: np.ndarray, robot: Robot, metric: Any) -> np.ndarray:
+    """log V (n,) at configurations (n, eta) [rad], as `manifold.body_layer.BodyLayer` regularises it."""
+    body = metric.body_points(robot)
+    jacobians = body_point_jacobians(contiguous(configurations), body.frames, body.offsets, robot.chain)
+    stacked = jacobians.reshape(len(jacobians), -1, jacobians.shape[-1])
+    gram = np.einsum("nai,naj->nij", stacked, stacked) + EPSILON**2 * np.eye(stacked.shape[-1])
+    return 0.5 * np.linalg.slogdet(gram)[1]
+
+
+def draw_volume(report: VolumeReport, path: Path) -> None:
+    """log V along the demonstrations and along the planned ways."""
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    share = np.linspace(0.0, 1.0, report.shown.shape[1])
+    axes.plot(share, report.shown.T, color=GREY, linewidth=0.8, alpha=0.6)
+    axes.plot([], [], color=GREY, label="demonstrations")
+    for row, colour in zip(report.rows, _COLOURS, strict=False):
+        axes.plot(share, row.volumes, color=colour, linewidth=2.0, label=f"planned, volume weight {row.weight:g}")
+    axes.set_xlabel("share of the way")
+    axes.set_ylabel("log V: how much the joints move the body")
+    axes.legend(frameon=False)
+    write_figure(figure, path)
+
+
+def _measured(skill: Skill, robot: Robot, weight: float, seconds: float | None) -> VolumeRow:
+    sheet = skill.canonical
+    planner = JointSpacePlanner(skill)
+    planner.stand_at(sheet.start_poles[0], 0.0)
+    planner.set_goal_configuration(sheet.goal_poles[0])
+    plan = planner.tick(0.0)
+    if plan.reference is None:
+        raise ParameterError(f"volume weight {weight:g}: no way from start to goal: {plan.verdict.reason}")
+    way = along_body_arc(plan.reference.positions, robot, skill.metric, _SAMPLES)
+    means = [sheet.configurations[sheet.modes == mode].mean(axis=0) for mode in range(sheet.modes.max() + 1)]
+    distance = min(compare(tool_curve(way, robot), tool_curve(mean, robot)).dtw for mean in means)
+    volumes = log_volumes(way, robot, skill.metric)
+    return VolumeRow(
+        weight,
+        seconds,
+        skill.quality["training_position_error_mm"],
+        skill.quality["training_orientation_error_deg"],
+        float(volumes.mean()),
+        float(volumes.min()),
+        1e3 * distance,
+        volumes,
+    )

@@ -1,0 +1,48 @@
+"""The volume term: measured as it is learned with, and a table of what it changes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.volume import compare_volume, draw_volume, log_volumes
+from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.manifold.body_layer import BodyLayer
+from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+from geodesic_motion_ros.robot.kinematics import Robot
+
+SMALL = JointTrainingSettings(
+    steps=120, hidden=(32, 16), samples=40, kernels=60, precision_samples=1, precision_iterations=20, batch=64
+)
+
+
+def test_the_volume_of_a_posture_is_that_of_the_learning() -> None:
+    robot, metric = Robot.panda(), JointMetricSettings()
+    configurations = robot.sample(50, np.random.default_rng(0))
+    learned = BodyLayer(robot, metric.body_points(robot)).log_volume(torch.tensor(configurations))
+    np.testing.assert_allclose(log_volumes(configurations, robot, metric), learned.numpy(), atol=1e-9)
+
+
+def test_a_strong_term_makes_the_body_move_less(reach_demonstrations: JointDemonstrations, tmp_path: Path) -> None:
+    report = compare_volume(reach_demonstrations, (0.0, 300.0), tmp_path, SMALL)
+    without, strong = report.rows
+    assert strong.error_mm > without.error_mm
+    assert report.table().count("\n") == 3
+    draw_volume(report, tmp_path / "volume.png")
+    assert (tmp_path / "volume.png").stat().st_size > 10_000
+    (again,) = compare_volume(reach_demonstrations, (0.0,), tmp_path, SMALL).rows
+    assert again.seconds is None
+    np.testing.assert_array_equal(again.volumes, without.volumes)
+
+
+def test_what_cannot_be_compared_is_refused(reach_demonstrations: JointDemonstrations, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="no volume weights"):
+        compare_volume(reach_demonstrations, (), tmp_path, SMALL)
+    with pytest.raises(ParameterError, match="canonical"):
+        compare_volume(reach_demonstrations, (0.0,), tmp_path, replace(SMALL, sheet="raw"))
