@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -94,10 +94,10 @@ class BlockedScene:
 class BlockedWays:
     """Draws scenes on the ways of a skill, and has them planned and judged."""
 
-    def __init__(self, skill: Skill) -> None:
-        self._planner = JointSpacePlanner(skill)
+    def __init__(self, skill: Skill, settings: JointPlannerSettings) -> None:
+        self._planner = JointSpacePlanner(skill, settings)
         hand = hand_alone(self._planner.collision)
-        self._hand_only = JointSpacePlanner(skill, JointPlannerSettings(ambient_strength=0.0), hand)
+        self._hand_only = JointSpacePlanner(skill, replace(settings, ambient_strength=0.0), hand)
         self._geometry = CollisionGeometry.panda()
 
     def scene(self, kind: Kind, number: int, seed: int) -> BlockedScene:

@@ -21,8 +21,9 @@ velocity, acceleration and jerk.
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Literal
@@ -33,6 +34,7 @@ from tqdm import tqdm
 from geodesic_motion_ros.experiments.arm_queries import ArmQuery, body_spheres, distances, draw_query
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference, stopping_reference
+from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
@@ -175,12 +177,12 @@ class MovingRun:
         self._jumps: list[float] = []
         self._clearance, self._stood = np.inf, 0.0
 
-    def play(self, number: int) -> MovingScene:
-        """Until the goal, or the end of time."""
+    def play(self, number: int, longest: float = LONGEST) -> MovingScene:
+        """Until the goal is reached, or the longest time [s] is over."""
         world, count = self._world, len(self._spheres)
         pending = None
         now, reached = 0.0, False
-        for step in range(int(LONGEST * STEP_HZ)):
+        for step in range(int(longest * STEP_HZ)):
             now = step / STEP_HZ
             if step % STEPS_PER_TICK == 0:
                 if pending is not None:
@@ -285,26 +287,28 @@ class MovingRun:
         return (worst[0], worst[1], worst[2]), int(sum(np.sum(share > 1.0) for share in shares))
 
 
-class _Stage:
-    """What all scenes of one process are played with."""
+class MovingStage:
+    """What all scenes of one process are played with; `seed` is of the scenes."""
 
-    def __init__(self, skill: Skill, seed: int) -> None:
-        self.planner, self.seed = JointSpacePlanner(skill), seed
+    def __init__(self, skill: Skill, settings: JointPlannerSettings, seed: int) -> None:
+        self.planner, self.seed = JointSpacePlanner(skill, settings), seed
         self.world, self.geometry = PandaWorld(rate_hz=STEP_HZ), CollisionGeometry.panda()
 
     def scene(self, number: int) -> MovingScene:
+        """Draw and play scene number `number`; it depends on nothing else but the seed."""
         random = np.random.default_rng([self.seed, number])
         query, nominal = draw_query(self.planner, random)
         spheres = draw_spheres(self.planner, nominal, random)
         return MovingRun(self.planner, self.world, self.geometry, query, spheres).play(number)
 
 
-_stage: _Stage | None = None
+#: Of a process that plays scenes.
+_stage: MovingStage | None = None
 
 
-def _prepare(skill: Skill, seed: int) -> None:
+def _prepare(skill: Skill, settings: JointPlannerSettings, seed: int) -> None:
     global _stage
-    _stage = _Stage(skill, seed)
+    _stage = MovingStage(skill, settings, seed)
 
 
 def _scene(number: int) -> MovingScene:
@@ -313,14 +317,12 @@ def _scene(number: int) -> MovingScene:
 
 
 def play_moving_scenes(
-    skill: Skill, scenes: int, seed: int, processes: int = 1, show_progress: bool = True
+    skill: Skill, settings: JointPlannerSettings, scenes: int, seed: int, processes: int = 1, show_progress: bool = True
 ) -> list[MovingScene]:
-    """Draw and play scenes; the same ones for the same seed, whatever the number of processes."""
-    def counted(made: Iterable[MovingScene]) -> list[MovingScene]:
-        return list(tqdm(made, desc="moving spheres", unit="scene", total=scenes, disable=not show_progress))
-
-    if processes == 1:
-        stage = _Stage(skill, seed)
-        return counted(map(stage.scene, range(scenes)))
-    with get_context("spawn").Pool(processes, _prepare, (skill, seed)) as pool:
-        return counted(pool.imap(_scene, range(scenes)))
+    """Draw and play scenes in processes of their own; the same ones for the same seed, however many processes."""
+    # As the planner node does: threads of the linear algebra would only wait for each other.
+    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    with get_context("spawn").Pool(processes, _prepare, (skill, settings, seed)) as pool:
+        made = pool.imap(_scene, range(scenes))
+        return list(tqdm(made, desc="moving", unit="scene", total=scenes, disable=not show_progress))

@@ -17,6 +17,7 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.blocked_arm import KINDS, BlockedScene, BlockedWays, Kind, every
 from geodesic_motion_ros.experiments.moving_spheres import MovingScene, play_moving_scenes
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position
@@ -43,6 +44,7 @@ class WholeArmSettings:
     moving_scenes: int = 40
     seed: int = 0
     processes: int = 1
+    planner: JointPlannerSettings = field(default_factory=JointPlannerSettings)
 
     def __post_init__(self) -> None:
         unknown = [part for part in self.parts if part not in PARTS]
@@ -151,14 +153,14 @@ def measure_whole_arm(
     blocked: dict[Kind, list[BlockedScene]] = {}
     kinds = [kind for kind in KINDS if kind in settings.parts]
     if kinds:
-        ways, numbers = BlockedWays(skill), range(settings.blocked_scenes)
+        ways, numbers = BlockedWays(skill, settings.planner), range(settings.blocked_scenes)
         for kind in kinds:
             counted = tqdm(numbers, desc=kind, unit="scene", disable=not show_progress)
             blocked[kind] = [ways.scene(kind, number, settings.seed) for number in counted]
     moving = []
     if "moving" in settings.parts:
         moving = play_moving_scenes(
-            skill, settings.moving_scenes, settings.seed, settings.processes, show_progress
+            skill, settings.planner, settings.moving_scenes, settings.seed, settings.processes, show_progress
         )
     return WholeArmReport(settings, blocked, moving)
 
