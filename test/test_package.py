@@ -35,9 +35,87 @@ RUN = {
     *GROUND, "planner", "planner_settings", "query", "task_frame", "reference", "motion_curve", "time_law",
     "certificate", "latent_way", "pose_solver", "joint_planner", "joint_query", "joint_reference", "joint_time_law",
     "joint_limits", "quintic", "cubic_spline", "arm_certificate", "latent_view", "tables", "simulation", "nodes",
-    "PYTHONPATH", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE", "module", "source",
-    "module", "prefix", "pip", "install", "module", "share", "folder", "patterns", "config", "models", "share",
-    "name", "lib", "console_scripts", "name",
+}  # fmt: skip
+
+
+# ---------------------------------------------------------------- installing
+
+
+def clean_environment(**changes: str) -> dict[str, str]:
+    """This environment without what would let the source tree or a workspace pass for the installation."""
+    removed = {"PYTHONPATH", "AMENT_PREFIX_PATH", "LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE"}
+    return {name: value for name, value in os.environ.items() if name not in removed} | changes
+
+
+@pytest.fixture(scope="module")
+def source_copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the source tree: building leaves files behind, and must not do so in the repository."""
+    return shutil.copytree(REPOSITORY, tmp_path_factory.mktemp("source") / PACKAGE, ignore=NOT_SOURCE)
+
+
+@pytest.fixture(scope="module")
+def installed(source_copy: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Prefix into which pip installed the package, neither with its dependencies nor from the network."""
+    prefix = tmp_path_factory.mktemp("prefix")
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
+    command += ["--no-index", "--disable-pip-version-check", "--ignore-installed"]
+    command += ["--prefix", str(prefix), "."]
+    done = subprocess.run(command, cwd=source_copy, env=clean_environment(), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return prefix
+
+
+@pytest.fixture(scope="module")
+def distribution(installed: Path) -> PathDistribution:
+    """Metadata of the installed package, as pip and `importlib.metadata` read it."""
+    (folder,) = installed.glob(f"lib/python*/site-packages/{PACKAGE}-*.dist-info")
+    return PathDistribution(folder)
+
+
+def site_packages(prefix: Path) -> Path:
+    (folder,) = prefix.glob("lib/python*/site-packages")
+    return folder
+
+
+def test_pip_registers_the_package_in_the_ament_index(installed: Path) -> None:
+    assert (installed / "share/ament_index/resource_index/packages" / PACKAGE).is_file()
+    assert (installed / "share" / PACKAGE / "package.xml").is_file()
+
+
+@pytest.mark.parametrize(("folder", "patterns"), [("config", ("*.yaml", "*.rviz")), ("models", ("*",))])
+def test_pip_ships_every_shared_file(installed: Path, folder: str, patterns: tuple[str, ...]) -> None:
+    tree, share = REPOSITORY / folder, installed / "share" / PACKAGE / folder
+    wanted = {f.relative_to(tree) for pattern in patterns for f in tree.rglob(pattern) if f.is_file()}
+    assert wanted, f"{folder}/ is empty: there is nothing to run the planner with"
+    for file in wanted:
+        assert (share / file).read_bytes() == (tree / file).read_bytes()
+
+
+def test_pip_ships_every_module_and_robot_description(installed: Path) -> None:
+    wanted = {f.relative_to(SOURCE) for f in SOURCE.rglob("*") if f.suffix in (".py", ".urdf", ".yaml")}
+    missing = {str(file) for file in wanted if not (site_packages(installed) / PACKAGE / file).is_file()}
+    assert not missing
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_ros2_run_finds_an_executable(installed: Path, name: str) -> None:
+    assert os.access(installed / "lib" / PACKAGE / name, os.X_OK)
+
+
+def test_entry_points_lead_to_functions_that_exist(distribution: PathDistribution) -> None:
+    points = distribution.entry_points.select(group="console_scripts")
+    assert points.names == {*EXECUTABLES, "geodesic-motion"}
+    for point in points:
+        module = REPOSITORY / point.module.replace(".", "/")
+        file = module / "__init__.py" if module.is_dir() else module.with_suffix(".py")
+        assert file.is_file(), f"{point.name} starts {point.module}, which does not exist"
+        functions = {n.name for n in ast.parse(file.read_text()).body if isinstance(n, ast.FunctionDef)}
+        assert point.attr in functions
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_executable_starts_what_the_console_script_starts(
+    installed: Path, distribution: PathDistribution, name: str
 ) -> None:
     (point,) = distribution.entry_points.select(name=name)
     text = (installed / "lib" / PACKAGE / name).read_text()

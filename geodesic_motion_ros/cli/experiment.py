@@ -57,7 +57,7 @@ examples:
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command and its experiments to the parser of the command line."""
     parser = commands.add_parser(
-        "experiment", help="measure what is claimed: geodesics, avoidance, crossing, goals, modes, whole-arm and others",
+        "experiment", help="measure what is claimed: geodesics, avoidance, crossing, goals, modes, whole-arm, more",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     names = parser.add_subparsers(dest="experiment", metavar="NAME", required=True)

@@ -10,7 +10,6 @@ from torch import Tensor, nn
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.kinematics import Robot
 
-
 #: What keeps the volume finite where the arm is singular [m].
 EPSILON = 0.01
 

@@ -17,9 +17,11 @@ from geodesic_motion_ros.manifold.body_layer import BodyLayer
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 
+#: Two latent dimensions: a graph of 100 x 100 nodes stands at once.
 SMALL = JointTrainingSettings(
-    steps=120, hidden=(32, 16), samples=40, kernels=60, precision_samples=1, precision_iterations=20, batch=64
-)
+    latent_dimension=2, steps=400, hidden=(64, 32), samples=60, kernels=100, precision_samples=2,
+    precision_iterations=40, batch=64,
+)  # fmt: skip
 
 
 def test_the_volume_of_a_posture_is_that_of_the_learning() -> None:
