@@ -114,6 +114,7 @@ class Demo:
             "avoidance": run.avoidance,
             "obstacle_point_radius": self.scene.obstacle.radius,
             "latent_view_rate": 0.0,
+            **self.scene.patience,
         }
 
 

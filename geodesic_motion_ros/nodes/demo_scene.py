@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
@@ -26,7 +27,10 @@ class DemoScene(ABC):
     nominal : the undisturbed motion, a reference.
     goal : (7,) tool pose: x, y, z [m], w, x, y, z.
     obstacle : counts its time from when the goal is sent.
+    patience : parameters of the planner node in which the demo is more patient with a busy machine than the defaults.
     """
+
+    patience: Mapping[str, Value] = MappingProxyType({})
 
     def __init__(self, planner: ReactivePlanner | JointSpacePlanner) -> None:
         """planner : as the planner node makes it of the skill.

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -46,8 +47,12 @@ _NAME_ABOVE = np.array([0.0, -1.0, 2.0])
 class ElbowScene(DemoScene):
     """A sphere comes from outside to where the undisturbed elbow would be swung out furthest, and stays."""
 
+    # Where a trajectory comes too late, or the simulation stands still for a moment, the arm is soon far from where it
+    # was sent: its joints make one radian a second. A robot's own controller does not pause.
+    patience = MappingProxyType({"latency": 0.1, "state_timeout": 0.25, "tracking_tolerance_joint": 0.3})
+
     def __init__(self, skill: Skill) -> None:
-        self.planner = JointSpacePlanner(skill, joint_settings(DEFAULTS))
+        self.planner = JointSpacePlanner(skill, joint_settings(DEFAULTS | self.patience))
         super().__init__(self.planner)
 
     def _obstacle(self) -> LineObstacle:
