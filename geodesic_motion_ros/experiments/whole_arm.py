@@ -27,8 +27,8 @@ from geodesic_motion_ros.tables import text_table
 
 Part = Literal["one way", "all ways", "elbow", "moving"]
 PARTS: tuple[Part, ...] = (*KINDS, "moving")
-#: Postures of each way in the picture, their size in pixels, and the camera.
-_POSTURES, _WIDTH, _HEIGHT, _VIEW = 5, 520, 400, "side"
+#: Postures of each way in the picture, and the camera.
+_POSTURES, _VIEW = 5, "side"
 _TOOL_COLOUR, _ELBOW_COLOUR = (0.16, 0.50, 0.73), (0.93, 0.58, 0.12)
 
 
@@ -194,20 +194,21 @@ def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
         imsave(folder / "strip.png", switch_strip(min(switches, key=_halfway_clearance)))
 
 
-def switch_strip(scene: BlockedScene) -> np.ndarray:
+def switch_strip(scene: BlockedScene, width: int = 520, height: int = 400) -> np.ndarray:
     """Picture, uint8, of a scene's ways as rows of postures: without the spheres above, with them below.
 
-    The curves are the ways of tool and elbow.
+    One posture is (height, width, 3) pixels. The curves are the ways of tool and elbow.
     """
     references = [scene.nominal, scene.reference or scene.nominal]
     with PandaWorld() as world:
-        rows = [_postures(world, reference) for reference in references[:1]]
-        world.set_obstacles(_spheres(scene))
-        rows += [_postures(world, reference) for reference in references[1:]]
+        rows = []
+        for reference, spheres in zip(references, ({}, _spheres(scene)), strict=True):
+            world.set_obstacles(spheres)
+            rows.append(_postures(world, reference, width, height))
     return np.concatenate(rows)
 
 
-def _postures(world: PandaWorld, reference: JointReference) -> np.ndarray:
+def _postures(world: PandaWorld, reference: JointReference, width: int, height: int) -> np.ndarray:
     """The arm at equal parts of a reference's time, side by side."""
     way = every(0.05, reference)
     world.add_curve(np.array([world.robot.forward(configuration)[0] for configuration in way]), _TOOL_COLOUR)
@@ -215,7 +216,7 @@ def _postures(world: PandaWorld, reference: JointReference) -> np.ndarray:
     pictures = []
     for configuration in reference.samples(np.linspace(0.0, reference.duration, _POSTURES))[0]:
         world.reset(configuration)
-        pictures.append(world.render(_WIDTH, _HEIGHT, _VIEW, oversampling=2))
+        pictures.append(world.render(width, height, _VIEW, oversampling=2))
     world.clear_curves()
     return np.concatenate(pictures, axis=1)
 

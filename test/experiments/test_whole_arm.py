@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from geodesic_motion_ros.experiments.whole_arm import (
     WholeArmSettings,
     draw_whole_arm,
     measure_whole_arm,
+    switch_strip,
 )
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
@@ -105,7 +107,7 @@ def test_spheres_begin_clear_of_the_arm(stage) -> None:
 
 
 def test_who_is_to_blame_for_a_contact_is_told(stage) -> None:
-    query, _ = draw_query(stage.planner, np.random.default_rng(0))
+    query, nominal = draw_query(stage.planner, np.random.default_rng(0))
     elbow = elbow_position(stage.planner.robot, query.start)
     # Into an arm that cannot leave, for its goal is covered; and out of nothing in front of one that moves.
     hand, _ = stage.planner.robot.forward(query.goal)
@@ -114,7 +116,6 @@ def test_who_is_to_blame_for_a_contact_is_told(stage) -> None:
     scene = MovingRun(stage.planner, stage.world, stage.geometry, query, [blocking, driven]).play(0, longest=1.5)
     assert scene.contacts == ("standing",)
     assert not scene.reached
-    nominal = query.plan(stage.planner).reference
     sudden = MovingSphere(
         0.05, 2.0, 2.2, elbow_position(stage.planner.robot, nominal.sample(2.0)[0]), np.zeros(3), False
     )
@@ -128,9 +129,16 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     assert content["elbow"]["summary"]["hand_only_hits"] == 2
     assert content["moving"]["summary"]["contacts_moving"] == 0
     assert "hand alone hits" in report.table()
-    draw_whole_arm(report, tmp_path)
-    for picture in ("whole_arm.png", "strip.png"):
-        assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
+    draw_whole_arm(replace(report, blocked={"all ways": report.blocked["all ways"]}), tmp_path)
+    assert (tmp_path / "whole_arm.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_picture_shows_the_sphere_in_its_lower_row_alone(report) -> None:
+    picture = switch_strip(report.blocked["elbow"][0], width=64, height=48).astype(int)
+    assert picture.shape == (2 * 48, 5 * 64, 3)
+    red = (picture[..., 0] > 150) & (picture[..., 1] < 100) & (picture[..., 2] < 100)
+    assert not np.any(red[:48])
+    assert np.any(red[48:])
 
 
 @pytest.mark.parametrize(
@@ -143,6 +151,6 @@ def test_impossible_settings_are_refused(wrong, said) -> None:
         WholeArmSettings(**wrong)
 
 
-def test_skills_of_task_space_are_refused(fan_skill) -> None:
+def test_skills_of_task_space_are_refused(reach_skill) -> None:
     with pytest.raises(ParameterError, match="task space"):
-        measure_whole_arm(fan_skill)
+        measure_whole_arm(replace(reach_skill, space="task"))
