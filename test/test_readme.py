@@ -11,8 +11,10 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 TEXT = (REPOSITORY / "README.md").read_text()
 
 
-def test_the_python_of_the_tour_runs_and_finds_a_path(capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
+@pytest.mark.parametrize(
+    "code", re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL), ids=["tool skill", "whole-arm skill"]
+)
+def test_the_python_of_the_tour_runs_and_finds_a_path(code, capsys):
     scope: dict[str, object] = {}
     exec(code, scope)
     assert capsys.readouterr().out.startswith("OK clearance")
