@@ -67,9 +67,11 @@ class ElbowScene(DemoScene):
         angles = [abs(swivel_angle(self.planner.robot, position)) for position in reference.positions]
         return float(reference.times[np.argmax(angles)])
 
-    def families(self, recording: Recording) -> list[int]:
+    def families(self, recording: Recording) -> list[int] | None:
+        if self.planner.graph.ridge_count == 0:
+            return None
         shares = self.planner.graph.ridge_shares[self._nodes_along(recording)]
-        taken = np.argmax(shares, axis=1)[np.max(shares, axis=1, initial=0.0) > _TAKEN_SHARE]
+        taken = np.argmax(shares, axis=1)[np.max(shares, axis=1) > _TAKEN_SHARE]
         return [int(family) for family, _ in groupby(taken)]
 
     def draw(self, recordings: Mapping[str, Recording], out: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from geodesic_motion_ros.nodes import demo_pictures
 from geodesic_motion_ros.nodes.demo_node import SKILL
 from geodesic_motion_ros.nodes.demo_run import Recording
+from geodesic_motion_ros.nodes.demo_scene import DEFAULTS
 from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
 from geodesic_motion_ros.robot.collision_model import configuration_clearance
 from geodesic_motion_ros.skill import Skill
@@ -95,10 +96,15 @@ def test_start_and_goal_are_clear_at_all_times(scene: ElbowScene) -> None:
 
 
 def test_it_comes_from_outside_while_the_arm_moves(scene: ElbowScene) -> None:
-    obstacle, top = scene.obstacle, scene.nominal.duration
+    obstacle = scene.obstacle
     assert clearance(scene, scene.nominal.positions[0], 0.0)[0] > 0.15
     assert not np.allclose(obstacle.position(0.5), obstacle.position(1.0))
-    np.testing.assert_allclose(obstacle.position(top), obstacle.end)
+    np.testing.assert_allclose(obstacle.position(scene.nominal.duration), obstacle.end)
+
+
+def test_its_patience_is_of_parameters_that_the_planner_has(scene: ElbowScene) -> None:
+    assert scene.patience.keys() <= DEFAULTS.keys()
+    assert all(value > DEFAULTS[name] for name, value in scene.patience.items())
 
 
 def test_the_elbow_sets_out_turns_back_and_takes_the_other_side(
