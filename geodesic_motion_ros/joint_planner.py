@@ -418,7 +418,7 @@ class JointSpacePlanner:
         if plan.reference is None:
             return False
         nearest, left = followed.verdict.clearance, self._played.end - state.time
-        safer = nearest <= _CLOSE and plan.verdict.clearance > nearest
+        safer = self.settings.avoidance and nearest <= _CLOSE and plan.verdict.clearance > nearest
         return safer or left > _WORTHWHILE * plan.reference.duration
 
     def _continued(self, now: float, followed: _Followed) -> JointPlan:

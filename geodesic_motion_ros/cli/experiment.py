@@ -48,7 +48,7 @@ examples:
   geodesic-motion experiment crossing --demos pouring.npy --units cm
   geodesic-motion experiment goals --shown 20
   geodesic-motion experiment modes --save two_ways.npz
-  geodesic-motion experiment whole-arm --skill FOLDER --moving-scenes 500 --processes 2
+  geodesic-motion experiment whole-arm --moving-scenes 500 --processes 2
   geodesic-motion experiment volume --demos joints.npz
   geodesic-motion experiment rate --goals-hz 10
 """
@@ -107,7 +107,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         )  # fmt: skip
 
     whole_arm = names.add_parser("whole-arm", help="avoidance with the whole arm", formatter_class=HelpFormatter)
-    whole_arm.add_argument("--skill", required=True, metavar="SKILL", help="of joint space: its folder, or a name")
+    whole_arm.add_argument(
+        "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
+    )  # fmt: skip
     whole_arm.add_argument(
         "--parts", type=_parts, default="one way,all ways,elbow,moving", metavar="PART,PART", help="what is measured"
     )
