@@ -120,18 +120,18 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
 def holds_joints(path: str | Path) -> bool:
     """Whether a file says of itself that it is a recording of joints, for `read_joint_demonstrations`.
 
-    A `.npz` with the key `configurations`, or a `.csv` whose header names no position. False for what cannot be read.
+    A `.npz` with the key `configurations`, or a `.csv` with a column `demonstration` and none of positions. False for
+    what cannot be read.
     """
     path = Path(path)
     try:
         if path.suffix.lower() == ".npz":
-            with np.load(path, allow_pickle=False) as archive:
-                return "configurations" in archive.files
+            return "configurations" in _load(path, dict)
         if path.suffix.lower() == ".csv":
             with path.open(newline="", encoding="utf-8-sig") as stream:
-                header = [cell.strip() for cell in next(csv.reader(stream), [])]
-            return bool(header) and not set(header) & {*POSITION, *QUATERNION}
-    except (OSError, ValueError, BadZipFile, csv.Error):
+                header = {cell.strip() for cell in next(csv.reader(stream), [])}
+            return DEMONSTRATION in header and not header & {*POSITION, *QUATERNION}
+    except (OSError, UnicodeDecodeError, csv.Error, DemonstrationError):
         return False
     return False
 

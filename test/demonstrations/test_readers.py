@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.readers import (
+    holds_joints,
     parse_columns,
     read_demonstrations,
     read_joint_demonstrations,
@@ -390,3 +391,21 @@ def test_what_no_joints_can_be_read_from_is_refused(tmp_path):
     write_csv(tmp_path / "reach.csv", header, [["d0", 0.0, *PANDA.ready]])
     with pytest.raises(DemonstrationError, match="unknown column 'gripper'"):
         read_joint_demonstrations(tmp_path / "reach.csv", "panda")
+
+
+def test_a_recording_of_joints_is_known_from_one_of_poses(tmp_path):
+    joints, poses = tmp_path / "joints.npz", tmp_path / "poses.npz"
+    np.savez(joints, configurations=np.zeros((1, 5, 7)), joint_names=np.array(["a"] * 7))
+    np.savez(poses, positions=np.zeros((1, 5, 3)))
+    rows, places = tmp_path / "joints.csv", tmp_path / "poses.csv"
+    rows.write_text("demonstration,t,panda_joint1\nfirst,0.0,0.1\n")
+    places.write_text("demonstration,px,py,pz\nfirst,0.0,0.1,0.2\n")
+    assert [holds_joints(path) for path in (joints, rows, poses, places)] == [True, True, False, False]
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"\xff\xfe\x00"])
+@pytest.mark.parametrize("suffix", ["npz", "csv", "npy"])
+def test_what_cannot_be_read_is_no_recording_of_joints(content, suffix, tmp_path):
+    (tmp_path / f"broken.{suffix}").write_bytes(content)
+    assert not holds_joints(tmp_path / f"broken.{suffix}")
+    assert not holds_joints(tmp_path / f"missing.{suffix}")

@@ -1,0 +1,124 @@
+"""Recordings of joints on the command line: recognised, learned, measured, inspected; options of poses refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.cli import main
+from geodesic_motion_ros.cli.arguments import evenly_sampled
+from geodesic_motion_ros.demonstrations.writers import save_joint_demonstrations
+from geodesic_motion_ros.skill import Skill
+
+
+@pytest.fixture(scope="module")
+def joint_recording(reach_demonstrations, tmp_path_factory) -> Path:
+    """Four demonstrations of each family, which differ halfway."""
+    path = tmp_path_factory.mktemp("joints") / "reach.npz"
+    save_joint_demonstrations(evenly_sampled(reach_demonstrations.resampled(100, by="time")), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def trained(joint_recording, tmp_path_factory) -> tuple[Path, Path]:
+    """Folder of a skill that was trained and measured by the command, and its JSON."""
+    folder = tmp_path_factory.mktemp("trained")
+    arguments = ["train", "--demos", str(joint_recording), "--out", str(folder / "reach"), "--steps", "250"]
+    arguments += ["--kernels", "50", "--held-out", "3", "--json", str(folder / "reach.json"), "--joint-weight", "0.04"]
+    assert main(arguments) == 0
+    return folder / "reach", folder / "reach.json"
+
+
+def test_a_recording_of_joints_becomes_a_joint_space_skill_without_being_told(trained) -> None:
+    folder, figures = trained
+    skill = Skill.load(folder)
+    assert (skill.space, skill.sheet, skill.metric.joint_weight) == ("joint", "canonical", 0.04)
+    assert skill.provenance["held_out"] == [3]
+    assert len(skill.provenance["demonstrations"]) == 7
+    quality = json.loads(figures.read_text())["quality"]
+    assert quality == skill.quality
+    assert 0.0 < quality["held_out_dtw_mm"] < 100.0
+    assert quality["held_out_joint_dtw_rad"] < 0.5
+    assert quality["reconstruction_pointwise_mm"] > 0.0
+    assert (folder / "report.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_inspect_shows_families_and_graph(trained, tmp_path, capsys) -> None:
+    described, picture = tmp_path / "reach.json", tmp_path / "reach.png"
+    assert main(["inspect", str(trained[0]), "--json", str(described), "--picture", str(picture)]) == 0
+    shown, content = capsys.readouterr().out, json.loads(described.read_text())
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert content["robot"]["space"] == "joint"
+    assert content["motion"]["demonstrations_per_family"] == [3, 4]
+    assert (content["motion"]["start_groups"], content["motion"]["goal_groups"]) == (1, 1)
+    graph = content["graph"]
+    assert sum(graph["nodes_per_family"]) == graph["nodes"]
+    assert min(graph["nodes_per_family"]) > 0
+    assert sum(graph["nodes_per_piece"]) <= graph["nodes"]
+    assert graph["built_in_s"] > 0.0
+    for name in ("energy_per_edge", "sigma_limit", "nodes_per_family", "held_out_joint_dtw_rad"):
+        assert name in shown
+
+
+def test_evaluate_prints_the_table_of_joints(joint_recording, tmp_path, capsys, monkeypatch) -> None:
+    from geodesic_motion_ros.experiments import trained as cache
+
+    thoroughly = cache.trained_once
+
+    def briefly(task, shown, settings, folder, progress):
+        small = replace(settings, steps=150, samples=60, hidden=(32, 16), kernels=40, precision_iterations=20)
+        return thoroughly(task, shown, small, folder, progress)
+
+    monkeypatch.setattr(cache, "trained_once", briefly)
+    file = tmp_path / "reach.json"
+    arguments = ["evaluate", "--demos", str(joint_recording), "--folds", "1,5", "--json", str(file)]
+    assert main([*arguments, "--skills", str(tmp_path / "skills")]) == 0
+    content = json.loads(file.read_text())
+    assert (content["task"], content["folds"], content["families"]) == ("reach", [[1, 5]], [0] * 4 + [1] * 4)
+    assert set(content["rows"]["geodesic"]) == {"all", "0", "1"}
+    printed = capsys.readouterr().out
+    assert all(f"\n{row} " in printed for row in content["rows"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["train", "--units", "m", "--out", "{tmp}/s"], "--units is for recordings of the tool"),
+        (["train", "--orientation-model", "sign_blind", "--out", "{tmp}/s"], "--orientation-model is for recordings"),
+        (["train", "--schedule", "joint", "--out", "{tmp}/s"], "--schedule is for recordings of the tool"),
+        (["train", "--space", "task", "--volume-weight", "1", "--out", "{tmp}/s"], "--volume-weight is for recordings"),
+        (["train", "--space", "task", "--out", "{tmp}/s"], "say the units of the positions"),
+        (["train", "--space", "task", "--units", "m", "--out", "{tmp}/s"], "it needs keys positions"),
+        (["train", "--robot", "kuka", "--out", "{tmp}/s"], "robot 'kuka' is not known here; known: 'panda'"),
+        (["train", "--held-out", "8", "--out", "{tmp}/s"], "numbered 0 to 7"),
+        (["evaluate", "--sheets", "raw"], "--sheets is for recordings of the tool"),
+        (["evaluate", "--folds", "0,9"], "there is no demonstration 9"),
+        (["evaluate", "--folds", "0,1,2,3"], "leaves no demonstration of family 0"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_joints_is_said_in_one_line(arguments, said, joint_recording, tmp_path, capsys) -> None:
+    command, *rest = (argument.format(tmp=tmp_path) for argument in arguments)
+    assert main([command, "--demos", str(joint_recording), *rest]) == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("geodesic-motion: ")]
+    assert said in line
+    assert not (tmp_path / "s").exists()
+
+
+def test_options_of_joints_are_refused_for_poses(recording, tmp_path, capsys) -> None:
+    given = ["--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "s")]
+    for option, value in (("--joint-weight", "0.1"), ("--latent-dimension", "3"), ("--robot", "panda")):
+        assert main(["train", *given, option, value]) == 2
+        assert f"{option} is for recordings of joints" in capsys.readouterr().err
+
+
+def test_an_arm_that_stands_still_is_refused_by_name(reach_demonstrations, tmp_path, capsys) -> None:
+    short = reach_demonstrations.resampled(50, by="time")
+    first = short[0].configurations
+    still = replace(short[1], configurations=np.tile(first[0], (50, 1)), name="idle")
+    save_joint_demonstrations(replace(short, items=(short[0], still, *short.items[2:])), tmp_path / "still.npz")
+    assert main(["train", "--demos", str(tmp_path / "still.npz"), "--out", str(tmp_path / "s")]) == 2
+    assert "demonstration 'idle' does not move" in capsys.readouterr().err
