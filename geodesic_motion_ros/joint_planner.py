@@ -181,6 +181,8 @@ class JointSpacePlanner:
         self._goal: GoalChoice | None = None
         self._query: JointQuery | None = None
         self._played: _Played | None = None
+        # What was played until this began: the arm's newest state may be older than that.
+        self._played_before: _Played | None = None
         self._followed: _Followed | None = None
         self._warm_up()
 
@@ -200,7 +202,7 @@ class JointSpacePlanner:
         self.tick(0.3)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
         self._obstacles = MovingSpheres.none()
-        self._goal = self._query = self._played = self._followed = None
+        self._goal = self._query = self._played = self._played_before = self._followed = None
 
     # ---------------------------------------------------------------- inputs
 
@@ -234,6 +236,10 @@ class JointSpacePlanner:
         if isinstance(judged, Verdict):
             return judged
         self._goal, self._query = judged, None
+        if self._played is not None and self._followed is None:
+            # From a stand the graph is carried to the goal now, so that the tick that follows is a short one.
+            found = self._queries.build(self._played.reference.positions[-1], judged)
+            self._query = found if isinstance(found, JointQuery) else None
         return Verdict(VerdictCode.OK, f"goal: {judged.stated}")
 
     def _free_of_itself(self, choice: GoalChoice) -> GoalChoice | Verdict:
@@ -284,7 +290,7 @@ class JointSpacePlanner:
         if configuration is None:
             return JointPlan(None, now, Verdict(VerdictCode.BAD_INPUT, reason))
         standing = JointReference.standing(configuration, np.zeros(self.graph.latent.shape[1]))
-        self._played = _Played(standing, now)
+        self._played, self._played_before = _Played(standing, now), None
         self._followed = self._query = None
         return JointPlan(standing, now, Verdict(VerdictCode.OK))
 
@@ -298,9 +304,12 @@ class JointSpacePlanner:
 
     def commanded(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Position, velocity and acceleration (eta,) played at `time` [s]; None before the first `stand_at`."""
-        if self._played is None:
+        played = self._played
+        if played is None:
             return None
-        return self._played.reference.sample(time - self._played.begin)
+        if time < played.begin and self._played_before is not None:
+            played = self._played_before
+        return played.reference.sample(time - played.begin)
 
     def way(self) -> tuple[JointReference, float] | None:
         """What is being played and the time of its first knot [s], where it leads to the goal."""
@@ -400,7 +409,8 @@ class JointSpacePlanner:
         same = before is obstacles or (
             np.array_equal(before.centres, obstacles.centres) and np.array_equal(before.radii, obstacles.radii)
         )
-        return JointPlan(None, now, followed.verdict) if same and obstacles.stand and before.stand else None
+        unchanged = same and obstacles.stand and before.stand
+        return JointPlan(None, now, followed.verdict) if unchanged or not self.settings.avoidance else None
 
     def _free_way(self, state: _State, obstacles: MovingSpheres) -> _Followed | None:
         """What is being played, with its present clearance, where it leads to the present goal and is free."""
@@ -458,6 +468,7 @@ class JointSpacePlanner:
         """Hand out what is being played until the switch, and the new reference from there on."""
         assert self._played is not None
         begin = self._played.knot_before(now)
+        self._played_before = self._played
         whole = joined(self._played.reference, begin - self._played.begin, reference, switch - self._played.begin)
         self._played = _Played(whole, begin)
         return JointPlan(whole, begin, verdict)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -22,14 +24,21 @@ class JointCycle(StreamCycle[np.ndarray]):
     ----------
     state_timeout, resume_timeout : as of `StreamCycle`.
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
+    clock : tells the time that `CycleInputs.steady` is of [s].
     """
 
     def __init__(
-        self, planner: JointSpacePlanner, state_timeout: float, resume_timeout: float, tracking_tolerance: float
+        self,
+        planner: JointSpacePlanner,
+        state_timeout: float,
+        resume_timeout: float,
+        tracking_tolerance: float,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__("joint_trajectory", state_timeout, resume_timeout)
         self.planner = planner
         self.tracking_tolerance = tracking_tolerance
+        self._clock = clock
         self._now = 0.0
         self._stood = False
         self._standing: JointPlan | None = None
@@ -40,11 +49,12 @@ class JointCycle(StreamCycle[np.ndarray]):
         return self._output(self.planner.stop(self._now, verdict))
 
     def _command(self, verdict: Verdict, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
-        self._now = inputs.now
+        # Taking a goal may have cost time, and what is planned begins a moment from now.
+        self._now = inputs.now + max(0.0, self._clock() - inputs.steady)
         if verdict.ok and self._displaced:
             reason = "a skill of joint space cannot follow a task frame that is not the base frame"
             verdict = Verdict(VerdictCode.BAD_INPUT, reason)
-        plan = self.planner.tick(inputs.now) if verdict.ok else self.planner.stop(inputs.now, verdict)
+        plan = self.planner.tick(self._now) if verdict.ok else self.planner.stop(self._now, verdict)
         return self._output(plan)
 
     def _output(self, plan: JointPlan) -> CycleOutput:
@@ -95,8 +105,8 @@ class JointCycle(StreamCycle[np.ndarray]):
         self._standing = self.planner.stand_at(measured, now)
         self._stood = self._stood or self._standing.verdict.ok
 
-    def _deviation(self, measured: np.ndarray, now: float) -> tuple[str, str] | None:
-        commanded = self.planner.commanded(now)
+    def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
+        commanded = self.planner.commanded(taken)
         assert commanded is not None  # _knows_where came first
         off = np.abs(measured - commanded[0])
         worst = int(np.argmax(off))

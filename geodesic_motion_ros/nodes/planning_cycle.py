@@ -89,7 +89,7 @@ class PlanningCycle(StreamCycle[Pose]):
     def _stand_at(self, measured: Pose, now: float) -> None:
         self.follower.reset(*measured)
 
-    def _deviation(self, measured: Pose, now: float) -> tuple[str, str] | None:
+    def _deviation(self, measured: Pose, taken: float) -> tuple[str, str] | None:
         distance = float(np.linalg.norm(measured[0] - self.follower.position))
         angle = float(angle_between(measured[1], self.follower.quaternion))
         if distance <= self.tracking_tolerance and angle <= self.tracking_tolerance_angle:

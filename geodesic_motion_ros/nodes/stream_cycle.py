@@ -161,8 +161,10 @@ class StreamCycle(ABC, Generic[Place]):
         """Command the measured place, at rest."""
 
     @abstractmethod
-    def _deviation(self, measured: Place, now: float) -> tuple[str, str] | None:
-        """How far the arm is from where it was sent, and what is allowed; None while it follows."""
+    def _deviation(self, measured: Place, taken: float) -> tuple[str, str] | None:
+        """How far the arm was from where it was sent when that was measured [s], and what is allowed; None while it
+        follows.
+        """
 
     @abstractmethod
     def _moved(self, measured: Place, before: Place) -> bool:
@@ -231,7 +233,7 @@ class StreamCycle(ABC, Generic[Place]):
                 return self._lost.verdict
             self._begin_at(measured, inputs.now)
         else:
-            self._lost = self._loss(measured, inputs.now)
+            self._lost = self._loss(measured, inputs.now - inputs.state_age)
             if self._lost is not None:
                 self._stand_at(measured, inputs.now)
                 return self._lost.verdict
@@ -250,9 +252,9 @@ class StreamCycle(ABC, Generic[Place]):
             self._lost.rested += period
         return self._lost.rested >= REST_TIME
 
-    def _loss(self, measured: Place, now: float) -> _Lost | None:
+    def _loss(self, measured: Place, taken: float) -> _Lost | None:
         """Why what is commanded is no longer to be trusted, and drop the goal; None while the arm follows."""
-        deviation = self._deviation(measured, now)
+        deviation = self._deviation(measured, taken)
         if deviation is not None:
             where, limit = deviation
             self._drop_goal(f"the arm was {where} from where it was sent")

@@ -53,7 +53,7 @@ def planner(reach_skill: Skill) -> JointSpacePlanner:
 def cycle(planner: JointSpacePlanner) -> JointCycle:
     planner.clear_goal()
     planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
-    return JointCycle(planner, state_timeout=0.1, resume_timeout=1.0, tracking_tolerance=0.1)
+    return JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, clock=lambda: 0.0)
 
 
 @pytest.fixture
@@ -180,3 +180,16 @@ def test_a_goal_that_is_none_is_refused_and_the_old_one_stays(cycle, arm, inputs
     assert output.goal_verdict.code is VerdictCode.BAD_INPUT
     assert output.verdict.ok
     np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+
+
+def test_an_old_state_is_compared_with_what_was_commanded_then(cycle, arm, inputs):
+    follow(cycle, arm, inputs, 2.5)
+    fastest = np.max(np.abs(arm.states[-1][1]))
+    late = dataclasses.replace(inputs, state_age=0.09)
+    cycle.tracking_tolerance = 0.2 * fastest * 0.09
+    for _ in range(20):
+        measured = arm.desired(arm.now - 0.09)[0]
+        output = cycle.run(dataclasses.replace(late, measured=measured, now=arm.now, steady=arm.now), PERIOD)
+        arm.take(output)
+        arm.now += PERIOD
+        assert output.verdict.ok
