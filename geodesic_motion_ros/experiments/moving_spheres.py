@@ -15,6 +15,8 @@ A contact, by PyBullet on the arm's meshes, counts against the planner unless
 
   with t_latency until the new reference takes over, and the stop that was possible then.
 
+The control is the same planner told to ignore the spheres.
+
 The command is judged as a stream of positions, one in every physics step: its differences over the arm's own limits of
 velocity, acceleration and jerk.
 """
@@ -24,7 +26,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import Literal
 
@@ -92,6 +94,7 @@ class MovingScene:
     clearance : least distance [m] from a sphere while the arm moved.
     stood : time [s] that the arm stood on the way.
     ticks : processor time [s] of each tick.
+    control : contacts of the moving arm where the same planner ignores the spheres.
     """
 
     number: int
@@ -106,6 +109,7 @@ class MovingScene:
     clearance: float
     stood: float
     ticks: tuple[float, ...]
+    control: int = 0
 
 
 def draw_spheres(
@@ -292,6 +296,7 @@ class MovingStage:
 
     def __init__(self, skill: Skill, settings: JointPlannerSettings, seed: int) -> None:
         self.planner, self.seed = JointSpacePlanner(skill, settings), seed
+        self._blind = JointSpacePlanner(skill, replace(settings, avoidance=False))
         self.world, self.geometry = PandaWorld(rate_hz=STEP_HZ), CollisionGeometry.panda()
 
     def scene(self, number: int) -> MovingScene:
@@ -299,7 +304,9 @@ class MovingStage:
         random = np.random.default_rng([self.seed, number])
         query, nominal = draw_query(self.planner, random)
         spheres = draw_spheres(self.planner, nominal, random)
-        return MovingRun(self.planner, self.world, self.geometry, query, spheres).play(number)
+        stage = self.world, self.geometry, query, spheres
+        control = MovingRun(self._blind, *stage).play(number).contacts.count("moving")
+        return replace(MovingRun(self.planner, *stage).play(number), control=control)
 
 
 #: Of a process that plays scenes.

@@ -95,6 +95,7 @@ class WholeArmReport:
             "scenes": len(scenes),
             "spheres": sum(scene.spheres for scene in scenes),
             "contacts_moving": contacts["moving"],
+            "contacts_moving_without_avoidance": sum(scene.control for scene in scenes),
             "contacts_no_room": contacts["no room"],
             "contacts_standing": contacts["standing"],
             "goals_reached": sum(scene.reached for scene in scenes),

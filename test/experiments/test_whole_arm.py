@@ -89,6 +89,7 @@ def test_moving_spheres_touch_no_moving_arm_and_the_command_is_smooth(report) ->
     (scene,) = report.moving
     assert scene.replans > 0
     assert scene.contacts.count("moving") == 0
+    assert scene.control > 0
     assert scene.excess == 0
     assert max(scene.strains) < 1.0
     assert scene.step < 1e-6
