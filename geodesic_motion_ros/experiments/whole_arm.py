@@ -28,7 +28,7 @@ from geodesic_motion_ros.tables import text_table
 Part = Literal["one way", "all ways", "elbow", "moving"]
 PARTS: tuple[Part, ...] = (*KINDS, "moving")
 #: Postures of each way in the picture, and the camera.
-_POSTURES, _VIEW = 5, "side"
+_POSTURES, _VIEW = 5, "front"
 _TOOL_COLOUR, _ELBOW_COLOUR = (0.16, 0.50, 0.73), (0.93, 0.58, 0.12)
 
 
@@ -195,7 +195,7 @@ def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
         imsave(folder / "strip.png", switch_strip(min(switches, key=_halfway_clearance)))
 
 
-def switch_strip(scene: BlockedScene, width: int = 520, height: int = 400) -> np.ndarray:
+def switch_strip(scene: BlockedScene, width: int = 600, height: int = 400) -> np.ndarray:
     """Picture, uint8, of a scene's ways as rows of postures: without the spheres above, with them below.
 
     One posture is (height, width, 3) pixels. The curves are the ways of tool and elbow.
