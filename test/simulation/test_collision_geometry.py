@@ -56,6 +56,16 @@ def test_distances_to_spheres_are_those_of_the_twin(geometry: CollisionGeometry)
     assert distances[link] == pytest.approx(clearance, abs=1e-4)
 
 
+def test_the_arm_is_as_far_as_its_nearest_moving_part(geometry: CollisionGeometry) -> None:
+    geometry.place(geometry.robot.ready)
+    base, *moving = geometry.parts
+    for centre in np.array([[0.6, 0.1, 0.4], [-0.2, 0.0, 0.05]]):
+        nearest = min(geometry.sphere_distance(part, centre, 0.05) for part in moving)
+        assert geometry.clearance(centre, 0.05) == pytest.approx(nearest, abs=1e-9)
+    # The last sphere is nearest to the base, which does not count.
+    assert geometry.sphere_distance(base, centre, 0.05) < nearest
+
+
 def test_far_away_is_infinite(geometry: CollisionGeometry) -> None:
     first, *_, last = geometry.parts
     geometry.place(geometry.robot.ready)
