@@ -12,6 +12,7 @@ import pytest
 from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.cli.arguments import evenly_sampled
 from geodesic_motion_ros.demonstrations.writers import save_joint_demonstrations
+from geodesic_motion_ros.manifold import joint_training
 from geodesic_motion_ros.skill import Skill
 
 
@@ -25,11 +26,20 @@ def joint_recording(reach_demonstrations, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def trained(joint_recording, tmp_path_factory) -> tuple[Path, Path]:
-    """Folder of a skill that was trained and measured by the command, and its JSON."""
+    """Folder of a small skill that was trained and measured by the command, and its JSON."""
     folder = tmp_path_factory.mktemp("trained")
-    arguments = ["train", "--demos", str(joint_recording), "--out", str(folder / "reach"), "--steps", "250"]
-    arguments += ["--kernels", "50", "--held-out", "3", "--json", str(folder / "reach.json"), "--joint-weight", "0.04"]
-    assert main(arguments) == 0
+    arguments = ["train", "--demos", str(joint_recording), "--out", str(folder / "reach"), "--steps", "800"]
+    arguments += ["--kernels", "100", "--held-out", "3", "--json", str(folder / "reach.json"), "--joint-weight", "0.04"]
+    thoroughly = joint_training.train_joint_space_skill
+
+    def briefly(shown, robot, settings, *told):
+        # Less than this leaves a support so wide that its graph takes longer than the training.
+        small = {"hidden": (64, 32), "samples": 100, "batch": 128, "precision_samples": 2, "precision_iterations": 60}
+        return thoroughly(shown, robot, replace(settings, **small), *told)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(joint_training, "train_joint_space_skill", briefly)
+        assert main(arguments) == 0
     return folder / "reach", folder / "reach.json"
 
 
@@ -64,22 +74,25 @@ def test_inspect_shows_families_and_graph(trained, tmp_path, capsys) -> None:
         assert name in shown
 
 
-def test_evaluate_prints_the_table_of_joints(joint_recording, tmp_path, capsys, monkeypatch) -> None:
+def test_evaluate_prints_the_table_of_joints(joint_recording, trained, tmp_path, capsys, monkeypatch) -> None:
     from geodesic_motion_ros.experiments import trained as cache
 
-    thoroughly = cache.trained_once
+    asked = []
 
-    def briefly(task, shown, settings, folder, progress):
-        small = replace(settings, steps=150, samples=60, hidden=(32, 16), kernels=40, precision_iterations=20)
-        return thoroughly(task, shown, small, folder, progress)
+    def taken(task, shown, settings, folder, progress):
+        asked.append((task, len(shown), settings.seed, folder))
+        return Skill.load(trained[0])
 
-    monkeypatch.setattr(cache, "trained_once", briefly)
+    monkeypatch.setattr(cache, "trained_once", taken)
     file = tmp_path / "reach.json"
-    arguments = ["evaluate", "--demos", str(joint_recording), "--folds", "1,5", "--json", str(file)]
+    arguments = ["evaluate", "--demos", str(joint_recording), "--folds", "3", "--seeds", "5", "--json", str(file)]
     assert main([*arguments, "--skills", str(tmp_path / "skills")]) == 0
+    assert asked == [("reach", 7, 5, tmp_path / "skills")]
     content = json.loads(file.read_text())
-    assert (content["task"], content["folds"], content["families"]) == ("reach", [[1, 5]], [0] * 4 + [1] * 4)
+    assert (content["task"], content["folds"], content["families"]) == ("reach", [[3]], [0] * 4 + [1] * 4)
     assert set(content["rows"]["geodesic"]) == {"all", "0", "1"}
+    quality = json.loads(trained[1].read_text())["quality"]
+    assert content["rows"]["geodesic"]["all"]["dtw_mm"] == pytest.approx(quality["held_out_dtw_mm"])
     printed = capsys.readouterr().out
     assert all(f"\n{row} " in printed for row in content["rows"])
 
