@@ -469,7 +469,11 @@ class JointSpacePlanner:
         assert self._played is not None
         begin = self._played.knot_before(now)
         self._played_before = self._played
-        whole = joined(self._played.reference, begin - self._played.begin, reference, switch - self._played.begin)
+        old = self._played.reference
+        if not np.any(old.latent):
+            # Where the arm stood before its first way had no latent point yet.
+            old = replace(old, latent=np.repeat(reference.latent[:1], len(old.times), axis=0))
+        whole = joined(old, begin - self._played.begin, reference, switch - self._played.begin)
         self._played = _Played(whole, begin)
         return JointPlan(whole, begin, verdict)
 
