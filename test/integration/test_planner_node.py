@@ -301,7 +301,7 @@ class TestTaskFrame:
     def move_frame(self, bench, make_pose) -> None:
         frame = make_pose(np.concatenate([self.FRAME.origin, self.FRAME.quaternion]))
         bench.publisher(PoseStamped, "task_frame").publish(frame)
-        bench.wait(lambda: not bench.planner._planner._scene.frame.is_identity, "the frame in the planner")
+        bench.wait(lambda: not bench.planner._kind.planner._scene.frame.is_identity, "the frame in the planner")
 
     def test_a_plan_moves_with_the_frame(self, ready, skill, make_pose):
         def plan(frame: TaskFrame) -> np.ndarray:
@@ -355,7 +355,7 @@ class TestPlanService:
     def test_is_empty_when_there_is_no_way(self, ready, skill, make_pose):
         ready.send_spheres(WALL)
         ready.wait(lambda: len(ready.planner._inputs.snapshot().obstacles.radii), "the obstacle")
-        ready.wait(lambda: len(ready.planner._planner._scene.in_base.radii), "the obstacle in the planner")
+        ready.wait(lambda: len(ready.planner._kind.planner._scene.in_base.radii), "the obstacle in the planner")
         assert not ready.call(GetPlan, "plan", self.request(make_pose, skill.start_pose, skill.goal_pose)).plan.poses
 
     def test_is_empty_for_another_frame(self, ready, skill, make_pose):
