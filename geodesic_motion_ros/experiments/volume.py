@@ -123,8 +123,10 @@ def draw_volume(report: VolumeReport, path: Path) -> None:
     share = np.linspace(0.0, 1.0, report.shown.shape[1])
     axes.plot(share, report.shown.T, color=GREY, linewidth=0.8, alpha=0.6)
     axes.plot([], [], color=GREY, label="demonstrations")
-    for row, colour in zip(report.rows, _COLOURS, strict=False):
-        axes.plot(share, row.volumes, color=colour, linewidth=2.0, label=f"planned, volume weight {row.weight:g}")
+    # Ways that are one are seen as one: the first is drawn broad.
+    widths = (5.0, *[2.0] * (len(report.rows) - 1))
+    for row, colour, width in zip(report.rows, _COLOURS, widths, strict=False):
+        axes.plot(share, row.volumes, color=colour, linewidth=width, label=f"planned, volume weight {row.weight:g}")
     axes.set_xlabel("share of the way")
     axes.set_ylabel("log V: how much the joints move the body")
     axes.legend(frameon=False)
