@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 
 from geodesic_motion_ros.errors import GeodesicMotionError
-from geodesic_motion_ros.nodes.messages import pose_message
+from geodesic_motion_ros.nodes.messages import pose_message, seconds
 
 #: How long [s] a planner is looked for, and its verdict on the goal is waited for.
 PATIENCE = 10.0
@@ -48,18 +48,25 @@ def send_goal(pose: np.ndarray, frame: str) -> str:
     node = rclpy.create_node("goal", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
-    said: list[str] = []
+    said: list[tuple[float, str]] = []
+
+    def hear(message: DiagnosticArray) -> None:
+        said.append((seconds(message.header.stamp), message.status[0].message))
+
     try:
         goals = node.create_publisher(PoseStamped, "goal_pose", QoSProfile(depth=1))
-        node.create_subscription(
-            DiagnosticArray, "planner/status", lambda message: said.append(message.status[0].message), 10
-        )
+        node.create_subscription(DiagnosticArray, "planner/status", hear, 10)
         _spin(executor, goals.get_subscription_count, "nobody listens to goal_pose: start the planner first")
         _spin(executor, lambda: said, "the planner's status cannot be heard")
-        said.clear()
-        goals.publish(pose_message(pose[:3], pose[3:], frame, node.get_clock().now().to_msg()))
-        _spin(executor, lambda: len(said) >= _CYCLES, "the planner has fallen silent")
-        return said[-1]
+        sent = node.get_clock().now().to_msg()
+        goals.publish(pose_message(pose[:3], pose[3:], frame, sent))
+
+        # Older ones may still stand in the queue.
+        def answers() -> list[str]:
+            return [text for stamp, text in said if stamp > seconds(sent)]
+
+        _spin(executor, lambda: len(answers()) >= _CYCLES, "the planner has fallen silent")
+        return answers()[-1]
     finally:
         executor.shutdown()
         node.destroy_node()
