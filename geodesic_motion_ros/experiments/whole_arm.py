@@ -18,6 +18,7 @@ from geodesic_motion_ros.experiments.blocked_arm import KINDS, BlockedScene, Blo
 from geodesic_motion_ros.experiments.moving_spheres import MovingScene, play_moving_scenes
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.plots import write_figure
 from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position
@@ -174,19 +175,27 @@ def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.image import imsave
 
-    figure = Figure(figsize=(12, 4.5), layout="constrained")
-    standing, moving = figure.subplots(1, 2)
-    for kind, scenes in report.blocked.items():
-        measured = [1e3 * scene.answer.clearance for scene in scenes if scene.answer.answered]
-        standing.hist(measured, bins=20, histtype="step", label=f"{kind}, {len(measured)} of {len(scenes)} answered")
-    standing.axvline(0.0, color="tab:red", label="contact")
-    standing.set(xlabel="measured clearance of the arm [mm]", ylabel="references", title="standing spheres")
-    standing.legend()
-    cleared = [1e3 * scene.clearance for scene in report.moving if np.isfinite(scene.clearance)]
-    moving.hist(cleared, bins=20, histtype="step")
-    moving.axvline(0.0, color="tab:red")
-    moving.set(xlabel="least clearance of the moving arm [mm]", ylabel="scenes", title="moving spheres")
-    figure.savefig(folder / "whole_arm.png", dpi=110)
+    standing = {
+        f"{kind}, {{}} of {len(scenes)} answered": [s.answer.clearance for s in scenes if s.answer.answered]
+        for kind, scenes in report.blocked.items()
+    }
+    moving = {
+        f"moving, {{}} of {len(report.moving)} in which the arm moved": [
+            run.clearance for run in report.moving if np.isfinite(run.clearance)
+        ]
+    }
+    # What was not measured has no panel.
+    panels = [panel for panel in (("references", standing), ("scenes", moving)) if any(panel[1].values())]
+    if panels:
+        figure = Figure(figsize=(6 * len(panels), 4.5), layout="constrained")
+        for axes, (counted, clearances) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+            for label, values in clearances.items():
+                if values:
+                    axes.hist(1e3 * np.array(values), bins=20, histtype="step", label=label.format(len(values)))
+            axes.axvline(0.0, color="tab:red", label="contact")
+            axes.set(xlabel="least clearance of the arm [mm]", ylabel=counted)
+            axes.legend()
+        write_figure(figure, folder / "whole_arm.png")
     switches = [
         scene for scenes in report.blocked.values() for scene in scenes
         if scene.reference is not None and scene.answer.switched
