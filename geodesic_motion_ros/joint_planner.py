@@ -11,20 +11,18 @@ Where no way is left that can be certified the arm stops along the way it was go
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.errors import RobotError
-from geodesic_motion_ros.graph.ambient import ambient_factors
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.graph.shortest_path import touched_nodes
+from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference, timed_joint_reference
-from geodesic_motion_ros.latent_way import cheapest_way, way_verdict
+from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.query import checked_pose
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
@@ -33,12 +31,13 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-#: What is tried in one tick until a curve is certified: multiples of the obstacle margin, and for each of them
-#: smoothing widths in grid steps, of the latent path and of the configurations decoded from it.
-_MARGIN_MULTIPLES = (1.0, 4.0)
-_SMOOTHING_WIDTHS = ((2.0, 2.0), (1.0, 1.0))
+#: What is tried until a curve is certified: multiples of the obstacle margin, and smoothing widths in grid steps, of
+#: the latent path and of the configurations decoded from it. Keeping further off helps more often than cutting less.
+_ATTEMPTS = ((1.0, 2.0), (4.0, 2.0), (4.0, 1.0))
+_LARGEST_MULTIPLE = 4.0
+Attempts = tuple[tuple[float, float], ...]
 #: Samples of the curve per grid step.
-_SAMPLES_PER_STEP = 2.0
+_SAMPLES_PER_STEP = 1.0
 #: A new way must take so much less time than the one being followed.
 _WORTHWHILE = 1.05
 #: Obstacles nearer than this to the way being followed make every bit of clearance a gain [m].
@@ -176,7 +175,6 @@ class JointSpacePlanner:
             self.collision.self_pairs,
         )  # fmt: skip
         self._queries = JointQueryBuilder(skill, self.graph, self.settings, self.collision)
-        self._point_radii = np.full(self.graph.body.offsets.shape[0], self.settings.body_radius)
         self._obstacles = MovingSpheres.none()
         self._goal: GoalChoice | None = None
         self._query: JointQuery | None = None
@@ -184,6 +182,7 @@ class JointSpacePlanner:
         # What was played until this began: the arm's newest state may be older than that.
         self._played_before: _Played | None = None
         self._followed: _Followed | None = None
+        self._attempted = 0
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -336,7 +335,7 @@ class JointSpacePlanner:
         if followed is not None and followed.verdict.clearance > _CLOSE and now < followed.searched + _SEARCH_PERIOD:
             self._followed = followed
             return JointPlan(None, now, followed.verdict)
-        plan = self._solve(query, state, obstacles)
+        plan = self._solve(query, state, obstacles, self._worthwhile_attempts(followed))
         if followed is not None and not self._gains(plan, followed, state):
             self._followed = replace(followed, obstacles=self._obstacles, searched=now)
             return self._continued(now, followed)
@@ -422,6 +421,16 @@ class JointSpacePlanner:
             return None
         return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
 
+    def _worthwhile_attempts(self, followed: _Followed | None) -> Attempts:
+        """All where a way has just been lost, or not been looked for yet. One where it is free, or has been lost for
+        longer: then another one in every tick."""
+        if followed is not None:
+            return _ATTEMPTS[:1]
+        if self._followed is None or self._followed.query is not self._query or self._followed.verdict.ok:
+            return _ATTEMPTS
+        self._attempted = (self._attempted + 1) % len(_ATTEMPTS)
+        return _ATTEMPTS[self._attempted :][:1]
+
     def _gains(self, plan: JointPlan, followed: _Followed, state: _State) -> bool:
         """Whether a new plan is safer than what is being played from a state on, or takes clearly less time."""
         assert self._played is not None
@@ -479,47 +488,39 @@ class JointSpacePlanner:
 
     # --------------------------------------------------------------- solve
 
-    def _solve(self, query: JointQuery, state: _State, obstacles: MovingSpheres) -> JointPlan:
-        """Reweight once; then search, smooth, decode, time and certify until an attempt is certified."""
+    def _solve(
+        self, query: JointQuery, state: _State, obstacles: MovingSpheres, attempts: Attempts = _ATTEMPTS
+    ) -> JointPlan:
+        """Search, smooth, decode, time and certify until an attempt is certified."""
         settings = self.settings
         avoided = obstacles if settings.avoidance else MovingSpheres.none()
         ends = self._end_clearance(query, state, avoided)
         if isinstance(ends, Verdict):
             return JointPlan(None, state.time, ends)
         centres, radii = avoided.swept(settings.prediction)
-        factors = np.ones((len(self.graph.latent), len(self._point_radii)))
-        factors[query.members] = ambient_factors(
-            query.body_points, self._point_radii, centres, radii,
-            settings.ambient_strength, settings.ambient_width_ratio,
+        reshaping = Reshaping.of(
+            query.body, centres, radii, settings.ambient_strength, settings.ambient_width_ratio,
+            _LARGEST_MULTIPLE * settings.obstacle_margin,
         )  # fmt: skip
-        touched = touched_nodes(factors)
-        query.graph.fill_shares(self.graph.adjacency, touched)
-        within = max(_MARGIN_MULTIPLES) * settings.obstacle_margin
-        free = np.full(len(self.graph.latent), -math.inf)
-        free[query.members] = query.arm.clearances(centres, radii, within)
-        # The goal itself was found free; its node lies under it but for rounding.
-        free[query.goal_node] = math.inf
         start = query.start_latent if state.latent is None else state.latent
         # Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
         margin = 0.0 if obstacles.stand else min(_MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
-        tried = None
-        for multiple in _MARGIN_MULTIPLES:
-            blocked = free < min(multiple * settings.obstacle_margin, 0.5 * ends)
-            if tried is not None and np.array_equal(blocked, tried):
-                break
-            tried = blocked
-            found = cheapest_way(self.graph, query, start, factors, touched, blocked)
-            if isinstance(found, Verdict):
-                return JointPlan(None, state.time, found if not verdict.reason else verdict)
-            for widths in _SMOOTHING_WIDTHS:
-                plan = self._certified(query, state, *found, obstacles, margin, widths)
-                if plan.reference is not None:
-                    return plan
-                verdict = plan.verdict
-                if math.isnan(verdict.clearance):
-                    # It could not even be timed, and what is smoothed less is not easier to time.
-                    break
+        tried: set[tuple[bytes, float]] = set()
+        for multiple, width in attempts:
+            way = cheapest_way(
+                self.graph, query, start, reshaping, min(multiple * settings.obstacle_margin, 0.5 * ends)
+            )
+            if isinstance(way, Verdict):
+                return JointPlan(None, state.time, verdict if verdict.reason else way)
+            this = way.nodes.tobytes(), width
+            if this in tried:
+                continue
+            tried.add(this)
+            plan = self._certified(query, state, way, obstacles, margin, width)
+            if plan.reference is not None:
+                return plan
+            verdict = plan.verdict
         return JointPlan(None, state.time, verdict)
 
     def _end_clearance(self, query: JointQuery, state: _State, obstacles: MovingSpheres) -> float | Verdict:
@@ -547,17 +548,16 @@ class JointSpacePlanner:
         self,
         query: JointQuery,
         state: _State,
-        polyline: np.ndarray,
-        energy: float,
+        way: LatentWay,
         obstacles: MovingSpheres,
         margin: float,
-        widths: tuple[float, float],
+        width: float,
     ) -> JointPlan:
         """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be played."""
         step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
-        latent = smooth_latent(resample_latent(polyline, step), widths[0] * _SAMPLES_PER_STEP)
+        latent = smooth_latent(resample_latent(way.polyline, step), width * _SAMPLES_PER_STEP)
         carried = query.offsets.carried(self.graph.decoder.configurations(latent), *self.graph.progress_map(latent))
-        path = smooth_latent(carried, widths[1] * _SAMPLES_PER_STEP)
+        path = smooth_latent(carried, width * _SAMPLES_PER_STEP)
         path, correction = _meeting(path, state.position, query.goal)
         reference = timed_joint_reference(path, latent, self.limits, state.velocity, state.acceleration)
         if reference is None:
@@ -566,7 +566,7 @@ class JointSpacePlanner:
         certificate = self._certify(reference, obstacles)
         objection = self._certifier.objection(certificate, margin) if self.settings.avoidance else None
         verdict = way_verdict(
-            self.skill, self.graph, query, self.graph.decoder.uncertainty(latent), energy,
+            self.skill, self.graph, query, self.graph.decoder.uncertainty(latent), way.energy,
             float(np.min(certificate.clearance)), correction,
             None if objection is None else f"on the best way {objection}",
         )  # fmt: skip

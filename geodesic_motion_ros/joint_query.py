@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 
 from geodesic_motion_ros.errors import RobotError
-from geodesic_motion_ros.graph.arm_clearance import ArmSpheres, LinkBounds
 from geodesic_motion_ros.graph.configuration_graph import CarriedConfigurations, ConfigurationGraph
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
+from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import corrections_at
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
@@ -78,20 +78,16 @@ class JointQuery:
     Attributes
     ----------
     start, goal : (eta,) the asked configurations [rad].
-    members : (c,) nodes of the connected piece that holds both ends; body_points : (c, K, 3) [m] and arm their body
-        points and collision spheres.
+    body : the arm at every node.
     """
 
     start: np.ndarray
     goal: np.ndarray
     start_latent: np.ndarray
     goal_node: int
-    members: np.ndarray
-    body_points: np.ndarray
-    arm: ArmSpheres
+    body: NodeBody
     offsets: JointOffsets
     graph: CarriedConfigurations
-    base: np.ndarray
     to_goal: np.ndarray
     misfits: dict[str, float]
     task_start: np.ndarray
@@ -109,6 +105,7 @@ class JointQueryBuilder:
         self._skill, self._graph, self._settings, self._collision = skill, graph, settings, collision
         self._robot = graph.robot
         self._links = LinkBounds.of(collision)
+        self._point_radii = np.full(len(graph.body), settings.body_radius)
         self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
         joints = len(self._robot.joint_names)
         self._unconditioned = self._along_ridges(np.zeros(joints), np.zeros(joints), conditioned=False)
@@ -314,18 +311,17 @@ class JointQueryBuilder:
         asked, along = np.stack([here.asked, there.asked]), (float(progress[0]), float(progress[1]))
         offsets = JointOffsets.between(self._robot, shown, asked, along, corrections)
         graph = self._graph.transported(offsets, conformal)
-        members = np.flatnonzero(self._graph.component == self._graph.component[there.node])
+        body = NodeBody.of_arm(
+            graph.configurations, graph.body_points, self._point_radii, self._collision, self._links, self._robot
+        )
         return JointQuery(
             start=here.asked,
             goal=there.asked,
             start_latent=here.latent,
             goal_node=there.node,
-            members=members,
-            body_points=graph.body_points[members],
-            arm=ArmSpheres.at(graph.configurations[members], self._collision, self._links, self._robot),
+            body=body,
             offsets=offsets,
             graph=graph,
-            base=graph.base,
             to_goal=cost_field(self._graph.adjacency, graph.base, there.node),
             misfits=here.misfits("start") | there.misfits("goal"),
             task_start=task_start,

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
+from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
 from geodesic_motion_ros.graph.shortest_path import shortest_path
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.skill import Skill
@@ -24,30 +26,33 @@ class WayQuery(Protocol):
     """What the search needs of a `query.Query` or a `joint_query.JointQuery`."""
 
     graph: WeightedGraph
-    base: np.ndarray
     to_goal: np.ndarray
     goal_node: int
     misfits: dict[str, float]
 
 
-def cheapest_way(
-    graph: LatentGraph,
-    query: WayQuery,
-    start: np.ndarray,
-    factors: np.ndarray,
-    touched: np.ndarray,
-    blocked: np.ndarray,
-) -> tuple[np.ndarray, float] | Verdict:
-    """Latent polyline (m, d) from a latent point (d,) to the goal's node and its largest energy per edge, or why none.
+@dataclass(frozen=True)
+class LatentWay:
+    """A way through the graph: its nodes (p,), the latent polyline (m, d), and the largest energy of one edge."""
 
-    factors, touched, blocked : (n, K), (n,), (n,) as of `graph.shortest_path.shortest_path`.
+    nodes: np.ndarray
+    polyline: np.ndarray
+    energy: float
+
+
+def cheapest_way(
+    graph: LatentGraph, query: WayQuery, start: np.ndarray, reshaping: Reshaping, margin: float
+) -> LatentWay | Verdict:
+    """The cheapest way from a latent point (d,) to the goal's node that keeps a margin [m], or why there is none.
+
+    The goal was found free before: its node lies under it but for rounding, and is not looked at again.
     """
-    source = graph.node_near(start, ~blocked, _ENTRY_STEPS)
+    source = _entry(graph, query, start, reshaping, margin)
     if source is None:
         reason = "obstacles leave no free node near the start"
         return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
     nodes, edges, cost = shortest_path(
-        graph.adjacency, query.base, query.graph.fixed, query.graph.shares, factors, touched, blocked,
+        graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, reshaping, margin,
         query.to_goal, source, query.goal_node,
     )  # fmt: skip
     if not math.isfinite(cost):
@@ -58,7 +63,20 @@ def cheapest_way(
     # The first node may lie behind the start.
     if len(points) > 1 and (points[1] - points[0]) @ (start - points[0]) > 0.0:
         points = points[1:]
-    return np.concatenate([start[None], points]), energy
+    return LatentWay(nodes, np.concatenate([start[None], points]), energy)
+
+
+def _entry(
+    graph: LatentGraph, query: WayQuery, start: np.ndarray, reshaping: Reshaping, margin: float
+) -> int | None:
+    """The nearest free node to the start from which the goal can be reached."""
+    for node in graph.nodes_near(start, _ENTRY_STEPS):
+        if not math.isfinite(query.to_goal[node]):
+            continue
+        look_at(node, reshaping)
+        if node == query.goal_node or reshaping.clearance[node] >= margin:
+            return int(node)
+    return None
 
 
 def way_verdict(

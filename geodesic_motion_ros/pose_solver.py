@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
-from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factors, clearances
+from geodesic_motion_ros.graph.ambient import clearances
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
-from geodesic_motion_ros.graph.shortest_path import touched_nodes
+from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import carried
-from geodesic_motion_ros.latent_way import cheapest_way, way_verdict
+from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
 from geodesic_motion_ros.motion_curve import MotionCurve, distinct
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
@@ -138,42 +138,21 @@ class PoseSolver:
         ends = self._end_clearance(query, start, avoided)
         if isinstance(ends, Plan):
             return ends
-        near = self._within_reach(query, avoided)
-        within = max(MARGIN_MULTIPLES) * settings.obstacle_margin
-        # Only the query's own piece of the graph can be reached.
-        factors = np.ones((len(self.graph.latent), len(self._points)))
-        factors[query.members] = ambient_factors(
-            query.body_points, self._point_radii, near.centres, near.radii,
-            settings.ambient_strength, settings.ambient_width_ratio,
+        reshaping = Reshaping.of(
+            query.body, avoided.centres, avoided.radii, settings.ambient_strength, settings.ambient_width_ratio,
+            max(MARGIN_MULTIPLES) * settings.obstacle_margin,
         )  # fmt: skip
-        touched = touched_nodes(factors)
-        query.graph.fill_shares(self.graph.adjacency, touched)
-        free = np.full(len(self.graph.latent), -math.inf)
-        free[query.members] = clearances(query.body_points, self._point_radii, near.centres, near.radii, within)
-        # The goal itself was found free; its node lies under it but for rounding.
-        free[query.goal_node] = math.inf
         for multiple in MARGIN_MULTIPLES:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
             margin = min(multiple * settings.obstacle_margin, 0.5 * ends)
-            found = cheapest_way(self.graph, query, start_latent, factors, touched, free < margin)
+            found = cheapest_way(self.graph, query, start_latent, reshaping, margin)
             if isinstance(found, Verdict):
                 return Plan(None, found)
             for widths in _SMOOTHING_WIDTHS:
-                plan = self._certified(query, start, *found, scene, widths, motion)
+                plan = self._certified(query, start, found, scene, widths, motion)
                 if plan.reference is not None or plan.turning:
                     return plan
         return plan
-
-    def _within_reach(self, query: Query, obstacles: Obstacles) -> Obstacles:
-        """Obstacles that can touch any node's ambient factor or margin; the others change nothing."""
-        settings = self.settings
-        grown = obstacles.radii + self._point_radii.max()
-        margin = max(MARGIN_MULTIPLES) * settings.obstacle_margin
-        reach = np.maximum(CUTOFF * settings.ambient_width_ratio * grown, grown + margin)
-        lower, upper = query.body_box
-        gap = np.maximum(np.maximum(lower - obstacles.centres, obstacles.centres - upper), 0.0)
-        near = np.linalg.norm(gap, axis=1) <= reach
-        return Obstacles(obstacles.centres[near], obstacles.radii[near])
 
     def _end_clearance(self, query: Query, start: Pose, obstacles: Obstacles) -> float | Plan:
         """Smaller clearance [m] of start and goal, or the refusal where one of them is covered."""
@@ -200,8 +179,7 @@ class PoseSolver:
         self,
         query: Query,
         start: Pose,
-        polyline: np.ndarray,
-        energy: float,
+        way: LatentWay,
         scene: Scene,
         widths: tuple[float, float],
         motion: Motion,
@@ -209,7 +187,7 @@ class PoseSolver:
         """Smooth, decode, transport, meet the ends exactly, judge the very curve that will be published, time it."""
         settings = self.settings
         step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
-        latent = smooth_latent(resample_latent(polyline, step), widths[0] * _SAMPLES_PER_STEP)
+        latent = smooth_latent(resample_latent(way.polyline, step), widths[0] * _SAMPLES_PER_STEP)
         decoded = self.graph.decoder.decode(latent)
         displacements = query.offsets.displacements(*self.graph.progress_map(latent))
         positions, quaternions = carried(decoded.positions, decoded.quaternions, displacements)
@@ -237,7 +215,7 @@ class PoseSolver:
         objection = None
         if settings.avoidance and nearest <= 0.0:
             objection = f"the best path would touch an obstacle (clearance {1000 * nearest:.1f} mm)"
-        verdict = way_verdict(self.skill, self.graph, query, decoded.sigma, energy, nearest, correction, objection)
+        verdict = way_verdict(self.skill, self.graph, query, decoded.sigma, way.energy, nearest, correction, objection)
         if not verdict.ok:
             return Plan(None, verdict)
         return Plan(timed_reference(curve, latent, clearance, settings.limits, motion.speed), verdict)

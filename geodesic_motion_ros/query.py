@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import Offsets, corrections_at
@@ -89,11 +90,9 @@ class Query:
     ----------
     start, goal : the asked poses; start_latent : (d,) latent point that is carried onto the start.
     goal_node : the node that is carried onto the goal.
-    members, body_points : (c,) nodes of the connected piece that holds both ends, and (c, K, 3) [m] their body points.
+    body : the tool at every node.
     offsets, graph : how the decoded graph was carried here, and what came of it.
-    base : (m,) obstacle-free lengths of the edges.
     to_goal : (n,) obstacle-free cost to the goal, the exact heuristic.
-    body_box : lower and upper corner (3,) [m] of all body points.
     misfits : how far both ends are carried, under their names in a Verdict.
     task_start, task_goal : (6,) offsets of the task's start and goal from the demonstrated means, wherever on the way
         the query begins.
@@ -104,13 +103,10 @@ class Query:
     goal: Pose
     start_latent: np.ndarray
     goal_node: int
-    members: np.ndarray
-    body_points: np.ndarray
+    body: NodeBody
     offsets: Offsets
     graph: TransportedGraph
-    base: np.ndarray
     to_goal: np.ndarray
-    body_box: tuple[np.ndarray, np.ndarray]
     misfits: dict[str, float]
     task_start: np.ndarray
     task_goal: np.ndarray
@@ -249,21 +245,15 @@ class QueryBuilder:
         corrections, conformal = along_ridges
         offsets = self._offsets(here, there, corrections)
         graph = self._graph.transported(offsets, self._points, conformal)
-        base = graph.base
-        members = np.flatnonzero(self._graph.component == self._graph.component[there.node])
-        body_points = graph.body_points[members]
         return Query(
             start=start,
             goal=goal,
             start_latent=here.latent,
             goal_node=there.node,
-            members=members,
-            body_points=body_points,
+            body=NodeBody.of_tool(graph.body_points, np.array(self._settings.tool_radii, dtype=float)),
             offsets=offsets,
             graph=graph,
-            base=base,
-            to_goal=cost_field(self._graph.adjacency, base, there.node),
-            body_box=_box(body_points),
+            to_goal=cost_field(self._graph.adjacency, graph.base, there.node),
             misfits=_misfits("start", here) | _misfits("goal", there),
             task_start=task_start,
             task_goal=there.task_offset,
@@ -289,12 +279,6 @@ class QueryBuilder:
             here.displacement - corrected[0], there.displacement - corrected[1],
             float(progress[0]), float(progress[1]), corrections,
         )  # fmt: skip
-
-
-def _box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner (3,) of points (n, K, 3); numpy is slow along short last axes."""
-    columns = np.ascontiguousarray(points.reshape(-1, 3).T)
-    return columns.min(axis=1), columns.max(axis=1)
 
 
 def _lengths(offset: np.ndarray) -> tuple[float, float]:

@@ -17,41 +17,37 @@ import numpy as np
 
 #: Distance, in Gaussian widths, at which an obstacle's influence has fallen to nothing (from 1.1 % before the shift).
 CUTOFF = 3.0
+_SHIFT = math.exp(-0.5 * CUTOFF**2)
 
 
 @numba.njit(cache=True, nogil=True)
-def ambient_factors(
-    points: np.ndarray,
-    point_radii: np.ndarray,
+def ambient_factor(
+    x: float,
+    y: float,
+    z: float,
+    point_radius: float,
     centres: np.ndarray,
     radii: np.ndarray,
     strength: float,
     width_ratio: float,
-) -> np.ndarray:
-    """Ambient factor m_k >= 1 of every body point, (n, K).
+) -> float:
+    """Ambient factor m >= 1 of a body point (x, y, z) [m].
 
     Parameters
     ----------
-    points : (n, K, 3) body points [m]; point_radii : (K,) radius [m] of the sphere that each carries.
+    point_radius : of the sphere that the point carries [m].
     centres, radii : (o, 3), (o,) obstacles [m]. The Gaussian's width is s = width_ratio (radius + point radius):
         the obstacle grown by the body, as seen by the body's centre.
     strength : zeta.
     """
-    factors = np.ones(points.shape[:2])
-    shift = math.exp(-0.5 * CUTOFF**2)
-    for k in range(points.shape[1]):
-        for o in range(len(radii)):
-            width = width_ratio * (radii[o] + point_radii[k])
-            reach = (CUTOFF * width) ** 2
-            for i in range(len(points)):
-                dx = points[i, k, 0] - centres[o, 0]
-                dy = points[i, k, 1] - centres[o, 1]
-                dz = points[i, k, 2] - centres[o, 2]
-                squared = dx * dx + dy * dy + dz * dz
-                if squared < reach:
-                    bump = math.exp(-0.5 * squared / (width * width))
-                    factors[i, k] += strength * (bump - shift) / (1.0 - shift)
-    return factors
+    factor = 1.0
+    for o in range(len(radii)):
+        width = width_ratio * (radii[o] + point_radius)
+        dx, dy, dz = x - centres[o, 0], y - centres[o, 1], z - centres[o, 2]
+        squared = dx * dx + dy * dy + dz * dz
+        if squared < (CUTOFF * width) ** 2:
+            factor += strength * (math.exp(-0.5 * squared / (width * width)) - _SHIFT) / (1.0 - _SHIFT)
+    return factor
 
 
 @numba.njit(cache=True, nogil=True)

@@ -81,17 +81,16 @@ class ConfigurationGraph(LatentGraph):
         points = place_body_points(configurations, self.body.frames, self.body.offsets, self.robot.chain)
         first, second = self.edges.T
         factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
-        turned, moved = _chord_energies(self.edges, configurations, points)
+        turned, shares = _chord_energies(self.edges, configurations, points, self._sigma_shares, factor)
+        fixed = factor * (self.metric.joint_weight**2 * turned + self._sigma_fixed)
         return CarriedConfigurations(
             edges=self.edges,
             body_points=points,
             conformal=factor,
-            fixed=factor * (self.metric.joint_weight**2 * turned + self._sigma_fixed),
-            moving=factor * (moved + self._sigma_shares.mean(axis=1)),
-            shares=np.empty(self._sigma_shares.shape),
-            filled=np.zeros(len(self.edges), dtype=bool),
+            fixed=fixed,
+            shares=shares,
+            base=np.sqrt(fixed + shares.sum(axis=1)),
             configurations=configurations,
-            _sigma_shares=self._sigma_shares,
         )
 
     def nearest_node(self, configuration: np.ndarray, component: int, sigma_limit: float) -> int | None:
@@ -116,13 +115,6 @@ class CarriedConfigurations(WeightedGraph):
     """
 
     configurations: np.ndarray
-    _sigma_shares: np.ndarray
-
-    def fill_shares(self, adjacency: Adjacency, touched: np.ndarray) -> None:
-        _fill_shares(
-            adjacency.first, adjacency.edge, touched, self.edges, self.body_points, self.conformal,
-            self._sigma_shares, self.shares, self.filled,
-        )  # fmt: skip
 
 
 def build_configuration_graph(
@@ -162,8 +154,8 @@ def build_configuration_graph(
     sigma_shares = _projected_energies(edges, jacobians, steps)
     if math.isfinite(energy_limit):
         points = place_body_points(decoded.configurations, body.frames, body.offsets, robot.chain)
-        turned, moved = _chord_energies(edges, decoded.configurations, points)
-        energy = metric.joint_weight**2 * turned + moved + sigma_fixed + sigma_shares.mean(axis=1)
+        turned, shares = _chord_energies(edges, decoded.configurations, points, sigma_shares, np.ones(len(edges)))
+        energy = metric.joint_weight**2 * turned + sigma_fixed + shares.sum(axis=1)
         usable = energy <= energy_limit
         edges, sigma_fixed, sigma_shares = edges[usable], sigma_fixed[usable], sigma_shares[usable]
     progress_map = _progress_map(codes, grid, ridges, kept)
@@ -227,47 +219,18 @@ def _projected_energies(edges: np.ndarray, jacobians: np.ndarray, steps: np.ndar
 
 @numba.njit(cache=True, nogil=True)
 def _chord_energies(
-    edges: np.ndarray, configurations: np.ndarray, points: np.ndarray
+    edges: np.ndarray, configurations: np.ndarray, points: np.ndarray, sigma_shares: np.ndarray, conformal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """|dtheta|^2 (m,) and 1/K sum_k |dp_k|^2 (m,) of every edge."""
-    turned, moved = np.zeros(len(edges)), np.zeros(len(edges))
+    """|dtheta|^2 (m,) and a_ek = conformal (|dp_k|^2 + sigma's part) / K (m, K) of every edge."""
     count = points.shape[1]
+    turned, shares = np.zeros(len(edges)), np.empty((len(edges), count))
     for e in range(len(edges)):
         u, v = edges[e, 0], edges[e, 1]
         for j in range(configurations.shape[1]):
             turned[e] += (configurations[v, j] - configurations[u, j]) ** 2
         for k in range(count):
+            squared = sigma_shares[e, k]
             for a in range(3):
-                moved[e] += (points[v, k, a] - points[u, k, a]) ** 2
-        moved[e] /= count
-    return turned, moved
-
-
-@numba.njit(cache=True, nogil=True)
-def _fill_shares(
-    first: np.ndarray,
-    edge_of: np.ndarray,
-    touched: np.ndarray,
-    edges: np.ndarray,
-    points: np.ndarray,
-    conformal: np.ndarray,
-    sigma_shares: np.ndarray,
-    shares: np.ndarray,
-    filled: np.ndarray,
-) -> None:
-    """In place, for edges at touched nodes: a_ek = conformal (|dp_k|^2 + sigma's part) / K."""
-    count = points.shape[1]
-    for node in range(len(touched)):
-        if not touched[node]:
-            continue
-        for slot in range(first[node], first[node + 1]):
-            e = edge_of[slot]
-            if filled[e]:
-                continue
-            filled[e] = True
-            u, v = edges[e, 0], edges[e, 1]
-            for k in range(count):
-                squared = sigma_shares[e, k]
-                for a in range(3):
-                    squared += (points[v, k, a] - points[u, k, a]) ** 2
-                shares[e, k] = conformal[e] * squared / count
+                squared += (points[v, k, a] - points[u, k, a]) ** 2
+            shares[e, k] = conformal[e] * squared / count
+    return turned, shares

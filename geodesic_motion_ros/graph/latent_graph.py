@@ -53,15 +53,18 @@ class LatentGraph:
 
     def node_near(self, latent: np.ndarray, allowed: np.ndarray, steps: int) -> int | None:
         """Allowed node (mask (n,)) closest to a latent point (d,), within a number of grid steps; None without one."""
+        candidates = self.nodes_near(latent, steps)
+        candidates = candidates[allowed[candidates]]
+        return int(candidates[0]) if len(candidates) else None
+
+    def nodes_near(self, latent: np.ndarray, steps: int) -> np.ndarray:
+        """Nodes (c,) within a number of grid steps of a latent point (d,), the nearest first."""
         centre = np.rint(self.grid.coordinates(latent)).astype(int)
         window = tuple(slice(max(0, c - steps), c + steps + 1) for c in centre)
         candidates = self._number[window].reshape(-1)
         candidates = candidates[candidates >= 0]
-        candidates = candidates[allowed[candidates]]
-        if len(candidates) == 0:
-            return None
         distance = np.sum(((self.latent[candidates] - latent) / self.grid.spacing) ** 2, axis=1)
-        return int(candidates[np.argmin(distance)])
+        return candidates[np.argsort(distance, kind="stable")]
 
 
 def refuse_unsupported(kept: np.ndarray, sigma_limit: float, unit: str) -> None:

@@ -16,7 +16,7 @@ from geodesic_motion_ros.graph.progress import ProgressMap
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import Offsets, carried
-from geodesic_motion_ros.graph.transported_graph import EdgeSamples, TransportedGraph, chord_energies
+from geodesic_motion_ros.graph.transported_graph import TransportedGraph, chord_energies
 
 
 @dataclass(frozen=True)
@@ -71,28 +71,24 @@ class PoseGraph(LatentGraph):
         """
         moved = offsets.displacements(self.progress, self.ridge_shares)
         positions, quaternions = carried(self.decoded.positions, self.decoded.quaternions, moved)
-        inner = offsets.displacements(self._inner_progress, self._inner_shares)
-        samples = EdgeSamples(self._inner_positions, self._inner_quaternions, inner)
-        middle = points.mean(axis=0)
+        body_points = tool_points(positions, quaternions, points)
         lengths, turns = chord_energies(
-            self.edges, positions, quaternions, samples.positions, samples.quaternions, inner,
-            middle, np.atleast_2d(np.cov(points.T, bias=True)),
+            self.edges, body_points, quaternions, self._inner_positions, self._inner_quaternions,
+            offsets.displacements(self._inner_progress, self._inner_shares), points,
         )  # fmt: skip
         first, second = self.edges.T
         factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
+        fixed = factor * (turns + self._spread_energy)
+        shares = factor[:, None] * (lengths + self._sigma_energy[:, None]) / len(points)
         return TransportedGraph(
             edges=self.edges,
-            points=points,
+            body_points=body_points,
+            conformal=factor,
+            fixed=fixed,
+            shares=shares,
+            base=np.sqrt(fixed + shares.sum(axis=1)),
             positions=positions,
             quaternions=quaternions,
-            body_points=tool_points(positions, quaternions, points),
-            conformal=factor,
-            fixed=factor * (turns + self._spread_energy),
-            moving=factor * (lengths + self._sigma_energy),
-            shares=np.empty((len(self.edges), len(points))),
-            filled=np.zeros(len(self.edges), dtype=bool),
-            _samples=samples,
-            _sigma_energy=self._sigma_energy,
         )
 
     def nearest_node(
@@ -181,10 +177,10 @@ def build_pose_graph(
 
     if math.isfinite(energy_limit):
         lengths, turns = chord_energies(
-            edges, decoded.positions, decoded.quaternions, inner_rows(inner.positions),
-            inner_rows(inner.quaternions), inner_rows(np.zeros((len(inner_latent), 6))), np.zeros(3), np.zeros((3, 3)),
+            edges, decoded.positions[:, None], decoded.quaternions, inner_rows(inner.positions),
+            inner_rows(inner.quaternions), inner_rows(np.zeros((len(inner_latent), 6))), np.zeros((1, 3)),
         )  # fmt: skip
-        usable &= lengths + turns + sigma_energy + spread_energy <= energy_limit
+        usable &= lengths[:, 0] + turns + sigma_energy + spread_energy <= energy_limit
     if clusters > 1:
         _, nearest = cKDTree(codes.reshape(-1, codes.shape[-1])).query(latent)
         cluster = nearest // (codes.shape[0] * codes.shape[1] // clusters)

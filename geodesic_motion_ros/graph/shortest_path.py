@@ -17,6 +17,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.graph.grid import Adjacency
+from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
 
 
 @numba.njit(cache=True, nogil=True)
@@ -26,18 +27,6 @@ def edge_weight(fixed: np.ndarray, shares: np.ndarray, factors: np.ndarray, edge
     for k in range(shares.shape[1]):
         squared += 0.5 * (factors[u, k] + factors[v, k]) * shares[edge, k]
     return math.sqrt(squared)
-
-
-@numba.njit(cache=True, nogil=True)
-def touched_nodes(factors: np.ndarray) -> np.ndarray:
-    """Nodes (n,) with a factor (n, K) above 1."""
-    touched = np.zeros(len(factors), dtype=np.bool_)
-    for i in range(len(factors)):
-        for k in range(factors.shape[1]):
-            if factors[i, k] > 1.0:
-                touched[i] = True
-                break
-    return touched
 
 
 @numba.njit(cache=True, nogil=True)
@@ -84,9 +73,8 @@ def _search(
     base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
-    factors: np.ndarray,
-    touched: np.ndarray,
-    blocked: np.ndarray,
+    reshaping: Reshaping | None,
+    margin: float,
     heuristic: np.ndarray,
     source: int,
     target: int,
@@ -94,8 +82,8 @@ def _search(
     """A* from source; stops when target is settled (target -1: settles everything, Dijkstra's field).
 
     Nodes with an infinite heuristic cannot reach the goal and are skipped. An edge's obstacle-free length, `base` (m,),
-    is a lower bound of its weight, and its weight where no obstacle touches its ends: the sum over body points is
-    worked out for the few edges that remain. Returns, per node, the cost (n,), the predecessor (n,) and the edge to it
+    is a lower bound of its weight, and its weight where no obstacle touches its ends: what obstacles do is worked out
+    for the few nodes and edges that remain. Returns, per node, the cost (n,), the predecessor (n,) and the edge to it
     (n,).
     """
     cost = np.full(len(first) - 1, np.inf)
@@ -105,6 +93,8 @@ def _search(
     keys = np.empty(len(neighbour) + 1)
     items = np.empty(len(neighbour) + 1, dtype=np.int32)
     cost[source] = 0.0
+    if reshaping is not None:
+        look_at(source, reshaping)
     size = _push(keys, items, 0, heuristic[source], source)
     while size > 0:
         u = items[0]
@@ -116,14 +106,18 @@ def _search(
             break
         for slot in range(first[u], first[u + 1]):
             v = neighbour[slot]
-            if settled[v] or blocked[v] or heuristic[v] == np.inf:
+            if settled[v] or heuristic[v] == np.inf:
                 continue
             edge = edge_of[slot]
             through = cost[u] + base[edge]
             if through >= cost[v]:
                 continue
-            if touched[u] or touched[v]:
-                through = cost[u] + edge_weight(fixed, shares, factors, edge, u, v)
+            if reshaping is not None:
+                look_at(v, reshaping)
+                if reshaping.clearance[v] < margin and v != target:
+                    continue
+                if reshaping.touched[u] or reshaping.touched[v]:
+                    through = cost[u] + edge_weight(fixed, shares, reshaping.factors, edge, u, v)
             if through < cost[v]:
                 cost[v] = through
                 predecessor[v] = u
@@ -132,17 +126,18 @@ def _search(
     return cost, predecessor, arrival
 
 
+_NOTHING = np.empty(0, dtype=np.int32)
+
+
 def cost_field(adjacency: Adjacency, base: np.ndarray, source: int) -> np.ndarray:
     """Obstacle-free cost (n,) between `source` and every node, infinite where there is no path (Dijkstra).
 
     It is the exact heuristic of `shortest_path`. base : (m,) obstacle-free lengths.
     """
-    nodes = len(adjacency.first) - 1
-    nowhere, nothing = np.zeros(nodes, dtype=np.bool_), np.empty((0, 0))
+    nowhere = np.zeros(len(adjacency.first) - 1)
     cost, _, _ = _search(
-        adjacency.first, adjacency.node, adjacency.edge, base, np.empty(0), nothing, nothing,
-        nowhere, nowhere, np.zeros(nodes), source, -1,
-    )  # fmt: skip
+        adjacency.first, adjacency.node, adjacency.edge, base, base, base[:, None], None, -math.inf, nowhere, source, -1
+    )
     return cost
 
 
@@ -150,10 +145,7 @@ def shortest_free_path(
     adjacency: Adjacency, base: np.ndarray, heuristic: np.ndarray, source: int, target: int
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """`shortest_path` where there is no obstacle."""
-    nowhere, nothing = np.zeros(len(heuristic), dtype=np.bool_), np.empty((0, 0))
-    return shortest_path(
-        adjacency, base, np.empty(0), nothing, nothing, nowhere, nowhere, heuristic, source, target
-    )
+    return shortest_path(adjacency, base, base, base[:, None], None, -math.inf, heuristic, source, target)
 
 
 def shortest_path(
@@ -161,9 +153,8 @@ def shortest_path(
     base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
-    factors: np.ndarray,
-    touched: np.ndarray,
-    blocked: np.ndarray,
+    reshaping: Reshaping | None,
+    margin: float,
     heuristic: np.ndarray,
     source: int,
     target: int,
@@ -175,20 +166,19 @@ def shortest_path(
     Parameters
     ----------
     base : (m,) obstacle-free lengths.
-    fixed, shares : (m,) and (m, K) squared lengths b_e and a_ek; a_ek is read at edges of touched nodes only.
-    factors : (n, K) ambient factors >= 1; touched : (n,) nodes where any of them exceeds 1, see `touched_nodes`.
-    blocked : (n,) nodes that may not be entered.
+    fixed, shares : (m,) and (m, K) squared lengths b_e and a_ek; a_ek is read at edges that obstacles touch only.
+    reshaping : the obstacles; None without any.
+    margin : nodes with less clearance [m] are not entered, but for source and target.
     heuristic : (n,) obstacle-free cost to the target; zeros make the search plain Dijkstra.
     """
-    nothing = np.empty(0, dtype=np.int32)
-    if blocked[source] or blocked[target] or not math.isfinite(heuristic[source]):
-        return nothing, nothing, math.inf
+    if not math.isfinite(heuristic[source]):
+        return _NOTHING, _NOTHING, math.inf
     cost, predecessor, arrival = _search(
-        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, factors, touched,
-        blocked, heuristic, source, target,
+        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, margin, heuristic, source,
+        target,
     )  # fmt: skip
     if not math.isfinite(cost[target]):
-        return nothing, nothing, math.inf
+        return _NOTHING, _NOTHING, math.inf
     path = [target]
     while path[-1] != source:
         path.append(predecessor[path[-1]])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factors, clearances
+from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factor, clearances
 
 POINT_RADII = np.array([0.03, 0.0])
 
@@ -13,7 +13,12 @@ def points(seed: int = 0, count: int = 500) -> np.ndarray:
 
 
 def factors(where: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
-    return ambient_factors(where, POINT_RADII, centres, radii, 1e3, 0.5)
+    return np.array(
+        [
+            [ambient_factor(*x, r, centres, radii, 1e3, 0.5) for x, r in zip(row, POINT_RADII, strict=True)]
+            for row in where
+        ]
+    )
 
 
 def test_without_obstacles_every_factor_is_exactly_one():

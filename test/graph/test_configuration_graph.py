@@ -68,16 +68,15 @@ def test_squared_lengths_are_those_of_the_pull_back_metric(reach_skill, sigma_we
     np.testing.assert_allclose(still.energies(some), np.einsum("nd,nde,ne->n", step, tensor, step), rtol=0.03)
 
 
-def test_shares_sum_to_what_moves_wherever_they_are_filled(reach_skill) -> None:
+def test_every_body_point_has_its_share_of_what_moves(reach_skill) -> None:
     graph = reach_skill.graph((30, 30, 30))
     conformal = 1.0 + np.random.default_rng(0).random(len(graph.latent))
     carried = graph.transported(JointOffsets.none(ROBOT, graph.ridge_count), conformal)
-    touched = graph.latent[:, 0] > np.median(graph.latent[:, 0])
-    carried.fill_shares(graph.adjacency, touched)
-    np.testing.assert_array_equal(carried.filled, touched[graph.edges].any(axis=1))
-    filled = carried.filled
-    np.testing.assert_allclose(carried.shares[filled].sum(axis=1), carried.moving[filled], rtol=1e-9)
-    assert carried.shares.shape[1] == carried.body_points.shape[1] == len(graph.body)
+    steps = np.diff(carried.body_points[graph.edges], axis=1)[:, 0]
+    factor = conformal[graph.edges].mean(axis=1)[:, None]
+    expected = factor * (np.sum(steps**2, axis=-1) + graph._sigma_shares) / len(graph.body)
+    np.testing.assert_allclose(carried.shares, expected, rtol=1e-9)
+    np.testing.assert_allclose(carried.base**2, carried.fixed + carried.shares.sum(axis=1), rtol=1e-12)
 
 
 def test_a_conformal_factor_stretches_squared_lengths_and_leaves_energies(reach_skill) -> None:

@@ -7,8 +7,9 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from geodesic_motion_ros.graph.ambient import ambient_factors, clearances
-from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path, touched_nodes
+from geodesic_motion_ros.graph.node_body import NodeBody
+from geodesic_motion_ros.graph.reshaping import Reshaping, look_everywhere
+from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import Offsets, carried
 
@@ -41,10 +42,6 @@ def some_factors(graph, seed: int = 0) -> np.ndarray:
     return np.exp(np.random.default_rng(seed).uniform(0.0, 2.0, len(graph.latent)))
 
 
-def everywhere(graph) -> np.ndarray:
-    return np.ones(len(graph.latent), dtype=bool)
-
-
 def test_the_ends_are_carried_exactly_and_the_graph_stays_as_it_is(graph):
     offsets = some_offsets(graph)
     before = graph.decoded.positions.copy()
@@ -71,7 +68,6 @@ def test_edges_are_the_chords_of_the_carried_samples(skill, graph, name, conform
     offsets, points = some_offsets(graph, 1), POINTS[name]
     factors = some_factors(graph) if conformal else np.ones(len(graph.latent))
     carried_graph = graph.transported(offsets, points, factors if conformal else None)
-    carried_graph.fill_shares(graph.adjacency, everywhere(graph))
     for e in np.random.default_rng(0).integers(len(graph.edges), size=20):
         ends = graph.latent[graph.edges[e]]
         latent = ends[0] + np.linspace(0.0, 1.0, 4)[:, None] * (ends[1] - ends[0])
@@ -85,38 +81,6 @@ def test_edges_are_the_chords_of_the_carried_samples(skill, graph, name, conform
         np.testing.assert_allclose(carried_graph.shares[e], factor * (chords + sigma) / len(points), rtol=1e-6)
         turn = 3.0 * np.sum(np.diff(quaternions, axis=0) ** 2) + 3.0 * np.sum(np.diff(decoded.spread) ** 2)
         assert carried_graph.fixed[e] == pytest.approx(factor * turn, rel=1e-6)
-
-
-@pytest.mark.parametrize("conformal", [False, True])
-@pytest.mark.parametrize("name", POINTS)
-def test_the_closed_form_is_the_sum_of_the_shares(graph, name, conformal):
-    factors = some_factors(graph) if conformal else None
-    carried_graph = graph.transported(some_offsets(graph, 2), POINTS[name], factors)
-    squared = carried_graph.base**2
-    carried_graph.fill_shares(graph.adjacency, everywhere(graph))
-    assert carried_graph.filled.all()
-    np.testing.assert_allclose(carried_graph.fixed + carried_graph.shares.sum(axis=1), squared, rtol=1e-8)
-
-
-def test_shares_are_filled_at_touched_nodes_only_and_only_once(graph):
-    carried_graph = graph.transported(some_offsets(graph), POINTS["three"])
-    assert not carried_graph.filled.any()
-    random = np.random.default_rng(0)
-    touched = random.random(len(graph.latent)) < 0.05
-    carried_graph.fill_shares(graph.adjacency, touched)
-    expected = touched[graph.edges].any(axis=1)
-    np.testing.assert_array_equal(carried_graph.filled, expected)
-    # What is filled is not worked out again: a mark put there stays.
-    marked = np.flatnonzero(expected)[0]
-    carried_graph.shares[marked] = -7.0
-    kept = carried_graph.shares[expected].copy()
-    carried_graph.fill_shares(graph.adjacency, touched | (random.random(len(graph.latent)) < 0.05))
-    np.testing.assert_array_equal(carried_graph.shares[expected], kept)
-    carried_graph.fill_shares(graph.adjacency, everywhere(graph))
-    whole = graph.transported(some_offsets(graph), POINTS["three"])
-    whole.fill_shares(graph.adjacency, everywhere(graph))
-    others = np.arange(len(graph.edges)) != marked
-    np.testing.assert_array_equal(carried_graph.shares[others], whole.shares[others])
 
 
 def test_energies_are_without_the_conformal_factor(graph):
@@ -141,15 +105,13 @@ def test_astar_costs_what_dijkstra_does_with_conformal_factor_and_obstacles(grap
     carried_graph = graph.transported(some_offsets(graph, seed), POINTS["three"], some_factors(graph, seed))
     radii = np.array([0.03, 0.0, 0.01])
     centres = carried_graph.body_points[random.integers(len(graph.latent), size=4), 0]
-    spheres = centres, random.uniform(0.01, 0.05, 4)
-    factors = ambient_factors(carried_graph.body_points, radii, *spheres, 1e3, 0.5)
-    blocked = clearances(carried_graph.body_points, radii, *spheres, 0.0) < 0.0
-    touched = touched_nodes(factors)
-    carried_graph.fill_shares(graph.adjacency, touched)
-    full = graph.transported(some_offsets(graph, seed), POINTS["three"], some_factors(graph, seed))
-    full.fill_shares(graph.adjacency, everywhere(graph))
+    body = NodeBody.of_tool(carried_graph.body_points, radii)
+    obstacles = centres, random.uniform(0.01, 0.05, 4), 1e3, 0.5, 0.05
+    everything = Reshaping.of(body, *obstacles)
+    look_everywhere(everything)
+    factors, blocked = everything.factors, everything.clearance < 0.0
     mean = 0.5 * (factors[graph.edges[:, 0]] + factors[graph.edges[:, 1]])
-    weights = np.sqrt(full.fixed + np.sum(mean * full.shares, axis=1))
+    weights = np.sqrt(carried_graph.fixed + np.sum(mean * carried_graph.shares, axis=1))
     free = ~blocked[graph.edges].any(axis=1)
     size = (len(graph.latent), len(graph.latent))
     matrix = coo_matrix((weights[free], tuple(graph.edges[free].T)), shape=size).tocsr()
@@ -158,8 +120,8 @@ def test_astar_costs_what_dijkstra_does_with_conformal_factor_and_obstacles(grap
     for source, target in random.choice(candidates, (4, 2), replace=False):
         field = cost_field(graph.adjacency, carried_graph.base, target)
         _, _, cost = shortest_path(
-            graph.adjacency, carried_graph.base, carried_graph.fixed, carried_graph.shares, factors, touched, blocked,
-            field, source, target,
+            graph.adjacency, carried_graph.base, carried_graph.fixed, carried_graph.shares,
+            Reshaping.of(body, *obstacles), 0.0, field, source, target,
         )  # fmt: skip
         expected = dijkstra(matrix, directed=False, indices=source)[target]
         assert cost == pytest.approx(expected, rel=1e-8)

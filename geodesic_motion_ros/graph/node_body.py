@@ -1,0 +1,96 @@
+"""The body at every node of a graph: what feels obstacles there, and what must not touch them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from geodesic_motion_ros.robot.body_points import place_body_points
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot, contiguous
+
+
+@dataclass(frozen=True)
+class LinkBounds:
+    """One sphere around all collision spheres of each of G links that joints move.
+
+    Attributes
+    ----------
+    frames : (G,) row of the link. centres : (G, 3) [m] in its frame; radii : (G,) [m].
+    first : (G + 1,) link g has the moving spheres first[g] to first[g + 1].
+    """
+
+    frames: np.ndarray
+    centres: np.ndarray
+    radii: np.ndarray
+    first: np.ndarray
+
+    @classmethod
+    def of(cls, model: CollisionModel) -> LinkBounds:
+        """The model's spheres stand link by link."""
+        frames, offsets = model.points.frames[model.moving], model.points.offsets[model.moving]
+        radii = model.radii[model.moving]
+        first = np.append(np.flatnonzero(np.diff(frames, prepend=-1)), len(frames))
+        links = list(pairwise(first))
+        centres = np.stack([offsets[a:b].mean(axis=0) for a, b in links])
+        around = [
+            float(np.max(np.linalg.norm(offsets[a:b] - centre, axis=1) + radii[a:b]))
+            for (a, b), centre in zip(links, centres, strict=True)
+        ]
+        return cls(frames[first[:-1]], centres, np.array(around), first)
+
+
+class NodeBody(NamedTuple):
+    """The body in the poses or configurations of n nodes; compiled kernels read it.
+
+    Attributes
+    ----------
+    points, point_radii : (n, K, 3), (K,) [m] body points, which feel the ambient metric.
+    spheres, sphere_radii : (n, S, 3), (S,) [m] what must stay clear of obstacles.
+    links, link_radii : (n, G, 3), (G,) [m] spheres around the spheres first[g] to first[g + 1], first (G + 1,).
+    lower, upper : (3,) [m] corners of a box that holds all of it.
+    """
+
+    points: np.ndarray
+    point_radii: np.ndarray
+    spheres: np.ndarray
+    sphere_radii: np.ndarray
+    links: np.ndarray
+    link_radii: np.ndarray
+    first: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    @classmethod
+    def of_tool(cls, points: np.ndarray, radii: np.ndarray) -> NodeBody:
+        """Spheres (n, K, 3), (K,) fixed to a tool, which feel the metric and must stay clear."""
+        alone = np.arange(len(radii) + 1)
+        return cls(points, radii, points, radii, points, radii, alone, *_box(points, radii))
+
+    @classmethod
+    def of_arm(
+        cls,
+        configurations: np.ndarray,
+        points: np.ndarray,
+        point_radii: np.ndarray,
+        model: CollisionModel,
+        bounds: LinkBounds,
+        robot: Robot,
+    ) -> NodeBody:
+        """An arm in configurations (n, eta) [rad], its body points (n, K, 3), (K,) and its moving collision spheres."""
+        placed, moving = contiguous(configurations), model.moving
+        spheres = place_body_points(placed, model.points.frames[moving], model.points.offsets[moving], robot.chain)
+        links = place_body_points(placed, bounds.frames, bounds.centres, robot.chain)
+        boxes = _box(points, point_radii), _box(links, bounds.radii)
+        return cls(
+            points, point_radii, spheres, model.radii[moving], links, bounds.radii, bounds.first,
+            np.minimum(boxes[0][0], boxes[1][0]), np.maximum(boxes[0][1], boxes[1][1]),
+        )  # fmt: skip
+
+
+def _box(centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner (3,) around spheres (n, k, 3), (k,)."""
+    return (centres.min(axis=0) - radii[:, None]).min(axis=0), (centres.max(axis=0) + radii[:, None]).max(axis=0)
