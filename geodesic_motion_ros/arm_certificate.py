@@ -23,6 +23,9 @@ from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
 
+#: Pairs of spheres are compared over so many intervals between knots at once.
+_BLOCK = 8
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -216,28 +219,33 @@ def self_clearances(
     pairs : (P, 2) of spheres that are checked against each other; the rest as in `arm_clearances`. Without pairs the
     clearance is inf and the pair -1.
     """
-    intervals = len(bulges)
+    intervals, spheres = len(bulges), len(radii)
     clearances, worst = np.full(intervals, np.inf), np.full(intervals, -1)
-    bounds, middles = np.empty(len(radii)), np.empty((len(radii), 3))
-    for i in range(intervals):
-        for s in range(len(radii)):
-            bounds[s] = radii[s] + bulges[i, s] + 0.5 * _distance(placed[i, s], placed[i + 1, s])
-            for k in range(3):
-                middles[s, k] = 0.5 * (placed[i, s, k] + placed[i + 1, s, k])
-        best = np.inf
-        pair = worst[i - 1] if i > 0 else -1
-        if pair >= 0:
-            best = _pair_clearance(i, pairs[pair], placed, bulges, radii)
+    travels, bounds = np.empty(spheres), np.empty(len(pairs))
+    for begin in range(0, intervals if len(pairs) > 0 else 0, _BLOCK):
+        end = min(begin + _BLOCK, intervals)
+        middle = (begin + end) // 2
+        for s in range(spheres):
+            travels[s] = 0.0
+            for i in range(begin, end):
+                away = max(_distance(placed[i, s], placed[middle, s]), _distance(placed[i + 1, s], placed[middle, s]))
+                travels[s] = max(travels[s], away + bulges[i, s])
         for p in range(len(pairs)):
             a, b = pairs[p, 0], pairs[p, 1]
-            far = best + bounds[a] + bounds[b]
-            dx, dy, dz = middles[a, 0] - middles[b, 0], middles[a, 1] - middles[b, 1], middles[a, 2] - middles[b, 2]
-            if dx * dx + dy * dy + dz * dz > far * far:
+            bounds[p] = _distance(placed[middle, a], placed[middle, b]) - travels[a] - travels[b] - radii[a] - radii[b]
+        # The pair that may be nearest is; most others cannot be nearer than it anywhere in the block.
+        nearest = np.argmin(bounds)
+        for i in range(begin, end):
+            clearances[i] = _pair_clearance(i, pairs[nearest], placed, bulges, radii)
+            worst[i] = nearest
+        most = np.max(clearances[begin:end])
+        for p in range(len(pairs)):
+            if bounds[p] >= most:
                 continue
-            clearance = _pair_clearance(i, pairs[p], placed, bulges, radii)
-            if clearance < best:
-                best, pair = clearance, p
-        clearances[i], worst[i] = best, pair
+            for i in range(begin, end):
+                clearance = _pair_clearance(i, pairs[p], placed, bulges, radii)
+                if clearance < clearances[i]:
+                    clearances[i], worst[i] = clearance, p
     return clearances, worst
 
 

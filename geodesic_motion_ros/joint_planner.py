@@ -42,8 +42,10 @@ _SAMPLES_PER_STEP = 1.0
 _WORTHWHILE = 1.05
 #: Obstacles nearer than this to the way being followed make every bit of clearance a gain [m].
 _CLOSE = 0.03
-#: While none is so near, faster ways are looked for so often [s].
-_SEARCH_PERIOD = 0.1
+#: While a way is free, better ones are looked for so often [s]: with obstacles near it, and without.
+_PERIOD_CLOSE, _PERIOD_FAR = 0.03, 0.1
+#: Of times [s].
+_ROUNDING = 1e-6
 #: Ways among obstacles that move are certified with this multiple of the obstacle margin, for nothing moves exactly as
 #: expected; less than that share of it must not be left of what was promised, or of that margin.
 _MOVING_MULTIPLE, _LEFT_OF_PROMISE = 2.0, 0.5
@@ -332,9 +334,11 @@ class JointSpacePlanner:
             return self._stopped(now, query)
         self._query = query
         followed = self._free_way(state, obstacles)
-        if followed is not None and followed.verdict.clearance > _CLOSE and now < followed.searched + _SEARCH_PERIOD:
-            self._followed = followed
-            return JointPlan(None, now, followed.verdict)
+        if followed is not None:
+            period = _PERIOD_CLOSE if followed.verdict.clearance <= _CLOSE else _PERIOD_FAR
+            if now < followed.searched + period - _ROUNDING:
+                self._followed = followed
+                return self._continued(now, followed)
         plan = self._solve(query, state, obstacles, self._worthwhile_attempts(followed))
         if followed is not None and not self._gains(plan, followed, state):
             self._followed = replace(followed, obstacles=self._obstacles, searched=now)

@@ -73,7 +73,7 @@ def _entry(
     for node in graph.nodes_near(start, _ENTRY_STEPS):
         if not math.isfinite(query.to_goal[node]):
             continue
-        look_at(node, reshaping)
+        look_at(np.array([node]), reshaping)
         if node == query.goal_node or reshaping.clearance[node] >= margin:
             return int(node)
     return None

@@ -29,8 +29,8 @@ class Reshaping(NamedTuple):
     strength, width_ratio : of the ambient metric, see `ambient.ambient_factor`.
     excess : no body point feels an obstacle whose surface is farther than this [m].
     within : clearances from here on are not told apart [m].
-    gaps : distance [m] of the cells (x, y, z) of a grid over the body's box from obstacles, at least; cell : their
-        side [m].
+    gaps : distance [m] of the cells (x, y, z) of a grid over the body's box from obstacles, at least; scale : cells per
+        metre.
     looked : (n,) nodes for which the following is known already.
     factors : (n, K) ambient factors of the body points; touched : (n,) whether any of them exceeds 1.
     clearance : (n,) [m] of the body, negative inside an obstacle, inf from `within` on.
@@ -44,7 +44,7 @@ class Reshaping(NamedTuple):
     excess: float
     within: float
     gaps: np.ndarray
-    cell: float
+    scale: float
     looked: np.ndarray
     factors: np.ndarray
     touched: np.ndarray
@@ -72,7 +72,7 @@ class Reshaping(NamedTuple):
         reach = max(excess, within + float(np.max(body.link_radii, initial=0.0)))
         gaps = _gaps(body.lower, np.floor(sides / cell).astype(np.int64) + 1, cell, centres, radii, reach)
         return cls(
-            body, centres, radii, float(strength), float(width_ratio), excess, float(within), gaps, cell,
+            body, centres, radii, float(strength), float(width_ratio), excess, float(within), gaps, 1.0 / cell,
             np.zeros(nodes, dtype=np.bool_), np.empty((nodes, points)), np.empty(nodes, dtype=np.bool_),
             np.empty(nodes),
         )  # fmt: skip
@@ -102,50 +102,81 @@ def _gaps(
     return result
 
 
-@numba.njit(cache=True, nogil=True)
-def look_at(node: int, reshaping: Reshaping) -> None:
-    """Work out what obstacles do to a node, where that has not been done yet."""
-    if reshaping.looked[node]:
-        return
-    reshaping.looked[node] = True
-    body, gaps, centres, radii = reshaping.body, reshaping.gaps, reshaping.centres, reshaping.radii
-    lower, scale = body.lower, 1.0 / reshaping.cell
-    touched = False
-    for k in range(body.points.shape[1]):
-        x, y, z = body.points[node, k, 0], body.points[node, k, 1], body.points[node, k, 2]
-        gap = gaps[int((x - lower[0]) * scale), int((y - lower[1]) * scale), int((z - lower[2]) * scale)]
-        factor = 1.0
-        if gap < reshaping.excess:
-            radius = body.point_radii[k]
-            factor = ambient_factor(x, y, z, radius, centres, radii, reshaping.strength, reshaping.width_ratio)
-        reshaping.factors[node, k] = factor
-        touched = touched or factor > 1.0
-    reshaping.touched[node] = touched
+@numba.njit(cache=True, nogil=True, inline="always")
+def _gap(x: float, y: float, z: float, lower: np.ndarray, scale: float, gaps: np.ndarray) -> float:
+    """Of the cell that holds a point of the body's box."""
+    # Unsigned: compiled code need not look for negative indices.
+    return gaps[np.uint32((x - lower[0]) * scale), np.uint32((y - lower[1]) * scale), np.uint32((z - lower[2]) * scale)]
 
-    clearance, within = math.inf, reshaping.within
-    for g in range(len(body.link_radii)):
-        x, y, z = body.links[node, g, 0], body.links[node, g, 1], body.links[node, g, 2]
-        gap = gaps[int((x - lower[0]) * scale), int((y - lower[1]) * scale), int((z - lower[2]) * scale)]
-        if gap >= body.link_radii[g] + within:
-            continue
-        for o in range(len(radii)):
-            dx, dy, dz = x - centres[o, 0], y - centres[o, 1], z - centres[o, 2]
-            reach = body.link_radii[g] + radii[o] + min(within, clearance)
-            if reach <= 0.0 or dx * dx + dy * dy + dz * dz >= reach * reach:
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def look(
+    node: int,
+    points: np.ndarray,
+    point_radii: np.ndarray,
+    spheres: np.ndarray,
+    sphere_radii: np.ndarray,
+    links: np.ndarray,
+    link_radii: np.ndarray,
+    first: np.ndarray,
+    lower: np.ndarray,
+    centres: np.ndarray,
+    radii: np.ndarray,
+    strength: float,
+    width_ratio: float,
+    excess: float,
+    within: float,
+    gaps: np.ndarray,
+    scale: float,
+    looked: np.ndarray,
+    factors: np.ndarray,
+    touched: np.ndarray,
+    clearance: np.ndarray,
+) -> None:
+    """Work out what obstacles do to a node, where that has not been done yet. For use within compiled loops.
+
+    The parameters are the entries of `Reshaping` and of its body. They come one by one because compiled code counts
+    references to all arrays of a tuple each time it reads one: that costs five times as much as what is done here.
+    """
+    if not looked[node]:
+        looked[node] = True
+        touched[node] = False
+        for k in range(points.shape[1]):
+            x, y, z = points[node, k, 0], points[node, k, 1], points[node, k, 2]
+            factors[node, k] = 1.0
+            if _gap(x, y, z, lower, scale, gaps) < excess:
+                factors[node, k] = ambient_factor(x, y, z, point_radii[k], centres, radii, strength, width_ratio)
+                touched[node] = touched[node] or factors[node, k] > 1.0
+        nearest = math.inf
+        for g in range(links.shape[1]):
+            x, y, z = links[node, g, 0], links[node, g, 1], links[node, g, 2]
+            if _gap(x, y, z, lower, scale, gaps) >= link_radii[g] + within:
                 continue
-            for s in range(body.first[g], body.first[g + 1]):
-                both = body.sphere_radii[s] + radii[o]
-                dx = body.spheres[node, s, 0] - centres[o, 0]
-                dy = body.spheres[node, s, 1] - centres[o, 1]
-                dz = body.spheres[node, s, 2] - centres[o, 2]
-                squared = dx * dx + dy * dy + dz * dz
-                if squared < (both + within) ** 2:
-                    clearance = min(clearance, math.sqrt(squared) - both)
-    reshaping.clearance[node] = clearance
+            for o in range(len(radii)):
+                dx, dy, dz = x - centres[o, 0], y - centres[o, 1], z - centres[o, 2]
+                reach = link_radii[g] + radii[o] + min(within, nearest)
+                if reach <= 0.0 or dx * dx + dy * dy + dz * dz >= reach * reach:
+                    continue
+                for s in range(first[g], first[g + 1]):
+                    both = sphere_radii[s] + radii[o]
+                    dx = spheres[node, s, 0] - centres[o, 0]
+                    dy = spheres[node, s, 1] - centres[o, 1]
+                    dz = spheres[node, s, 2] - centres[o, 2]
+                    squared = dx * dx + dy * dy + dz * dz
+                    if squared < (both + within) ** 2:
+                        nearest = min(nearest, math.sqrt(squared) - both)
+        clearance[node] = nearest
 
 
 @numba.njit(cache=True, nogil=True)
-def look_everywhere(reshaping: Reshaping) -> None:
-    """Work out what obstacles do to every node."""
-    for node in range(len(reshaping.looked)):
-        look_at(node, reshaping)
+def look_at(nodes: np.ndarray, reshaping: Reshaping) -> None:
+    """Work out what obstacles do to some nodes (k,)."""
+    (
+        (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
+        centres, radii, strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+    ) = reshaping  # fmt: skip
+    for node in nodes:
+        look(
+            node, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii, strength,
+            width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+        )  # fmt: skip

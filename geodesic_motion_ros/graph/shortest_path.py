@@ -17,7 +17,8 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.graph.grid import Adjacency
-from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
+from geodesic_motion_ros.graph.heap import TAKEN, WAITING, put, take
+from geodesic_motion_ros.graph.reshaping import Reshaping, look, look_at
 
 
 @numba.njit(cache=True, nogil=True)
@@ -30,44 +31,8 @@ def edge_weight(fixed: np.ndarray, shares: np.ndarray, factors: np.ndarray, edge
 
 
 @numba.njit(cache=True, nogil=True)
-def _push(keys: np.ndarray, items: np.ndarray, size: int, key: float, item: int) -> int:
-    """Add to a binary min-heap held in two arrays; returns the new size."""
-    child = size
-    while child > 0:
-        parent = (child - 1) // 2
-        if keys[parent] <= key:
-            break
-        keys[child] = keys[parent]
-        items[child] = items[parent]
-        child = parent
-    keys[child] = key
-    items[child] = item
-    return size + 1
-
-
-@numba.njit(cache=True, nogil=True)
-def _drop_smallest(keys: np.ndarray, items: np.ndarray, size: int) -> int:
-    """Remove the root of the heap; returns the new size."""
-    size -= 1
-    key, item = keys[size], items[size]
-    parent = 0
-    while 2 * parent + 1 < size:
-        child = 2 * parent + 1
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        keys[parent] = keys[child]
-        items[parent] = items[child]
-        parent = child
-    keys[parent] = key
-    items[parent] = item
-    return size
-
-
-@numba.njit(cache=True, nogil=True)
 def _search(
-    first: np.ndarray,
+    first_slot: np.ndarray,
     neighbour: np.ndarray,
     edge_of: np.ndarray,
     base: np.ndarray,
@@ -86,43 +51,44 @@ def _search(
     for the few nodes and edges that remain. Returns, per node, the cost (n,), the predecessor (n,) and the edge to it
     (n,).
     """
-    cost = np.full(len(first) - 1, np.inf)
-    predecessor = np.full(len(first) - 1, -1, dtype=np.int32)
-    arrival = np.full(len(first) - 1, -1, dtype=np.int32)
-    settled = np.zeros(len(first) - 1, dtype=np.bool_)
-    keys = np.empty(len(neighbour) + 1)
-    items = np.empty(len(neighbour) + 1, dtype=np.int32)
-    cost[source] = 0.0
+    count = len(first_slot) - 1
+    cost = np.full(count, np.inf)
+    predecessor, arrival = np.full(count, -1, dtype=np.int32), np.full(count, -1, dtype=np.int32)
+    keys, items, place = np.empty(count), np.empty(count, dtype=np.int32), np.full(count, WAITING, dtype=np.int32)
     if reshaping is not None:
-        look_at(source, reshaping)
-    size = _push(keys, items, 0, heuristic[source], source)
+        (
+            (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
+            centres, radii, strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+        ) = reshaping  # fmt: skip
+    cost[source] = 0.0
+    size = put(keys, items, place, 0, source, heuristic[source])
     while size > 0:
         u = items[0]
-        size = _drop_smallest(keys, items, size)
-        if settled[u]:
-            continue
-        settled[u] = True
+        size = take(keys, items, place, size)
         if u == target:
             break
-        for slot in range(first[u], first[u + 1]):
+        for slot in range(first_slot[u], first_slot[u + 1]):
             v = neighbour[slot]
-            if settled[v] or heuristic[v] == np.inf:
+            if place[v] == TAKEN or heuristic[v] == np.inf:
                 continue
             edge = edge_of[slot]
             through = cost[u] + base[edge]
             if through >= cost[v]:
                 continue
             if reshaping is not None:
-                look_at(v, reshaping)
-                if reshaping.clearance[v] < margin and v != target:
+                look(
+                    v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
+                    strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+                )  # fmt: skip
+                if clearance[v] < margin and v != target:
                     continue
-                if reshaping.touched[u] or reshaping.touched[v]:
-                    through = cost[u] + edge_weight(fixed, shares, reshaping.factors, edge, u, v)
+                if touched[u] or touched[v]:
+                    through = cost[u] + edge_weight(fixed, shares, factors, edge, u, v)
             if through < cost[v]:
                 cost[v] = through
                 predecessor[v] = u
                 arrival[v] = edge
-                size = _push(keys, items, size, through + heuristic[v], v)
+                size = put(keys, items, place, size, v, through + heuristic[v])
     return cost, predecessor, arrival
 
 
@@ -173,6 +139,8 @@ def shortest_path(
     """
     if not math.isfinite(heuristic[source]):
         return _NOTHING, _NOTHING, math.inf
+    if reshaping is not None:
+        look_at(np.array([source]), reshaping)
     cost, predecessor, arrival = _search(
         adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, margin, heuristic, source,
         target,

@@ -7,7 +7,7 @@ import pytest
 
 from geodesic_motion_ros.graph.ambient import ambient_factor, clearances
 from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
-from geodesic_motion_ros.graph.reshaping import Reshaping, look_at, look_everywhere
+from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -32,7 +32,7 @@ def obstacles(count: int, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
 def test_factors_and_clearances_are_those_of_all_pairs(count: int, within: float) -> None:
     arm, (centres, radii) = body(), obstacles(count)
     reshaping = Reshaping.of(arm, centres, radii, 1e3, 0.5, within)
-    look_everywhere(reshaping)
+    look_at(np.arange(len(reshaping.looked)), reshaping)
     expected = [
         [ambient_factor(*x, r, centres, radii, 1e3, 0.5) for x, r in zip(node, arm.point_radii, strict=True)]
         for node in arm.points
@@ -55,8 +55,8 @@ def test_obstacles_out_of_reach_are_left_out() -> None:
 
 def test_a_node_is_looked_at_once_and_alone() -> None:
     reshaping = Reshaping.of(body(), *obstacles(12), 1e3, 0.5, 0.1)
-    look_at(7, reshaping)
+    look_at(np.array([7]), reshaping)
     assert np.flatnonzero(reshaping.looked).tolist() == [7]
     reshaping.factors[7] = -1.0
-    look_at(7, reshaping)
+    look_at(np.array([7]), reshaping)
     assert np.all(reshaping.factors[7] == -1.0)

@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.node_body import NodeBody
-from geodesic_motion_ros.graph.reshaping import Reshaping, look_everywhere
+from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
 from geodesic_motion_ros.graph.shortest_path import (
     cost_field,
     edge_weight,
@@ -44,7 +44,7 @@ class Scene:
 
     def oracle(self, reshaping: Reshaping, margin: float, source: int, target: int) -> float:
         """Dijkstra's cost on the fully reweighted graph without the nodes that are too near."""
-        look_everywhere(reshaping)
+        look_at(np.arange(len(reshaping.looked)), reshaping)
         mean = 0.5 * (reshaping.factors[self.edges[:, 0]] + reshaping.factors[self.edges[:, 1]])
         weights = np.sqrt(self.fixed + np.sum(mean * self.shares, axis=1))
         entered = reshaping.clearance >= margin
@@ -93,7 +93,7 @@ def test_the_obstacle_free_field_is_a_consistent_heuristic_under_obstacles():
     scene = Scene(3, (20, 20), 16)
     field = cost_field(scene.adjacency, scene.base, 7)
     reshaping = scene.reshaped(6)
-    look_everywhere(reshaping)
+    look_at(np.arange(len(reshaping.looked)), reshaping)
     weights = [
         edge_weight(scene.fixed, scene.shares, reshaping.factors, e, u, v) for e, (u, v) in enumerate(scene.edges)
     ]
@@ -151,7 +151,7 @@ def test_shares_of_edges_that_no_obstacle_touches_are_never_read():
     scene = Scene(2, (20, 20), 16)
     reshaping = scene.reshaped(3)
     expected = scene.solve(reshaping, 0.0, 200, 11)
-    look_everywhere(reshaping)
+    look_at(np.arange(len(reshaping.looked)), reshaping)
     untouched = ~reshaping.touched[scene.edges].any(axis=1)
     assert 0 < np.count_nonzero(untouched) < len(untouched)
     scene.shares[untouched] = np.nan
