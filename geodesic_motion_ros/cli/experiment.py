@@ -111,9 +111,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
     )  # fmt: skip
     whole_arm.add_argument(
-        "--parts", type=_parts, default="one way,all ways,elbow,moving", metavar="PART,PART", help="what is measured"
-    )
-    whole_arm.add_argument("--scenes", type=int, default=40, help="of standing spheres, in each part")
+        "--parts", type=_parts, default="tubes,one way,all ways,elbow,moving", metavar="PART,PART",
+        help="what is measured",
+    )  # fmt: skip
+    whole_arm.add_argument("--scenes", type=int, default=40, help="of standing spheres, or of none, in each part")
     whole_arm.add_argument("--moving-scenes", type=int, default=40, help="of moving spheres")
     whole_arm.add_argument("--seed", type=int, default=0, help="of the scenes")
     whole_arm.add_argument("--processes", type=int, default=1, help="that play scenes of moving spheres")

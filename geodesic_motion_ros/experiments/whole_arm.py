@@ -1,6 +1,6 @@
-"""Whole-arm avoidance on one joint-space skill, in parts: spheres that stand on the arm's way, and spheres that move.
+"""The whole arm on one joint-space skill, in parts: nothing in its way, spheres that stand there, spheres that move.
 
-What each part asks, and how it is judged, is told in `blocked_arm.py` and `moving_spheres.py`.
+What each part asks, and how it is judged, is told in `tubes.py`, `blocked_arm.py` and `moving_spheres.py`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from tqdm import tqdm
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.blocked_arm import KINDS, BlockedScene, BlockedWays, Kind, every
 from geodesic_motion_ros.experiments.moving_spheres import MovingScene, play_moving_scenes
+from geodesic_motion_ros.experiments.tubes import TubeWay, tube_way
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.plots import write_figure
@@ -26,8 +28,8 @@ from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 
-Part = Literal["one way", "all ways", "elbow", "moving"]
-PARTS: tuple[Part, ...] = (*KINDS, "moving")
+Part = Literal["tubes", "one way", "all ways", "elbow", "moving"]
+PARTS: tuple[Part, ...] = ("tubes", *KINDS, "moving")
 #: Postures of each way in the picture, and the camera.
 _POSTURES, _VIEW = 5, "front"
 _TOOL_COLOUR, _ELBOW_COLOUR = (0.16, 0.50, 0.73), (0.93, 0.58, 0.12)
@@ -35,7 +37,7 @@ _TOOL_COLOUR, _ELBOW_COLOUR = (0.16, 0.50, 0.73), (0.93, 0.58, 0.12)
 
 @dataclass(frozen=True)
 class WholeArmSettings:
-    """Which parts, how many scenes of standing spheres each, and how many of moving ones.
+    """Which parts, how many scenes of standing spheres, or of none, each, and how many of moving ones.
 
     `seed` is of the scenes. `processes` play scenes of moving spheres at once, which does not change them.
     """
@@ -63,8 +65,18 @@ class WholeArmReport:
     """All scenes of the parts that were asked for."""
 
     settings: WholeArmSettings
+    tubes: list[TubeWay]
     blocked: dict[Kind, list[BlockedScene]]
     moving: list[MovingScene] = field(repr=False)
+
+    def tube_summary(self) -> dict[str, int]:
+        """The figures of ways without obstacles."""
+        return {
+            "pairs": len(self.tubes),
+            "in_their_own_familys_tube": sum(way.own for way in self.tubes),
+            "in_one_tube": sum(way.kept for way in self.tubes),
+            "no_way": sum(bool(way.reason) for way in self.tubes),
+        }
 
     def blocked_summary(self, kind: Kind) -> dict[str, float | int | None]:
         """The figures of one kind of standing spheres."""
@@ -116,6 +128,8 @@ class WholeArmReport:
     def as_dict(self) -> dict[str, Any]:
         """What `--json` writes."""
         content: dict[str, Any] = {"settings": asdict(self.settings)}
+        if self.tubes:
+            content["tubes"] = {"summary": self.tube_summary(), "pairs": [asdict(way) for way in self.tubes]}
         for kind, scenes in self.blocked.items():
             content[kind] = {"summary": self.blocked_summary(kind), "scenes": [_told(scene) for scene in scenes]}
         if self.moving:
@@ -126,6 +140,9 @@ class WholeArmReport:
     def table(self) -> str:
         """The tables as plain text, with what was declared infeasible and why."""
         said = []
+        if self.tubes:
+            rows = [[name.replace("_", " "), value] for name, value in self.tube_summary().items()]
+            said.append(text_table(["nothing in the way", ""], rows, 0))
         if self.blocked:
             head = [
                 "standing spheres", "scenes", "switched", "same family", "infeasible", "hits", "least mm", "median mm",
@@ -152,6 +169,11 @@ def measure_whole_arm(
     """
     if skill.space != "joint":
         raise ParameterError(f"'{skill.name}' is a skill of {skill.space} space: this experiment is of joint space")
+    tubes = []
+    if "tubes" in settings.parts:
+        planner = JointSpacePlanner(skill, settings.planner)
+        pairs = tqdm(range(settings.blocked_scenes), desc="tubes", unit="pair", disable=not show_progress)
+        tubes = [tube_way(planner, number, settings.seed) for number in pairs]
     blocked: dict[Kind, list[BlockedScene]] = {}
     kinds = [kind for kind in KINDS if kind in settings.parts]
     if kinds:
@@ -164,7 +186,7 @@ def measure_whole_arm(
         moving = play_moving_scenes(
             skill, settings.planner, settings.moving_scenes, settings.seed, settings.processes, show_progress
         )
-    return WholeArmReport(settings, blocked, moving)
+    return WholeArmReport(settings, tubes, blocked, moving)
 
 
 def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:

@@ -18,6 +18,7 @@ from geodesic_motion_ros.experiments.moving_spheres import (
     MovingStage,
     draw_spheres,
 )
+from geodesic_motion_ros.experiments.tubes import tube_way
 from geodesic_motion_ros.experiments.whole_arm import (
     WholeArmReport,
     WholeArmSettings,
@@ -49,7 +50,16 @@ def stage(reach_skill: Skill) -> MovingStage:
 def report(ways: BlockedWays, stage: MovingStage) -> WholeArmReport:
     settings = WholeArmSettings(blocked_scenes=2, moving_scenes=1, planner=COARSE)
     blocked = {kind: [ways.scene(kind, number, 0) for number in range(2)] for kind in ("one way", "all ways", "elbow")}
-    return WholeArmReport(settings, blocked, [stage.scene(0)])
+    tubes = [tube_way(stage.planner, number, 0) for number in range(4)]
+    return WholeArmReport(settings, tubes, blocked, [stage.scene(0)])
+
+
+def test_ways_keep_to_one_tube_whose_it_is(report) -> None:
+    assert [way.family for way in report.tubes] == [0, 1, 0, 1]
+    assert all(way.kept and not way.reason for way in report.tubes)
+    # Both families share starts and goals, and one of them is cheaper: the control that ways of others are told apart.
+    assert {way.own for way in report.tubes} == {True, False}
+    assert report.tube_summary() == {"pairs": 4, "in_their_own_familys_tube": 2, "in_one_tube": 4, "no_way": 0}
 
 
 def test_another_family_is_taken_where_one_is_blocked(report, ways) -> None:
@@ -126,6 +136,7 @@ def test_who_is_to_blame_for_a_contact_is_told(stage) -> None:
 
 def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     content = json.loads(write_json(tmp_path / "whole_arm.json", report.as_dict()).read_text())
+    assert content["tubes"]["summary"]["pairs"] == len(content["tubes"]["pairs"]) == 4
     assert content["one way"]["summary"]["switched"] == 2
     assert content["elbow"]["summary"]["hand_only_hits"] == 2
     assert content["moving"]["summary"]["contacts_moving"] == 0
@@ -144,7 +155,7 @@ def test_the_picture_shows_the_sphere_in_its_lower_row_alone(report) -> None:
 
 @pytest.mark.parametrize(
     ("wrong", "said"),
-    [({"parts": ("all",)}, "choose from one way"), ({"parts": ()}, "choose from"), ({"seed": -1}, "negative"),
+    [({"parts": ("all",)}, "choose from tubes"), ({"parts": ()}, "choose from"), ({"seed": -1}, "negative"),
      ({"blocked_scenes": 0}, "at least 1")],
 )  # fmt: skip
 def test_impossible_settings_are_refused(wrong, said) -> None:
