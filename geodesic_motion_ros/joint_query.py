@@ -89,6 +89,8 @@ class JointQuery:
     offsets: JointOffsets
     graph: CarriedConfigurations
     to_goal: np.ndarray
+    from_start: np.ndarray
+    cost_limit: float
     misfits: dict[str, float]
     task_start: np.ndarray
     task_goal: np.ndarray
@@ -111,6 +113,7 @@ class JointQueryBuilder:
         self._unconditioned = self._along_ridges(np.zeros(joints), np.zeros(joints), conditioned=False)
         still = graph.transported(JointOffsets.none(self._robot, graph.ridge_count), self._unconditioned[1])
         self._unmoved = still.base
+        self._shown_cost = graph.shown_cost(self._unmoved, skill.codes)
         self._fields: dict[int, np.ndarray] = {}
         self._poles = {end: self._find_poles(end) for end in ("start", "goal")}
         self._tool_positions, self._tool_quaternions = end_effector_poses(graph.configurations, self._robot.chain)
@@ -311,6 +314,7 @@ class JointQueryBuilder:
         asked, along = np.stack([here.asked, there.asked]), (float(progress[0]), float(progress[1]))
         offsets = JointOffsets.between(self._robot, shown, asked, along, corrections)
         graph = self._graph.transported(offsets, conformal)
+        to_goal = cost_field(self._graph.adjacency, graph.base, there.node)
         body = NodeBody.of_arm(
             graph.configurations, graph.body_points, self._point_radii, self._collision, self._links, self._robot
         )
@@ -322,7 +326,9 @@ class JointQueryBuilder:
             body=body,
             offsets=offsets,
             graph=graph,
-            to_goal=cost_field(self._graph.adjacency, graph.base, there.node),
+            to_goal=to_goal,
+            from_start=cost_field(self._graph.adjacency, graph.base, here.node),
+            cost_limit=self._settings.cost_cap * max(self._shown_cost, float(to_goal[here.node])),
             misfits=here.misfits("start") | there.misfits("goal"),
             task_start=task_start,
             task_goal=there.task_offset,

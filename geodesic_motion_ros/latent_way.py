@@ -11,7 +11,7 @@ import numpy as np
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
-from geodesic_motion_ros.graph.shortest_path import shortest_path
+from geodesic_motion_ros.graph.shortest_path import shortest_path_from_both_ends
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -27,6 +27,8 @@ class WayQuery(Protocol):
 
     graph: WeightedGraph
     to_goal: np.ndarray
+    from_start: np.ndarray
+    cost_limit: float
     goal_node: int
     misfits: dict[str, float]
 
@@ -45,15 +47,16 @@ def cheapest_way(
 ) -> LatentWay | Verdict:
     """The cheapest way from a latent point (d,) to the goal's node that keeps a margin [m], or why there is none.
 
-    The goal was found free before: its node lies under it but for rounding, and is not looked at again.
+    Ways that cost more than the query's limit are none: they would lead all along obstacles, or far around them. The
+    goal was found free before: its node lies under it but for rounding, and is not looked at again.
     """
     source = _entry(graph, query, start, reshaping, margin)
     if source is None:
         reason = "obstacles leave no free node near the start"
         return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
-    nodes, edges, cost = shortest_path(
+    nodes, edges, cost = shortest_path_from_both_ends(
         graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, reshaping, margin,
-        query.to_goal, source, query.goal_node,
+        query.to_goal, query.from_start, source, query.goal_node, query.cost_limit,
     )  # fmt: skip
     if not math.isfinite(cost):
         reason = "obstacles block every way to the goal that was demonstrated"

@@ -21,6 +21,7 @@ class SearchSettings:
     obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
     ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + body radius), of the soft metric.
     ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
+    cost_cap : ways that cost more than so many times what a demonstration costs without obstacles count as blocked.
     query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.
     avoidance : False ignores obstacles altogether; for control experiments only.
     grid_shape, neighbours : of the latent graph; None: the skill's own.
@@ -30,6 +31,7 @@ class SearchSettings:
     ambient_strength: float = 1000.0
     ambient_width_ratio: float = 0.5
     ridge_strength: float = 1.0
+    cost_cap: float = 20.0
     query_conditioning: bool = True
     avoidance: bool = True
     grid_shape: tuple[int, ...] | None = None

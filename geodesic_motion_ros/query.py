@@ -92,7 +92,8 @@ class Query:
     goal_node : the node that is carried onto the goal.
     body : the tool at every node.
     offsets, graph : how the decoded graph was carried here, and what came of it.
-    to_goal : (n,) obstacle-free cost to the goal, the exact heuristic.
+    to_goal, from_start : (n,) obstacle-free cost to the goal's node, and from the start's: the search's heuristics.
+    cost_limit : ways that cost more count as blocked.
     misfits : how far both ends are carried, under their names in a Verdict.
     task_start, task_goal : (6,) offsets of the task's start and goal from the demonstrated means, wherever on the way
         the query begins.
@@ -107,6 +108,8 @@ class Query:
     offsets: Offsets
     graph: TransportedGraph
     to_goal: np.ndarray
+    from_start: np.ndarray
+    cost_limit: float
     misfits: dict[str, float]
     task_start: np.ndarray
     task_goal: np.ndarray
@@ -132,6 +135,8 @@ class QueryBuilder:
                 self._poles[end] = latent, node
         self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
         self._unconditioned = self._along_ridges(np.zeros(6), np.zeros(6), conditioned=False)
+        unmoved = graph.transported(Offsets.none(graph.ridge_count), self._points, self._unconditioned[1])
+        self._shown_cost = graph.shown_cost(unmoved.base, skill.codes)
 
     # ------------------------------------------------------------------ ends
 
@@ -245,6 +250,7 @@ class QueryBuilder:
         corrections, conformal = along_ridges
         offsets = self._offsets(here, there, corrections)
         graph = self._graph.transported(offsets, self._points, conformal)
+        to_goal = cost_field(self._graph.adjacency, graph.base, there.node)
         return Query(
             start=start,
             goal=goal,
@@ -253,7 +259,9 @@ class QueryBuilder:
             body=NodeBody.of_tool(graph.body_points, np.array(self._settings.tool_radii, dtype=float)),
             offsets=offsets,
             graph=graph,
-            to_goal=cost_field(self._graph.adjacency, graph.base, there.node),
+            to_goal=to_goal,
+            from_start=cost_field(self._graph.adjacency, graph.base, here.node),
+            cost_limit=self._settings.cost_cap * max(self._shown_cost, float(to_goal[here.node])),
             misfits=_misfits("start", here) | _misfits("goal", there),
             task_start=task_start,
             task_goal=there.task_offset,

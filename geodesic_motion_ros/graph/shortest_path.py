@@ -92,6 +92,86 @@ def _search(
     return cost, predecessor, arrival
 
 
+@numba.njit(cache=True, nogil=True)
+def _search_from_both_ends(
+    first_slot: np.ndarray,
+    neighbour: np.ndarray,
+    edge_of: np.ndarray,
+    base: np.ndarray,
+    fixed: np.ndarray,
+    shares: np.ndarray,
+    reshaping: Reshaping,
+    margin: float,
+    to_target: np.ndarray,
+    from_landmark: np.ndarray,
+    source: int,
+    target: int,
+    cap: float,
+) -> tuple[float, int, np.ndarray, np.ndarray]:
+    """Bidirectional A* (W. Pijls and H. Post, "Yet another bidirectional algorithm for finding the shortest path",
+    technical report EI 2009-10, Erasmus University Rotterdam, 2009).
+
+    Both searches settle a node only once, whichever comes first. A node that one of them takes is rejected where no
+    path through it can be cheaper than the best so far: its cost and what the other side still costs at least. Returns
+    the cost, the node where both halves of the path meet (-1 where none is cheaper than the cap), and per side and node
+    (2, n) the predecessor and the edge to it.
+    """
+    count = len(first_slot) - 1
+    cost = np.full((2, count), np.inf)
+    predecessor, arrival = np.full((2, count), -1, dtype=np.int32), np.full((2, count), -1, dtype=np.int32)
+    keys, items = np.empty((2, count)), np.empty((2, count), dtype=np.int32)
+    place = np.full((2, count), WAITING, dtype=np.int32)
+    (
+        (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
+        centres, radii, strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+    ) = reshaping  # fmt: skip
+    at_source, size, bound = from_landmark[source], np.zeros(2, dtype=np.int64), np.zeros(2)
+    best, meeting = cap, -1
+    for side, end in enumerate((source, target)):
+        cost[side, end] = 0.0
+        bound[side] = to_target[source] if side == 0 else abs(from_landmark[target] - at_source)
+        size[side] = put(keys[side], items[side], place[side], 0, end, bound[side])
+    if source == target:
+        best, meeting = 0.0, source
+    while size[0] > 0 and size[1] > 0:
+        side = 0 if size[0] <= size[1] else 1
+        other = 1 - side
+        u, bound[side] = items[side, 0], keys[side, 0]
+        size[side] = take(keys[side], items[side], place[side], size[side])
+        if bound[side] >= best:
+            break
+        if place[other, u] == TAKEN:
+            continue
+        rest = abs(from_landmark[u] - at_source) if side == 0 else to_target[u]
+        if cost[side, u] + bound[other] - rest >= best:
+            continue
+        for slot in range(first_slot[u], first_slot[u + 1]):
+            v = neighbour[slot]
+            if place[0, v] == TAKEN or place[1, v] == TAKEN or to_target[v] == np.inf:
+                continue
+            edge = edge_of[slot]
+            ahead = to_target[v] if side == 0 else abs(from_landmark[v] - at_source)
+            through = cost[side, u] + base[edge]
+            if through >= cost[side, v] or through + ahead >= best:
+                continue
+            look(
+                v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
+                strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+            )  # fmt: skip
+            if clearance[v] < margin and v != source and v != target:
+                continue
+            if touched[u] or touched[v]:
+                through = cost[side, u] + edge_weight(fixed, shares, factors, edge, u, v)
+            if through < cost[side, v] and through + ahead < best:
+                cost[side, v] = through
+                predecessor[side, v] = u
+                arrival[side, v] = edge
+                size[side] = put(keys[side], items[side], place[side], size[side], v, through + ahead)
+                if through + cost[other, v] < best:
+                    best, meeting = through + cost[other, v], v
+    return best, meeting, predecessor, arrival
+
+
 _NOTHING = np.empty(0, dtype=np.int32)
 
 
@@ -147,8 +227,51 @@ def shortest_path(
     )  # fmt: skip
     if not math.isfinite(cost[target]):
         return _NOTHING, _NOTHING, math.inf
-    path = [target]
-    while path[-1] != source:
-        path.append(predecessor[path[-1]])
-    nodes = np.array(path[::-1], dtype=np.int32)
-    return nodes, arrival[nodes[1:]], float(cost[target])
+    nodes, edges = _traced(predecessor, arrival, target, source)
+    return np.array(nodes[::-1], dtype=np.int32), np.array(edges[::-1], dtype=np.int32), float(cost[target])
+
+
+def shortest_path_from_both_ends(
+    adjacency: Adjacency,
+    base: np.ndarray,
+    fixed: np.ndarray,
+    shares: np.ndarray,
+    reshaping: Reshaping,
+    margin: float,
+    to_target: np.ndarray,
+    from_landmark: np.ndarray,
+    source: int,
+    target: int,
+    cap: float = math.inf,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """`shortest_path` by bidirectional A*: the same cost, and fewer nodes reached where obstacles stand on the path.
+
+    Parameters
+    ----------
+    to_target : (n,) obstacle-free cost to the target.
+    from_landmark : (n,) obstacle-free cost to some node that the source can reach, the nearer to it the better: by the
+        triangle inequality the source is no nearer to a node than the difference of their costs.
+    cap : only paths that are cheaper count.
+    """
+    if not math.isfinite(to_target[source]):
+        return _NOTHING, _NOTHING, math.inf
+    look_at(np.array([source, target]), reshaping)
+    cost, meeting, predecessor, arrival = _search_from_both_ends(
+        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, margin, to_target,
+        from_landmark, source, target, cap,
+    )  # fmt: skip
+    if meeting < 0:
+        return _NOTHING, _NOTHING, math.inf
+    there, edges_there = _traced(predecessor[0], arrival[0], meeting, source)
+    back, edges_back = _traced(predecessor[1], arrival[1], meeting, target)
+    nodes = np.array([*there[::-1], *back[1:]], dtype=np.int32)
+    return nodes, np.array([*edges_there[::-1], *edges_back], dtype=np.int32), float(cost)
+
+
+def _traced(predecessor: np.ndarray, arrival: np.ndarray, node: int, end: int) -> tuple[list[int], list[int]]:
+    """The nodes from one back to an end, and the edges between them."""
+    nodes, edges = [node], []
+    while nodes[-1] != end:
+        edges.append(arrival[nodes[-1]])
+        nodes.append(predecessor[nodes[-1]])
+    return nodes, edges
