@@ -13,6 +13,7 @@ from geodesic_motion_ros.graph.shortest_path import (
     edge_weight,
     shortest_free_path,
     shortest_path,
+    shortest_path_from_both_ends,
 )
 
 
@@ -89,6 +90,47 @@ def test_the_cost_is_that_of_dijkstra(seed, shape, neighbours):
             assert costs == pytest.approx([scene.oracle(reshaping, margin, source, target)] * 2, rel=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize(("shape", "neighbours"), SHAPES)
+def test_from_both_ends_the_cost_is_the_same(seed, shape, neighbours):
+    scene = Scene(seed, shape, neighbours)
+    for obstacles in (0, 1, 5):
+        reshaping = scene.reshaped(obstacles)
+        source, target, landmark = scene.random.choice(len(scene.points), 3, replace=False)
+        to_target = cost_field(scene.adjacency, scene.base, target)
+        for margin in (0.0, 0.05):
+            expected = scene.oracle(reshaping, margin, source, target)
+            for near in (source, landmark):
+                unseen = scene.among(reshaping.centres, reshaping.radii)
+                graph = scene.adjacency, scene.base, scene.fixed, scene.shares, unseen, margin
+                ends = to_target, cost_field(scene.adjacency, scene.base, near), source, target
+                nodes, edges, cost = shortest_path_from_both_ends(*graph, *ends)
+                assert cost == pytest.approx(expected, rel=1e-9)
+                if not np.isfinite(cost):
+                    continue
+                assert (nodes[0], nodes[-1]) == (source, target)
+                assert np.all(unseen.clearance[nodes[1:-1]] >= margin)
+                along = [
+                    edge_weight(scene.fixed, scene.shares, unseen.factors, e, u, v)
+                    for e, u, v in zip(edges, nodes[:-1], nodes[1:], strict=True)
+                ]
+                assert sum(along) == pytest.approx(cost, rel=1e-12)
+                assert np.isinf(shortest_path_from_both_ends(*graph, *ends, cap=cost * (1.0 - 1e-9))[2])
+                again = shortest_path_from_both_ends(*graph, *ends, cap=cost * (1.0 + 1e-9))[2]
+                assert again == pytest.approx(cost, rel=1e-12)
+
+
+def test_from_both_ends_an_enclosed_goal_is_found_out_soon():
+    scene = Scene(0, (60, 60), 8)
+    target = len(scene.points) // 2
+    around = scene.adjacency.node[scene.adjacency.first[target] : scene.adjacency.first[target + 1]]
+    fields = (cost_field(scene.adjacency, scene.base, end) for end in (target, 0))
+    wall = scene.among(scene.points[around, 0], np.full(len(around), 1e-3))
+    graph = scene.adjacency, scene.base, scene.fixed, scene.shares, wall, 0.0
+    assert np.isinf(shortest_path_from_both_ends(*graph, *fields, 0, target)[2])
+    assert np.count_nonzero(wall.looked) < 0.1 * len(wall.looked)
+
+
 def test_the_obstacle_free_field_is_a_consistent_heuristic_under_obstacles():
     scene = Scene(3, (20, 20), 16)
     field = cost_field(scene.adjacency, scene.base, 7)
@@ -127,6 +169,10 @@ def test_no_way_through_a_wall_is_said():
 def test_a_path_from_a_node_to_itself_is_that_node():
     scene = Scene(0, (10, 10), 8)
     nodes, edges, cost = scene.solve(scene.reshaped(0), 0.0, 4, 4)
+    assert (nodes.tolist(), len(edges), cost) == ([4], 0, 0.0)
+    field = cost_field(scene.adjacency, scene.base, 4)
+    graph = scene.adjacency, scene.base, scene.fixed, scene.shares, scene.reshaped(0), 0.0
+    nodes, edges, cost = shortest_path_from_both_ends(*graph, field, field, 4, 4)
     assert (nodes.tolist(), len(edges), cost) == ([4], 0, 0.0)
 
 
