@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate
+from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.reshaping import Reshaping
@@ -184,6 +185,8 @@ class JointSpacePlanner:
         # What was played until this began: the arm's newest state may be older than that.
         self._played_before: _Played | None = None
         self._followed: _Followed | None = None
+        # The query for which there was no way the last time, and the attempt that was made then.
+        self._without_way: JointQuery | None = None
         self._attempted = 0
         self._warm_up()
 
@@ -318,8 +321,12 @@ class JointSpacePlanner:
             return None
         return self._played.reference, self._played.begin
 
-    def tick(self, now: float) -> JointPlan:
-        """One step of the stream at `now` [s]: what is to be played, and the verdict."""
+    def tick(self, now: float, deadline: Deadline = NEVER) -> JointPlan:
+        """One step of the stream at `now` [s]: what is to be played, and the verdict.
+
+        DEADLINE_MISSED where the deadline did not leave time for all that could be tried: then the arm stops along its
+        way, and the next ticks go on trying.
+        """
         if self._played is None:
             return JointPlan(None, now, Verdict(VerdictCode.STALE_STATE, "where the arm stands is not known yet"))
         if self._goal is None:
@@ -339,10 +346,11 @@ class JointSpacePlanner:
             if now < followed.searched + period - _ROUNDING:
                 self._followed = followed
                 return self._continued(now, followed)
-        plan = self._solve(query, state, obstacles, self._worthwhile_attempts(followed))
+        plan = self._solve(query, state, obstacles, self._worthwhile_attempts(followed), deadline)
         if followed is not None and not self._gains(plan, followed, state):
             self._followed = replace(followed, obstacles=self._obstacles, searched=now)
             return self._continued(now, followed)
+        self._without_way = query if plan.reference is None else None
         if plan.reference is None:
             return self._stopped(now, plan.verdict)
         self._followed = _Followed(query, plan.verdict, self._obstacles, now, plan.verdict.clearance)
@@ -426,11 +434,11 @@ class JointSpacePlanner:
         return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
 
     def _worthwhile_attempts(self, followed: _Followed | None) -> Attempts:
-        """All where a way has just been lost, or not been looked for yet. One where it is free, or has been lost for
-        longer: then another one in every tick."""
+        """All where a way has just been lost, or not been looked for yet. One where it is free, or there was none the
+        last time: then another one in every tick."""
         if followed is not None:
             return _ATTEMPTS[:1]
-        if self._followed is None or self._followed.query is not self._query or self._followed.verdict.ok:
+        if self._query is not self._without_way:
             return _ATTEMPTS
         self._attempted = (self._attempted + 1) % len(_ATTEMPTS)
         return _ATTEMPTS[self._attempted :][:1]
@@ -493,9 +501,14 @@ class JointSpacePlanner:
     # --------------------------------------------------------------- solve
 
     def _solve(
-        self, query: JointQuery, state: _State, obstacles: MovingSpheres, attempts: Attempts = _ATTEMPTS
+        self,
+        query: JointQuery,
+        state: _State,
+        obstacles: MovingSpheres,
+        attempts: Attempts = _ATTEMPTS,
+        deadline: Deadline = NEVER,
     ) -> JointPlan:
-        """Search, smooth, decode, time and certify until an attempt is certified."""
+        """Search, smooth, decode, time and certify until an attempt is certified, or the deadline has passed."""
         settings = self.settings
         avoided = obstacles if settings.avoidance else MovingSpheres.none()
         ends = self._end_clearance(query, state, avoided)
@@ -511,7 +524,10 @@ class JointSpacePlanner:
         margin = 0.0 if obstacles.stand else min(_MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         tried: set[tuple[bytes, float]] = set()
-        for multiple, width in attempts:
+        for number, (multiple, width) in enumerate(attempts):
+            if number > 0 and deadline.passed:
+                reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
+                return JointPlan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
             way = cheapest_way(
                 self.graph, query, start, reshaping, min(multiple * settings.obstacle_margin, 0.5 * ends)
             )

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.planner_settings import PlannerSettings
@@ -172,8 +173,12 @@ class ReactivePlanner:
 
     # ------------------------------------------------------------- planning
 
-    def tick(self, position: np.ndarray, quaternion: np.ndarray, speed: float = 0.0) -> Plan:
+    def tick(
+        self, position: np.ndarray, quaternion: np.ndarray, speed: float = 0.0, deadline: Deadline = NEVER
+    ) -> Plan:
         """One step of the stream: reference from the present commanded pose to the goal, and the verdict.
+
+        DEADLINE_MISSED where the deadline left no time for all that could be tried, and nothing else is certified.
 
         Parameters
         ----------
@@ -185,7 +190,8 @@ class ReactivePlanner:
         if self._goal is None:
             return refusal(VerdictCode.NO_GOAL, "no goal has been given")
         scene = self._scene
-        plan = self._tick_in_task(_to_task(scene.frame, start), self._goal_in_task(scene.frame), scene, speed)
+        here, goal = _to_task(scene.frame, start), self._goal_in_task(scene.frame)
+        plan = self._tick_in_task(here, goal, scene, speed, deadline)
         return plan.in_base(scene.frame)
 
     def _goal_in_task(self, frame: TaskFrame) -> Pose:
@@ -193,7 +199,7 @@ class ReactivePlanner:
         pose, in_task_frame = self._goal
         return pose if in_task_frame else _to_task(frame, pose)
 
-    def _tick_in_task(self, start: Pose, goal: Pose, scene: Scene, speed: float) -> Plan:
+    def _tick_in_task(self, start: Pose, goal: Pose, scene: Scene, speed: float, deadline: Deadline) -> Plan:
         motion = self._motion(start, speed)
         kept = self._kept(motion, scene)
         if kept is not None:
@@ -205,7 +211,7 @@ class ReactivePlanner:
                 return Plan(self._braking(start, scene.in_task, speed), query)
             self._query, latent = query, query.start_latent
         assert self._query is not None
-        plan = self._chosen(self._solver.solve(self._query, start, latent, scene, motion), motion, scene)
+        plan = self._chosen(self._solver.solve(self._query, start, latent, scene, motion, deadline), motion, scene)
         if plan.reference is not None and plan.reference.strain > _STRAIN:
             plan = self._stop_first(plan, start, scene, speed)
         if not plan.verdict.ok:

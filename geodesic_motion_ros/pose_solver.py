@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
+from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.ambient import clearances
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.reshaping import Reshaping
@@ -131,8 +132,16 @@ class PoseSolver:
 
     # --------------------------------------------------------------- solve
 
-    def solve(self, query: Query, start: Pose, start_latent: np.ndarray, scene: Scene, motion: Motion) -> Plan:
-        """Reweight once; then search, smooth, decode, certify and time until an attempt is certified."""
+    def solve(
+        self,
+        query: Query,
+        start: Pose,
+        start_latent: np.ndarray,
+        scene: Scene,
+        motion: Motion,
+        deadline: Deadline = NEVER,
+    ) -> Plan:
+        """Search, smooth, decode, certify and time until an attempt is certified, or the deadline has passed."""
         settings, obstacles = self.settings, scene.in_task
         avoided = obstacles if settings.avoidance else Obstacles.none()
         ends = self._end_clearance(query, start, avoided)
@@ -142,6 +151,7 @@ class PoseSolver:
             query.body, avoided.centres, avoided.radii, settings.ambient_strength, settings.ambient_width_ratio,
             max(MARGIN_MULTIPLES) * settings.obstacle_margin,
         )  # fmt: skip
+        plan: Plan | None = None
         for multiple in MARGIN_MULTIPLES:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
             margin = min(multiple * settings.obstacle_margin, 0.5 * ends)
@@ -149,9 +159,13 @@ class PoseSolver:
             if isinstance(found, Verdict):
                 return Plan(None, found)
             for widths in _SMOOTHING_WIDTHS:
+                if plan is not None and deadline.passed:
+                    reason = f"out of time: {plan.verdict.reason}"
+                    return Plan(None, replace(plan.verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
                 plan = self._certified(query, start, found, scene, widths, motion)
                 if plan.reference is not None or plan.turning:
                     return plan
+        assert plan is not None
         return plan
 
     def _end_clearance(self, query: Query, start: Pose, obstacles: Obstacles) -> float | Plan:

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.joint_planner import JointPlan, JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.verdict import VerdictCode
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 PERIOD = 0.01
 #: A graph that stands sooner than the default one.
@@ -137,6 +138,26 @@ def test_an_elbow_that_is_in_the_way_goes_on_the_other_side(stream, nominal, on_
     assert clearance(geometry, dense(nominal), on_elbow) < -0.03
     measured = clearance(geometry, dense(plan.reference), on_elbow)
     assert 0.0 < plan.verdict.clearance <= measured + 1e-4
+
+
+def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start, goal, monkeypatch) -> None:
+    """Only the last attempt is let through: with time it is made at once, without it in a later tick."""
+    planner, certified = stream.planner, stream.planner._certified
+
+    def picky(query, state, way, obstacles, margin, width):
+        plan = certified(query, state, way, obstacles, margin, width)
+        return plan if width == 1.0 else JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, "not this"))
+
+    monkeypatch.setattr(planner, "_certified", picky)
+    missed, *later = (planner.tick(number * PERIOD, Deadline(-np.inf)) for number in range(4))
+    assert missed.verdict.code is VerdictCode.DEADLINE_MISSED
+    assert "out of time after 1 of 3 attempts: not this" in missed.verdict.reason
+    assert missed.reference is None
+    assert VerdictCode.OK in [plan.verdict.code for plan in later]
+
+    stream.stand_at(start)
+    planner.set_goal_configuration(goal)
+    assert planner.tick(0.0, Deadline(np.inf)).verdict.ok
 
 
 def test_without_avoidance_or_with_the_hand_alone_the_elbow_hits(

@@ -29,7 +29,8 @@ BULLET = re.compile(r"pybullet(_data)?(\.|$)")
 UPPER = re.compile(rf"{PACKAGE}\.(manifold|experiments|cli)(\.|$)")
 MAY_TRAIN = {"manifold", "experiments", "cli"}
 GROUND = {
-    "graph", "robot", "skill", "sheet", "joint_sheet", "regression", "quaternions", "errors", "verdict", "shared_files",
+    "graph", "robot", "skill", "sheet", "joint_sheet", "regression", "quaternions", "errors", "verdict", "deadline",
+    "shared_files",
 }  # fmt: skip
 RUN = {
     *GROUND, "planner", "planner_settings", "query", "task_frame", "reference", "motion_curve", "time_law",

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.planner import Plan, PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.quaternions import angle_between, normalise
 from geodesic_motion_ros.reference import ReferenceFollower
-from geodesic_motion_ros.verdict import VerdictCode
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 PERIOD = 0.01
 NOTHING = (np.empty((0, 3)), np.empty(0))
@@ -185,6 +186,27 @@ def test_a_blocked_stream_holds_and_goes_on_when_the_way_is_free(planner):
     assert set(held) == {VerdictCode.NO_FEASIBLE_PATH}
     assert set(moved) == {VerdictCode.OK}
     np.testing.assert_allclose(follower.position, planner.skill.goal_pose[:3], atol=1e-6)
+
+
+def test_out_of_time_no_further_attempt_is_made(planner, monkeypatch):
+    """A first attempt that fails is followed by another, but for the deadline."""
+    certified, refused = planner._solver._certified, []
+
+    def picky(*arguments):
+        if not refused:
+            refused.append(arguments)
+            return Plan(None, Verdict(VerdictCode.NO_FEASIBLE_PATH, "not this one"))
+        return certified(*arguments)
+
+    start, goal = planner.skill.start_pose, planner.skill.goal_pose
+    planner.set_goal(goal[:3], goal[3:])
+    monkeypatch.setattr(planner._solver, "_certified", picky)
+    plan = planner.tick(start[:3], start[3:], 0.0, Deadline(-np.inf))
+    assert plan.verdict.code is VerdictCode.DEADLINE_MISSED
+    assert plan.verdict.reason == "out of time: not this one"
+    assert plan.reference is None
+    refused.clear()
+    assert planner.tick(start[:3], start[3:], 0.0, Deadline(np.inf)).verdict.ok
 
 
 def test_a_stream_blocked_in_motion_comes_to_rest_along_its_path_without_overlap(planner):

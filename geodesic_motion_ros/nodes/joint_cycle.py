@@ -22,9 +22,8 @@ class JointCycle(StreamCycle[np.ndarray]):
 
     Parameters
     ----------
-    state_timeout, resume_timeout : as of `StreamCycle`.
+    state_timeout, resume_timeout, clock : as of `StreamCycle`.
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
-    clock : tells the time that `CycleInputs.steady` is of [s].
     """
 
     def __init__(
@@ -35,10 +34,9 @@ class JointCycle(StreamCycle[np.ndarray]):
         tracking_tolerance: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        super().__init__("joint_trajectory", state_timeout, resume_timeout)
+        super().__init__("joint_trajectory", state_timeout, resume_timeout, clock)
         self.planner = planner
         self.tracking_tolerance = tracking_tolerance
-        self._clock = clock
         self._now = 0.0
         self._stood = False
         self._standing: JointPlan | None = None
@@ -54,8 +52,9 @@ class JointCycle(StreamCycle[np.ndarray]):
         if verdict.ok and self._displaced:
             reason = "a skill of joint space cannot follow a task frame that is not the base frame"
             verdict = Verdict(VerdictCode.BAD_INPUT, reason)
-        plan = self.planner.tick(self._now) if verdict.ok else self.planner.stop(self._now, verdict)
-        return self._output(plan)
+        if not verdict.ok:
+            return self._output(self.planner.stop(self._now, verdict))
+        return self._output(self.planner.tick(self._now, self._deadline(inputs, period)))
 
     def _output(self, plan: JointPlan) -> CycleOutput:
         # Where the arm was found elsewhere, what was being played must not go on.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -21,7 +23,7 @@ class PlanningCycle(StreamCycle[Pose]):
 
     Parameters
     ----------
-    state_timeout, resume_timeout : as of `StreamCycle`.
+    state_timeout, resume_timeout, clock : as of `StreamCycle`.
     tracking_tolerance, tracking_tolerance_angle : [m], [rad] largest distance between measured and
         commanded pose.
     """
@@ -33,8 +35,9 @@ class PlanningCycle(StreamCycle[Pose]):
         resume_timeout: float,
         tracking_tolerance: float,
         tracking_tolerance_angle: float,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        super().__init__("target_pose", state_timeout, resume_timeout)
+        super().__init__("target_pose", state_timeout, resume_timeout, clock)
         self.planner = planner
         self.follower = ReferenceFollower(planner.settings.speed)
         self.tracking_tolerance = tracking_tolerance
@@ -47,7 +50,7 @@ class PlanningCycle(StreamCycle[Pose]):
     def _command(self, verdict: Verdict, inputs: CycleInputs[Pose], period: float) -> CycleOutput:
         now = self.follower.position, self.follower.quaternion, self.follower.speed
         if verdict.ok:
-            plan = self.planner.tick(*now)
+            plan = self.planner.tick(*now, self._deadline(inputs, period))
             verdict, reference = plan.verdict, plan.reference
         else:
             reference = self.planner.stop(*now)

@@ -8,12 +8,15 @@ the next goal sets it moving again.
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.reference import TaskSpaceReference
@@ -23,6 +26,8 @@ Pose = tuple[np.ndarray, np.ndarray]
 #: Where the arm is: a tool pose, or a configuration (eta,) [rad].
 Place = TypeVar("Place", Pose, np.ndarray)
 
+#: Share of a period after which a tick begins nothing new: what it has begun then ends within the period.
+DEADLINE_SHARE = 0.5
 #: An arm that was lost rests when it has stayed this long [s] near one place.
 REST_TIME = 0.5
 
@@ -109,10 +114,18 @@ class StreamCycle(ABC, Generic[Place]):
     state_timeout : [s] a joint state older than this stops the arm.
     resume_timeout : [s] when the state returns after less than this, the motion resumes; after more, the goal is
         dropped.
+    clock : tells the time that `CycleInputs.steady` is of [s].
     """
 
-    def __init__(self, command_topic: str, state_timeout: float, resume_timeout: float) -> None:
+    def __init__(
+        self,
+        command_topic: str,
+        state_timeout: float,
+        resume_timeout: float,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._command_topic = command_topic
+        self._clock = clock
         self.state_timeout = state_timeout
         self.resume_timeout = resume_timeout
         self._goal_number = 0
@@ -129,6 +142,9 @@ class StreamCycle(ABC, Generic[Place]):
         obstacles_taken = self._take_obstacles(inputs)
         verdict = self._ready(inputs, period)
         return self._command(obstacles_taken if verdict.ok else verdict, inputs, period)
+
+    def _deadline(self, inputs: CycleInputs[Place], period: float) -> Deadline:
+        return Deadline(inputs.steady + DEADLINE_SHARE * period, self._clock)
 
     # ------------------------------------------- what differs between the kinds of skill
 

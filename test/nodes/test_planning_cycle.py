@@ -33,7 +33,8 @@ def cycle(planner) -> PlanningCycle:
     planner.clear_goal()
     planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
     return PlanningCycle(
-        planner, state_timeout=0.1, resume_timeout=1.0, tracking_tolerance=0.05, tracking_tolerance_angle=0.3
+        planner, state_timeout=0.1, resume_timeout=1.0, tracking_tolerance=0.05, tracking_tolerance_angle=0.3,
+        clock=lambda: 0.0,
     )
 
 
