@@ -6,8 +6,9 @@ instant, by at most max |p''| h^2 / 8. With r_j the lever of joint j (how far th
     |p''| <= sum_j r_j |q''_j| + sum_ij r_max(i,j) |q'_i| |q'_j|,
 
 because d^2 p / dq_i dq_j = a_i x (a_j x (p - o_j)) for joints i <= j of axes (o, a). Velocities and accelerations are
-bounded by the control points of the quintics that are played (`quintic.py`). Straight segments have exact distances,
-also relative to an obstacle that itself moves linearly.
+bounded by the control points of the quintics that are played (`quintic.py`). Straight segments have exact distances
+from spheres, also relative to one that itself moves linearly, and distances from solids and clouds that are a
+millimetre too small at most.
 """
 
 from __future__ import annotations
@@ -18,10 +19,13 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from geodesic_motion_ros.distance_field import field_approach
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
+from geodesic_motion_ros.solids import bounding_radii, solid_approach
 
 #: Pairs of spheres are compared over so many intervals between knots at once.
 _BLOCK = 8
@@ -67,18 +71,25 @@ class ArmCertifier:
     def certify(
         self,
         reference: JointReference,
-        centres: np.ndarray,
-        obstacle_radii: np.ndarray,
-        obstacle_velocities: np.ndarray,
+        obstacles: Obstacles,
         horizon: float,
     ) -> Certificate:
-        """The certificate of a reference among obstacles (o, ...) as `arm_clearances` takes them."""
+        """The certificate of a reference among obstacles, which move linearly for `horizon` [s] and then stand."""
         times = reference.times
         _, largest = quintic_bounds(times, reference.positions, reference.velocities, reference.accelerations)
         bulges = sphere_bulges(times, largest[0], largest[1], self._levers)
         placed = place_body_points(contiguous(reference.positions), self._frames, self._offsets, self._robot.chain)
-        obstacles = (np.array(part, dtype=float) for part in (centres, obstacle_radii, obstacle_velocities))
-        clearance, sphere = arm_clearances(times, placed, bulges, self._radii, self._moving, *obstacles, horizon)
+        clearance, sphere = arm_clearances(
+            times, placed, bulges, self._radii, self._moving, obstacles.centres, obstacles.radii, obstacles.velocities,
+            horizon,
+        )  # fmt: skip
+        if len(obstacles.solids):
+            lower_by_solids(
+                times, placed, bulges, self._radii, self._moving, obstacles.solids, bounding_radii(obstacles.solids),
+                obstacles.solid_velocities, horizon, clearance, sphere,
+            )  # fmt: skip
+        if obstacles.cloud.squares.size:
+            lower_by_cloud(placed, bulges, self._radii, self._moving, *obstacles.cloud, clearance, sphere)
         return Certificate(times, clearance, sphere, *self_clearances(placed, bulges, self._radii, self._pairs))
 
     def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
@@ -208,6 +219,71 @@ def arm_clearances(
                     best, sphere, obstacle = clearance, s, o
         clearances[i], worst[i] = best, sphere
     return clearances, worst
+
+
+@numba.njit(cache=True, nogil=True)
+def lower_by_solids(
+    times: np.ndarray,
+    placed: np.ndarray,
+    bulges: np.ndarray,
+    radii: np.ndarray,
+    spheres: np.ndarray,
+    solids: np.ndarray,
+    sizes: np.ndarray,
+    solid_velocities: np.ndarray,
+    horizon: float,
+    clearances: np.ndarray,
+    worst: np.ndarray,
+) -> None:
+    """Take account of solids (b, 16), with velocities (b, 3) [m/s], in what `arm_clearances` has returned.
+
+    sizes : (b,) radii of spheres around the solids [m]; the rest as in `arm_clearances`.
+    """
+    begin, end = np.empty(3), np.empty(3)
+    for i in range(len(times) - 1):
+        first, last = min(times[i], horizon), min(times[i + 1], horizon)
+        turn = (last - first) * (times[i + 1] - last) / (times[i + 1] - times[i])
+        for b in range(len(solids)):
+            speed = math.sqrt(solid_velocities[b, 0] ** 2 + solid_velocities[b, 1] ** 2 + solid_velocities[b, 2] ** 2)
+            for s in spheres:
+                # The solid stands, and the sphere moves relative to it.
+                away, way = 0.0, 0.0
+                for k in range(3):
+                    begin[k] = placed[i, s, k] - first * solid_velocities[b, k]
+                    end[k] = placed[i + 1, s, k] - last * solid_velocities[b, k]
+                    away += (0.5 * (begin[k] + end[k]) - solids[b, k]) ** 2
+                    way += (end[k] - begin[k]) ** 2
+                inside = radii[s] + bulges[i, s] + turn * speed
+                far = clearances[i] + inside + sizes[b] + 0.5 * math.sqrt(way)
+                if far <= 0.0 or away > far * far:
+                    continue
+                clearance = solid_approach(begin, end, solids, b, clearances[i] + inside) - inside
+                if clearance < clearances[i]:
+                    clearances[i], worst[i] = clearance, s
+
+
+@numba.njit(cache=True, nogil=True)
+def lower_by_cloud(
+    placed: np.ndarray,
+    bulges: np.ndarray,
+    radii: np.ndarray,
+    spheres: np.ndarray,
+    squares: np.ndarray,
+    placing: np.ndarray,
+    clearances: np.ndarray,
+    worst: np.ndarray,
+) -> None:
+    """Take account of a cloud, the parts of a `DistanceField`, in what `arm_clearances` has returned.
+
+    The cloud stands; the rest as in `arm_clearances`.
+    """
+    for i in range(len(placed) - 1):
+        for s in spheres:
+            inside = radii[s] + bulges[i, s]
+            worth = clearances[i] + inside
+            clearance = field_approach(placed[i, s], placed[i + 1, s], squares, placing, worth) - inside
+            if clearance < clearances[i]:
+                clearances[i], worst[i] = clearance, s
 
 
 @numba.njit(cache=True, nogil=True)

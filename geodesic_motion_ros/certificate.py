@@ -7,7 +7,10 @@ import math
 import numba
 import numpy as np
 
+from geodesic_motion_ros.distance_field import field_approach
 from geodesic_motion_ros.motion_curve import MotionCurve
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.solids import solid_approach
 
 
 @numba.njit(cache=True, nogil=True)
@@ -26,13 +29,8 @@ def segment_distance(begin: np.ndarray, end: np.ndarray, point: np.ndarray) -> f
     return math.sqrt(squared)
 
 
-@numba.njit(cache=True, nogil=True)
 def curve_clearances(
-    points: np.ndarray,
-    point_radii: np.ndarray,
-    allowances: np.ndarray,
-    centres: np.ndarray,
-    radii: np.ndarray,
+    points: np.ndarray, point_radii: np.ndarray, allowances: np.ndarray, obstacles: Obstacles
 ) -> np.ndarray:
     """Guaranteed clearance [m] of every stretch between successive samples, (n - 1,); inf without obstacles.
 
@@ -40,16 +38,40 @@ def curve_clearances(
     ----------
     points : (n, K, 3) body points [m] at the samples; point_radii : (K,) [m].
     allowances : (n - 1, K) how far [m] a body point may leave the straight segment between two samples.
-    centres, radii : (o, 3), (o,) obstacles [m].
+    obstacles : where they stand.
 
-    The distance is that of the whole segment, less the allowance: a lower bound of the true clearance.
+    The distance is that of the whole segment, less the allowance: a lower bound of the true clearance. From a point
+    cloud it is told up to the reach of its field.
     """
+    return _curve_clearances(
+        points, point_radii, allowances, obstacles.centres, obstacles.radii, obstacles.solids, *obstacles.cloud
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _curve_clearances(
+    points: np.ndarray,
+    point_radii: np.ndarray,
+    allowances: np.ndarray,
+    centres: np.ndarray,
+    radii: np.ndarray,
+    solids: np.ndarray,
+    squares: np.ndarray,
+    placing: np.ndarray,
+) -> np.ndarray:
     result = np.full(len(points) - 1, np.inf)
     for i in range(len(points) - 1):
         for k in range(points.shape[1]):
             for o in range(len(radii)):
                 distance = segment_distance(points[i, k], points[i + 1, k], centres[o])
                 result[i] = min(result[i], distance - radii[o] - point_radii[k] - allowances[i, k])
+            inside = point_radii[k] + allowances[i, k]
+            for b in range(len(solids)):
+                bound = solid_approach(points[i, k], points[i + 1, k], solids, b, result[i] + inside)
+                result[i] = min(result[i], bound - inside)
+            if squares.size > 0:
+                bound = field_approach(points[i, k], points[i + 1, k], squares, placing, result[i] + inside)
+                result[i] = min(result[i], bound - inside)
     return result
 
 

@@ -24,10 +24,11 @@ from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference, timed_joint_reference
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.query import checked_pose
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
-from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance, self_clearance
+from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance, self_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -50,39 +51,6 @@ _ROUNDING = 1e-6
 #: Ways among obstacles that move are certified with this multiple of the obstacle margin, for nothing moves exactly as
 #: expected; less than that share of it must not be left of what was promised, or of that margin.
 _MOVING_MULTIPLE, _LEFT_OF_PROMISE = 2.0, 0.5
-#: Where along its expected motion an obstacle is looked for by the search: shares of the prediction.
-_PREDICTED_AT = (0.0, 0.5, 1.0)
-
-
-@dataclass(frozen=True)
-class MovingSpheres:
-    """Obstacles: centres (o, 3), radii (o,) [m], velocities (o, 3) [m/s], all at `time` [s]."""
-
-    centres: np.ndarray
-    radii: np.ndarray
-    velocities: np.ndarray
-    time: float
-
-    @classmethod
-    def none(cls) -> MovingSpheres:
-        return cls(np.empty((0, 3)), np.empty(0), np.empty((0, 3)), 0.0)
-
-    @property
-    def stand(self) -> bool:
-        return not np.any(self.velocities)
-
-    def at(self, time: float, prediction: float) -> MovingSpheres:
-        """Moved on linearly to `time` [s], by `prediction` [s] at most."""
-        centres = self.centres + np.clip(time - self.time, 0.0, prediction) * self.velocities
-        return MovingSpheres(centres, self.radii, self.velocities, time)
-
-    def swept(self, prediction: float) -> tuple[np.ndarray, np.ndarray]:
-        """Centres (p, 3) and radii (p,) of where the obstacles are now and will be within the prediction."""
-        if self.stand:
-            return self.centres, self.radii
-        steps = prediction * np.array(_PREDICTED_AT)
-        centres = (self.centres + steps[:, None, None] * self.velocities).reshape(-1, 3)
-        return centres, np.tile(self.radii, len(steps))
 
 
 @dataclass(frozen=True)
@@ -136,7 +104,7 @@ class _Followed:
 
     query: JointQuery
     verdict: Verdict
-    obstacles: MovingSpheres
+    obstacles: Obstacles
     searched: float
     promised: float
 
@@ -178,7 +146,7 @@ class JointSpacePlanner:
             self.collision.self_pairs,
         )  # fmt: skip
         self._queries = JointQueryBuilder(skill, self.graph, self.settings, self.collision)
-        self._obstacles = MovingSpheres.none()
+        self._obstacles = Obstacles.none()
         self._goal: GoalChoice | None = None
         self._query: JointQuery | None = None
         self._played: _Played | None = None
@@ -205,7 +173,7 @@ class JointSpacePlanner:
         self.set_goal(self.skill.goal_pose[:3], self.skill.goal_pose[3:])
         self.tick(0.3)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
-        self._obstacles = MovingSpheres.none()
+        self._obstacles = Obstacles.none()
         self._goal = self._query = self._played = self._played_before = self._followed = None
 
     # ---------------------------------------------------------------- inputs
@@ -273,15 +241,17 @@ class JointSpacePlanner:
         if not len(centres) == len(radii) == len(velocities):
             reason = f"{len(centres)} obstacle centres, {len(radii)} radii, {len(velocities)} velocities"
             return Verdict(VerdictCode.BAD_INPUT, f"{reason}: expected as many of each")
-        good = np.all(np.isfinite(centres) & np.isfinite(velocities), axis=1) & np.isfinite(radii) & (radii > 0.0)
-        if not np.all(good):
-            i = int(np.argmin(good))
-            reason = (
-                f"obstacle {i} has centre {centres[i].tolist()}, radius {radii[i]} and velocity "
-                f"{velocities[i].tolist()}: all must be finite and the radius positive"
-            )
-            return Verdict(VerdictCode.BAD_INPUT, reason)
-        self._obstacles = MovingSpheres(centres, radii, velocities, time)
+        return self.take_obstacles(Obstacles.of_spheres(centres, radii, velocities, time))
+
+    def take_obstacles(self, obstacles: Obstacles) -> Verdict:
+        """Replace all obstacles by others of every kind, in the base frame.
+
+        BAD_INPUT names the first that is none; then the old ones stay.
+        """
+        objection = obstacles.objection()
+        if objection:
+            return Verdict(VerdictCode.BAD_INPUT, objection)
+        self._obstacles = obstacles
         return Verdict(VerdictCode.OK)
 
     def stand_at(self, configuration: np.ndarray, now: float) -> JointPlan:
@@ -417,13 +387,10 @@ class JointSpacePlanner:
         if followed is None or followed.query is not self._query or not followed.verdict.ok:
             return None
         before, obstacles = followed.obstacles, self._obstacles
-        same = before is obstacles or (
-            np.array_equal(before.centres, obstacles.centres) and np.array_equal(before.radii, obstacles.radii)
-        )
-        unchanged = same and obstacles.stand and before.stand
+        unchanged = before.same_places(obstacles) and obstacles.stand and before.stand
         return JointPlan(None, now, followed.verdict) if unchanged or not self.settings.avoidance else None
 
-    def _free_way(self, state: _State, obstacles: MovingSpheres) -> _Followed | None:
+    def _free_way(self, state: _State, obstacles: Obstacles) -> _Followed | None:
         """What is being played, with its present clearance, where it leads to the present goal and is free."""
         followed, played = self._followed, self._played
         if followed is None or played is None or followed.query is not self._query or not followed.verdict.ok:
@@ -504,19 +471,18 @@ class JointSpacePlanner:
         self,
         query: JointQuery,
         state: _State,
-        obstacles: MovingSpheres,
+        obstacles: Obstacles,
         attempts: Attempts = _ATTEMPTS,
         deadline: Deadline = NEVER,
     ) -> JointPlan:
         """Search, smooth, decode, time and certify until an attempt is certified, or the deadline has passed."""
         settings = self.settings
-        avoided = obstacles if settings.avoidance else MovingSpheres.none()
+        avoided = obstacles if settings.avoidance else Obstacles.none()
         ends = self._end_clearance(query, state, avoided)
         if isinstance(ends, Verdict):
             return JointPlan(None, state.time, ends)
-        centres, radii = avoided.swept(settings.prediction)
         reshaping = Reshaping.of(
-            query.body, centres, radii, settings.ambient_strength, settings.ambient_width_ratio,
+            query.body, avoided.swept(settings.prediction), settings.ambient_strength, settings.ambient_width_ratio,
             _LARGEST_MULTIPLE * settings.obstacle_margin,
         )  # fmt: skip
         start = query.start_latent if state.latent is None else state.latent
@@ -543,20 +509,18 @@ class JointSpacePlanner:
             verdict = plan.verdict
         return JointPlan(None, state.time, verdict)
 
-    def _end_clearance(self, query: JointQuery, state: _State, obstacles: MovingSpheres) -> float | Verdict:
+    def _end_clearance(self, query: JointQuery, state: _State, obstacles: Obstacles) -> float | Verdict:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
         The goal is to be free of where obstacles are expected to come to a stand.
         """
         later = obstacles.at(obstacles.time + self.settings.prediction, self.settings.prediction)
         nearest = []
-        for where, configuration, code, spheres in (
+        for where, configuration, code, there in (
             ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),
             ("is to go", query.goal, VerdictCode.NO_FEASIBLE_PATH, later),
         ):
-            clearance, sphere = configuration_clearance(
-                self.collision, self.robot, configuration, spheres.centres, spheres.radii
-            )
+            clearance, sphere = obstacle_clearance(self.collision, self.robot, configuration, there)
             if clearance <= 0.0:
                 link = self.collision.link_of(sphere)
                 reason = f"'{link}' overlaps an obstacle by {-1000 * clearance:.0f} mm where the arm {where}"
@@ -569,7 +533,7 @@ class JointSpacePlanner:
         query: JointQuery,
         state: _State,
         way: LatentWay,
-        obstacles: MovingSpheres,
+        obstacles: Obstacles,
         margin: float,
         width: float,
     ) -> JointPlan:
@@ -593,10 +557,8 @@ class JointSpacePlanner:
         found = replace(reference, clearance=certificate.clearance) if verdict.ok else None
         return JointPlan(found, state.time, verdict)
 
-    def _certify(self, reference: JointReference, obstacles: MovingSpheres) -> Certificate:
-        return self._certifier.certify(
-            reference, obstacles.centres, obstacles.radii, obstacles.velocities, self.settings.prediction
-        )
+    def _certify(self, reference: JointReference, obstacles: Obstacles) -> Certificate:
+        return self._certifier.certify(reference, obstacles, self.settings.prediction)
 
 
 def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:

@@ -17,12 +17,12 @@ import numpy as np
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.motion_curve import MotionCurve
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.pose_solver import (
     AT_REST,
     MARGIN_MULTIPLES,
     Motion,
-    Obstacles,
     Plan,
     PoseSolver,
     Scene,
@@ -157,18 +157,17 @@ class ReactivePlanner:
         if radii.ndim != 1 or centres.shape != (len(radii), 3):
             reason = f"obstacle centres have shape {centres.shape} and radii {radii.shape}: expected (o, 3) and (o,)"
             return Verdict(VerdictCode.BAD_INPUT, reason)
-        good = np.all(np.isfinite(centres), axis=1) & np.isfinite(radii) & (radii > 0.0)
-        if not np.all(good):
-            i = int(np.argmin(good))
-            return Verdict(
-                VerdictCode.BAD_INPUT,
-                f"obstacle {i} has centre {centres[i].tolist()} and radius {radii[i]}: "
-                "both must be finite and the radius positive",
-            )
-        # What is told twice, by two sensors or on two topics, is one obstacle.
-        spheres = np.unique(np.column_stack([centres, radii]), axis=0)
-        obstacles = Obstacles(np.ascontiguousarray(spheres[:, :3]), np.ascontiguousarray(spheres[:, 3]))
-        self._scene = Scene.of(self._scene.frame, obstacles)
+        return self.take_obstacles(Obstacles.of_spheres(centres, radii))
+
+    def take_obstacles(self, obstacles: Obstacles) -> Verdict:
+        """Replace all obstacles by others of every kind, in the base frame; here all of them stand.
+
+        BAD_INPUT names the first that is none; then the old ones stay.
+        """
+        objection = obstacles.objection()
+        if objection:
+            return Verdict(VerdictCode.BAD_INPUT, objection)
+        self._scene = Scene.of(self._scene.frame, obstacles.distinct())
         return Verdict(VerdictCode.OK)
 
     # ------------------------------------------------------------- planning
@@ -241,8 +240,7 @@ class ReactivePlanner:
         followed = self._followed
         if motion.rest is None or followed is None or followed.query is not self._query:
             return None
-        before, now = followed.scene.in_task, scene.in_task
-        if not (np.array_equal(before.centres, now.centres) and np.array_equal(before.radii, now.radii)):
+        if not followed.scene.in_task.same_places(scene.in_task):
             return None
         return self._keep(motion.rest, scene)
 

@@ -13,13 +13,14 @@ import numpy as np
 
 from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
 from geodesic_motion_ros.deadline import NEVER, Deadline
-from geodesic_motion_ros.graph.ambient import clearances
+from geodesic_motion_ros.graph.ambient import obstacle_clearances
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
 from geodesic_motion_ros.motion_curve import MotionCurve, distinct
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.query import Pose, Query
@@ -70,18 +71,6 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Obstacles:
-    """Spheres: centres (o, 3), radii (o,) [m]."""
-
-    centres: np.ndarray
-    radii: np.ndarray
-
-    @classmethod
-    def none(cls) -> Obstacles:
-        return cls(np.empty((0, 3)), np.empty(0))
-
-
-@dataclass(frozen=True)
 class Scene:
     """The task frame, and the obstacles in the base frame and seen from it: replaced as a whole."""
 
@@ -91,8 +80,7 @@ class Scene:
 
     @classmethod
     def of(cls, frame: TaskFrame, in_base: Obstacles) -> Scene:
-        centres = np.ascontiguousarray(frame.points_to_task(in_base.centres))
-        return cls(frame, in_base, Obstacles(centres, in_base.radii))
+        return cls(frame, in_base, frame.obstacles_to_task(in_base))
 
 
 @dataclass(frozen=True)
@@ -148,7 +136,7 @@ class PoseSolver:
         if isinstance(ends, Plan):
             return ends
         reshaping = Reshaping.of(
-            query.body, avoided.centres, avoided.radii, settings.ambient_strength, settings.ambient_width_ratio,
+            query.body, avoided, settings.ambient_strength, settings.ambient_width_ratio,
             max(MARGIN_MULTIPLES) * settings.obstacle_margin,
         )  # fmt: skip
         plan: Plan | None = None
@@ -173,7 +161,7 @@ class PoseSolver:
         positions = np.stack([start.position, query.goal.position])
         quaternions = np.stack([start.quaternion, query.goal.quaternion])
         body = tool_points(positions, quaternions, self._points)
-        here, there = clearances(body, self._point_radii, obstacles.centres, obstacles.radii, math.inf)
+        here, there = obstacle_clearances(body, self._point_radii, obstacles, math.inf)
         if here <= 0.0:
             reason = f"the tool overlaps an obstacle by {-1000 * here:.0f} mm where it stands"
             return refusal(VerdictCode.IN_COLLISION, reason, query, clearance=float(here))
@@ -186,7 +174,7 @@ class PoseSolver:
         """Certified clearance [m] of every segment of a curve: (n - 1,)."""
         return curve_clearances(
             tool_points(curve.positions, curve.quaternions, self._points), self._point_radii,
-            curve_allowance(curve, self._points), obstacles.centres, obstacles.radii,
+            curve_allowance(curve, self._points), obstacles,
         )  # fmt: skip
 
     def _certified(

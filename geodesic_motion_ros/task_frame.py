@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import inverse, multiply, rotate
 
 
@@ -33,6 +34,13 @@ class TaskFrame:
     def points_to_task(self, points: np.ndarray) -> np.ndarray:
         """Points (n, 3) of the base frame as the task frame sees them."""
         return points if self.is_identity else rotate(inverse(self.quaternion), points - self.origin)
+
+    def obstacles_to_task(self, obstacles: Obstacles) -> Obstacles:
+        """Obstacles of the base frame as the task frame sees them."""
+        if self.is_identity:
+            return obstacles
+        rotation = rotate(inverse(self.quaternion), np.eye(3)).T
+        return obstacles.moved(rotation, -rotation @ self.origin)
 
     def points_to_base(self, points: np.ndarray) -> np.ndarray:
         """Points (n, 3) of the task frame as the base frame sees them."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, arm_clearances, self_clearances, sphere_bulges
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -28,15 +27,9 @@ MOVING = np.arange(1, len(FRAMES))  # the first sphere is on the base
 HORIZON = 0.3
 
 
-@dataclass(frozen=True)
-class Obstacles:
-    centres: np.ndarray
-    radii: np.ndarray
-    velocities: np.ndarray
-
-    def at(self, times: np.ndarray) -> np.ndarray:
-        """Centres (k, o, 3): in linear motion for a while, then at rest."""
-        return self.centres + np.minimum(times, HORIZON)[:, None, None] * self.velocities
+def centres_at(obstacles: Obstacles, times: np.ndarray) -> np.ndarray:
+    """Centres (k, o, 3) of spheres: in linear motion for a while, then at rest."""
+    return obstacles.centres + np.minimum(times, HORIZON)[:, None, None] * obstacles.velocities
 
 
 def scene(seed: int) -> tuple[JointReference, Obstacles]:
@@ -48,7 +41,8 @@ def scene(seed: int) -> tuple[JointReference, Obstacles]:
     path = np.clip(path, LIMITS.lower + 0.01, LIMITS.upper - 0.01)
     reference = timed_joint_reference(path, np.zeros((30, 1)), LIMITS)
     centres = random.uniform([-0.2, -0.6, 0.0], [0.8, 0.6, 1.0], (4, 3))
-    return reference, Obstacles(centres, random.uniform(0.02, 0.15, 4), random.normal(scale=0.5, size=(4, 3)))
+    velocities = random.normal(scale=0.5, size=(4, 3))
+    return reference, Obstacles.of_spheres(centres, random.uniform(0.02, 0.15, 4), velocities)
 
 
 def placed_at(reference: JointReference, times: np.ndarray) -> np.ndarray:
@@ -65,7 +59,7 @@ def densely(reference: JointReference, obstacles: Obstacles) -> tuple[np.ndarray
     """What 200 samples an interval find: clearance from obstacles and of pairs, (n - 1,) each."""
     times = np.linspace(reference.times[:-1], reference.times[1:], 200, axis=1).ravel()
     spheres = placed_at(reference, times)
-    gaps = np.linalg.norm(spheres[:, MOVING, None] - obstacles.at(times)[:, None], axis=3)
+    gaps = np.linalg.norm(spheres[:, MOVING, None] - centres_at(obstacles, times)[:, None], axis=3)
     gaps = (gaps - obstacles.radii - RADII[MOVING, None]).min(axis=(1, 2))
     pairs = np.linalg.norm(spheres[:, PAIRS[:, 0]] - spheres[:, PAIRS[:, 1]], axis=2)
     pairs = (pairs - RADII[PAIRS].sum(axis=1)).min(axis=1)
@@ -73,7 +67,7 @@ def densely(reference: JointReference, obstacles: Obstacles) -> tuple[np.ndarray
 
 
 def certified(reference: JointReference, obstacles: Obstacles):
-    return CERTIFIER.certify(reference, obstacles.centres, obstacles.radii, obstacles.velocities, HORIZON)
+    return CERTIFIER.certify(reference, obstacles, HORIZON)
 
 
 def test_it_is_never_optimistic_and_costs_a_millimetre():
@@ -160,9 +154,9 @@ def test_an_obstacle_that_moves_away_is_passed_and_one_that_comes_is_not():
     reference, _ = scene(5)
     hand = placed_at(reference, reference.times[[-1]])[0, -1]
     outwards = np.array([0.0, 0.0, 1.0])
-    leaving = Obstacles((hand + 0.1 * outwards)[None], np.array([0.05]), 1.0 * outwards[None])
-    coming = Obstacles((hand + 0.4 * outwards)[None], np.array([0.05]), -1.0 * outwards[None])
-    standing = Obstacles(coming.centres, coming.radii, 0.0 * coming.velocities)
+    leaving = Obstacles.of_spheres((hand + 0.1 * outwards)[None], np.array([0.05]), 1.0 * outwards[None])
+    coming = Obstacles.of_spheres((hand + 0.4 * outwards)[None], np.array([0.05]), -1.0 * outwards[None])
+    standing = Obstacles.of_spheres(coming.centres, coming.radii)
     assert certified(reference, leaving).clearance[-1] > 0.1
     assert certified(reference, standing).clearance[-1] > 0.1
     assert certified(reference, coming).clearance[-1] < 0.0
@@ -174,7 +168,8 @@ def test_a_prediction_ends_at_its_horizon():
     far, velocity = hand + np.array([0.0, 0.0, 1.0]), np.array([[0.0, 0.0, -2.0]])
 
     def clearance(centre: np.ndarray, horizon: float) -> float:
-        return CERTIFIER.certify(reference, centre[None], np.array([0.05]), velocity, horizon).clearance[-1]
+        sphere = Obstacles.of_spheres(centre[None], np.array([0.05]), velocity)
+        return CERTIFIER.certify(reference, sphere, horizon).clearance[-1]
 
     assert reference.duration > 0.5
     assert clearance(far, 0.5) < 0.0
@@ -185,19 +180,19 @@ def test_a_prediction_ends_at_its_horizon():
 def test_it_objects_by_name_and_only_with_reason():
     reference, _ = scene(5)
     hand = placed_at(reference, reference.times[[-1]])[0, -1]
-    nothing = (np.empty((0, 3)), np.empty(0), np.empty((0, 3)), HORIZON)
-    free = CERTIFIER.certify(reference, *nothing)
+    free = CERTIFIER.certify(reference, Obstacles.none(), HORIZON)
     assert np.all(np.isinf(free.clearance))
     assert np.all(free.sphere == -1)
     assert CERTIFIER.objection(free, 0.02) is None
-    touched = CERTIFIER.certify(reference, hand[None], np.array([0.01]), np.zeros((1, 3)), HORIZON)
+    small = np.array([0.01])
+    touched = CERTIFIER.certify(reference, Obstacles.of_spheres(hand[None], small), HORIZON)
     assert f"'{ROBOT.tool_link}' comes within" in CERTIFIER.objection(touched, 0.02)
-    near = CERTIFIER.certify(reference, hand[None] + [0.0, 0.0, 0.5], np.array([0.01]), np.zeros((1, 3)), HORIZON)
+    near = CERTIFIER.certify(reference, Obstacles.of_spheres(hand[None] + [0.0, 0.0, 0.5], small), HORIZON)
     kept = float(near.clearance.min())
     assert CERTIFIER.objection(near, kept - 0.001) is None
     assert f"{kept + 0.001:.3f} m are to be kept" in CERTIFIER.objection(near, kept + 0.001)
     wide = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII + 0.3, PAIRS)
-    complaint = wide.objection(wide.certify(reference, *nothing))
+    complaint = wide.objection(wide.certify(reference, Obstacles.none(), HORIZON))
     assert "touch after" in complaint
     assert any(f"'{ROBOT.link_names[frame]}' and" in complaint for frame in FRAMES)
 
@@ -205,17 +200,17 @@ def test_it_objects_by_name_and_only_with_reason():
 def test_what_cannot_move_is_not_checked_against_obstacles_but_against_the_arm():
     reference, _ = scene(5)
     base = placed_at(reference, reference.times[[0]])[0, 0]
-    around = CERTIFIER.certify(reference, base[None], np.array([0.01]), np.zeros((1, 3)), HORIZON)
+    around = CERTIFIER.certify(reference, Obstacles.of_spheres(base[None], np.array([0.01])), HORIZON)
     assert np.all(around.clearance > 0.0)
     own = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII + np.eye(len(RADII))[0], [(0, 7)])
-    free = own.certify(reference, np.empty((0, 3)), np.empty(0), np.empty((0, 3)), HORIZON)
+    free = own.certify(reference, Obstacles.none(), HORIZON)
     assert np.all(free.self_clearance < 0.0)
 
 
 def test_without_pairs_the_arm_is_clear_of_itself():
     reference, _ = scene(5)
     alone = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII, np.empty((0, 2)))
-    certificate = alone.certify(reference, np.empty((0, 3)), np.empty(0), np.empty((0, 3)), HORIZON)
+    certificate = alone.certify(reference, Obstacles.none(), HORIZON)
     assert np.all(np.isinf(certificate.self_clearance))
     assert alone.objection(certificate) is None
 
@@ -228,13 +223,11 @@ def test_the_real_arm_is_never_nearer_than_certified():
     with PandaWorld() as world:
         for seed in range(8):
             reference, obstacles = scene(seed)
-            certificate = certifier.certify(
-                reference, obstacles.centres, obstacles.radii, obstacles.velocities, HORIZON
-            )
+            certificate = certifier.certify(reference, obstacles, HORIZON)
             for time in np.random.default_rng(seed).uniform(0.0, reference.duration - 1e-3, 25):
                 interval = int(np.searchsorted(reference.times, time, side="right")) - 1
                 world.reset(reference.sample(time)[0])
-                centres = obstacles.at(np.array([time]))[0]
+                centres = centres_at(obstacles, np.array([time]))[0]
                 spheres = zip(centres, obstacles.radii, strict=True)
                 world.set_obstacles({str(number): sphere for number, sphere in enumerate(spheres)})
                 real, link = world.clearance()

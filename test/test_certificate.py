@@ -5,6 +5,7 @@ import pytest
 
 from geodesic_motion_ros.certificate import curve_clearances, rotation_allowance, segment_distance
 from geodesic_motion_ros.graph.pose_graph import tool_points
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import angle_between, normalise, slerp
 
 
@@ -29,8 +30,9 @@ def test_never_optimistic_between_samples(seed):
     centres, obstacle_radii = random.normal(scale=0.3, size=(4, 3)), random.uniform(0.02, 0.1, 4)
     angles = angle_between(quaternions[1:], quaternions[:-1])
     certified = curve_clearances(
-        tool_points(positions, quaternions, points), radii, rotation_allowance(angles, points), centres, obstacle_radii
-    )
+        tool_points(positions, quaternions, points), radii, rotation_allowance(angles, points),
+        Obstacles.of_spheres(centres, obstacle_radii),
+    )  # fmt: skip
     shares = np.linspace(0.0, 1.0, 201)
     for i, bound in enumerate(certified):
         between = positions[i] + shares[:, None] * (positions[i + 1] - positions[i])
@@ -41,5 +43,5 @@ def test_never_optimistic_between_samples(seed):
 
 
 def test_no_obstacle_no_limit():
-    clearance = curve_clearances(np.zeros((4, 1, 3)), np.ones(1), np.zeros((3, 1)), np.empty((0, 3)), np.empty(0))
+    clearance = curve_clearances(np.zeros((4, 1, 3)), np.ones(1), np.zeros((3, 1)), Obstacles.none())
     assert np.all(np.isinf(clearance))

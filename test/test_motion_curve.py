@@ -6,6 +6,7 @@ import pytest
 from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.motion_curve import SHORTEST_STEP, MotionCurve, MotionLimits, distinct
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import angle_between, normalise, rotate_by, rotation_vector_between
 from geodesic_motion_ros.task_frame import TaskFrame
 
@@ -88,7 +89,7 @@ def test_the_certificate_of_a_curve_is_never_optimistic(seed):
     centres, obstacle_radii = random.normal(scale=0.2, size=(4, 3)), random.uniform(0.02, 0.05, 4)
     certified = curve_clearances(
         tool_points(curve.positions, curve.quaternions, points), radii, curve_allowance(curve, points),
-        centres, obstacle_radii,
+        Obstacles.of_spheres(centres, obstacle_radii),
     )  # fmt: skip
     body = tool_points(*dense(curve, 100), points).reshape(len(curve.chords), 100, 3, 3)
     gaps = np.linalg.norm(body[:, :, :, None] - centres, axis=-1) - radii[:, None] - obstacle_radii

@@ -30,7 +30,7 @@ UPPER = re.compile(rf"{PACKAGE}\.(manifold|experiments|cli)(\.|$)")
 MAY_TRAIN = {"manifold", "experiments", "cli"}
 GROUND = {
     "graph", "robot", "skill", "sheet", "joint_sheet", "regression", "quaternions", "errors", "verdict", "deadline",
-    "shared_files",
+    "shared_files", "obstacles", "solids", "distance_field",
 }  # fmt: skip
 RUN = {
     *GROUND, "planner", "planner_settings", "query", "task_frame", "reference", "motion_curve", "time_law",

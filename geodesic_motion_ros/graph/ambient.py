@@ -6,6 +6,10 @@ add. The Gaussian never ends, so it is shifted to reach zero, continuously, at C
     m(p) = 1 + zeta sum_o max(0, (exp(-|p - o|^2 / (2 s^2)) - c) / (1 - c)),   c = exp(-CUTOFF^2 / 2)
 
 Beyond the cut m is exactly 1: an obstacle that leaves also leaves no trace in the weights.
+
+A solid takes its place with its thickness R, the radius of the largest sphere inside it, for the radius, and with its
+signed distance d from the point for |p - o| - R: |p - o| becomes d + R. For a solid that is a sphere it is the same. So
+does all of a point cloud, with the thickness that it was given.
 """
 
 from __future__ import annotations
@@ -14,6 +18,10 @@ import math
 
 import numba
 import numpy as np
+
+from geodesic_motion_ros.distance_field import REACH, field_distance, field_distances
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.solids import solid_distance, solid_distances
 
 #: Distance, in Gaussian widths, at which an obstacle's influence has fallen to nothing (from 1.1 % before the shift).
 CUTOFF = 3.0
@@ -51,6 +59,55 @@ def ambient_factor(
 
 
 @numba.njit(cache=True, nogil=True)
+def solid_factor(
+    x: float,
+    y: float,
+    z: float,
+    point_radius: float,
+    solids: np.ndarray,
+    strength: float,
+    width_ratio: float,
+) -> float:
+    """What solids (b, 16), rows as of `solids.py`, add to the ambient factor of a body point (x, y, z) [m].
+
+    The rest as in `ambient_factor`.
+    """
+    added = 0.0
+    for b in range(len(solids)):
+        thickness = min(solids[b, 3], solids[b, 4], solids[b, 5]) + solids[b, 6]
+        width = width_ratio * (thickness + point_radius)
+        away = solid_distance(x, y, z, solids, b) + thickness
+        if away < CUTOFF * width:
+            added += strength * (math.exp(-0.5 * away * away / (width * width)) - _SHIFT) / (1.0 - _SHIFT)
+    return added
+
+
+@numba.njit(cache=True, nogil=True)
+def cloud_factor(
+    x: float,
+    y: float,
+    z: float,
+    point_radius: float,
+    squares: np.ndarray,
+    placing: np.ndarray,
+    strength: float,
+    width_ratio: float,
+) -> float:
+    """What a point cloud, the parts of a `DistanceField`, adds to the ambient factor of a body point (x, y, z) [m].
+
+    The rest as in `ambient_factor`. The Gaussian is cut where the field ends, if that is nearer than CUTOFF widths.
+    """
+    edge, surface, thickness = placing[12], placing[13], placing[14]
+    width = width_ratio * (thickness + point_radius)
+    cut = min(CUTOFF * width, REACH - edge - surface + thickness)
+    away = max(0.0, field_distance(x, y, z, squares, placing) + thickness)
+    if away >= cut:
+        return 0.0
+    shift = math.exp(-0.5 * (cut / width) ** 2)
+    return strength * (math.exp(-0.5 * (away / width) ** 2) - shift) / (1.0 - shift)
+
+
+@numba.njit(cache=True, nogil=True)
 def clearances(
     points: np.ndarray, point_radii: np.ndarray, centres: np.ndarray, radii: np.ndarray, within: float
 ) -> np.ndarray:
@@ -71,3 +128,15 @@ def clearances(
                 if squared < reach:
                     result[i] = min(result[i], math.sqrt(squared) - both)
     return result
+
+
+def obstacle_clearances(points: np.ndarray, point_radii: np.ndarray, obstacles: Obstacles, within: float) -> np.ndarray:
+    """`clearances` from obstacles of every kind."""
+    result = clearances(points, point_radii, obstacles.centres, obstacles.radii, within)
+    if len(obstacles.solids):
+        distances = solid_distances(points.reshape(-1, 3), obstacles.solids).reshape(points.shape[:2])
+        result = np.minimum(result, (distances - point_radii).min(axis=1))
+    if obstacles.cloud.squares.size:
+        distances = field_distances(points.reshape(-1, 3), *obstacles.cloud).reshape(points.shape[:2])
+        result = np.minimum(result, (distances - point_radii).min(axis=1))
+    return np.where(result < within, result, np.inf)

@@ -13,8 +13,11 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factor
+from geodesic_motion_ros.distance_field import field_distance
+from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factor, cloud_factor, solid_factor
 from geodesic_motion_ros.graph.node_body import NodeBody
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.solids import bounding_radii, solid_distance, thicknesses
 
 #: Side of a cell of the workspace [m]; larger where there would be more cells along one side than so many.
 _CELL, _MOST_CELLS = 0.06, 64
@@ -25,7 +28,8 @@ class Reshaping(NamedTuple):
 
     Attributes
     ----------
-    centres, radii : (o, 3), (o,) [m] the obstacles that any node can feel.
+    centres, radii : (o, 3), (o,) [m] the spheres that any node can feel; solids : (b, 16) the solids (`solids.py`);
+        squares, placing : of the cloud's `DistanceField`.
     strength, width_ratio : of the ambient metric, see `ambient.ambient_factor`.
     excess : no body point feels an obstacle whose surface is farther than this [m].
     within : clearances from here on are not told apart [m].
@@ -39,6 +43,9 @@ class Reshaping(NamedTuple):
     body: NodeBody
     centres: np.ndarray
     radii: np.ndarray
+    solids: np.ndarray
+    squares: np.ndarray
+    placing: np.ndarray
     strength: float
     width_ratio: float
     excess: float
@@ -51,46 +58,58 @@ class Reshaping(NamedTuple):
     clearance: np.ndarray
 
     @classmethod
-    def of(
-        cls,
-        body: NodeBody,
-        centres: np.ndarray,
-        radii: np.ndarray,
-        strength: float,
-        width_ratio: float,
-        within: float,
-    ) -> Reshaping:
-        """A body among spheres (o, 3), (o,) [m]."""
+    def of(cls, body: NodeBody, obstacles: Obstacles, strength: float, width_ratio: float, within: float) -> Reshaping:
+        """A body among obstacles, which stand where they are."""
         nodes, points = body.points.shape[:2]
-        felt = CUTOFF * width_ratio * (radii + np.max(body.point_radii, initial=0.0)) - radii
-        gap = np.linalg.norm(np.maximum(np.maximum(body.lower - centres, centres - body.upper), 0.0), axis=1) - radii
+        thickest = float(np.max(body.point_radii, initial=0.0))
+        sizes = np.concatenate([obstacles.radii, bounding_radii(obstacles.solids)])
+        depths = np.concatenate([obstacles.radii, thicknesses(obstacles.solids)])
+        felt = CUTOFF * width_ratio * (depths + thickest) - depths
+        places = np.concatenate([obstacles.centres, obstacles.solids[:, :3]])
+        gap = np.linalg.norm(np.maximum(np.maximum(body.lower - places, places - body.upper), 0.0), axis=1) - sizes
         near = gap <= np.maximum(felt, within)
         excess = float(np.max(felt[near], initial=0.0))
-        centres, radii = np.ascontiguousarray(centres[near]), np.ascontiguousarray(radii[near])
+        squares, placing = obstacles.cloud
+        if squares.size:
+            thickness = obstacles.cloud.thickness
+            excess = max(excess, CUTOFF * width_ratio * (thickness + thickest) - thickness)
+        spheres = len(obstacles.radii)
+        centres = np.ascontiguousarray(obstacles.centres[near[:spheres]])
+        radii, solids = obstacles.radii[near[:spheres]], obstacles.solids[near[spheres:]]
         sides = body.upper - body.lower
         cell = max(_CELL, float(np.max(sides)) / _MOST_CELLS)
         reach = max(excess, within + float(np.max(body.link_radii, initial=0.0)))
-        gaps = _gaps(body.lower, np.floor(sides / cell).astype(np.int64) + 1, cell, centres, radii, reach)
+        shape = np.floor(sides / cell).astype(np.int64) + 1
+        gaps = _gaps(body.lower, shape, cell, centres, radii, solids, bounding_radii(solids), reach)
+        if squares.size:
+            _lower_gaps(gaps, body.lower, cell, squares, placing)
         return cls(
-            body, centres, radii, float(strength), float(width_ratio), excess, float(within), gaps, 1.0 / cell,
-            np.zeros(nodes, dtype=np.bool_), np.empty((nodes, points)), np.empty(nodes, dtype=np.bool_),
-            np.empty(nodes),
+            body, centres, radii, solids, squares, placing, float(strength), float(width_ratio), excess, float(within),
+            gaps, 1.0 / cell, np.zeros(nodes, dtype=np.bool_), np.empty((nodes, points)),
+            np.empty(nodes, dtype=np.bool_), np.empty(nodes),
         )  # fmt: skip
 
 
 @numba.njit(cache=True, nogil=True)
 def _gaps(
-    lower: np.ndarray, shape: np.ndarray, cell: float, centres: np.ndarray, radii: np.ndarray, reach: float
+    lower: np.ndarray,
+    shape: np.ndarray,
+    cell: float,
+    centres: np.ndarray,
+    radii: np.ndarray,
+    solids: np.ndarray,
+    sizes: np.ndarray,
+    reach: float,
 ) -> np.ndarray:
-    """Lower bounds of the distance [m] of cells from obstacles; `reach` where none is nearer."""
+    """Lower bounds of the distance [m] of cells from obstacles; `reach` where none is nearer.
+
+    sizes : (b,) radii of spheres around the solids [m].
+    """
     result = np.full((shape[0], shape[1], shape[2]), reach)
     half = 0.5 * math.sqrt(3.0) * cell
     first, last = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
     for o in range(len(radii)):
-        around = radii[o] + reach + half
-        for a in range(3):
-            first[a] = max(0, math.floor((centres[o, a] - around - lower[a]) / cell))
-            last[a] = min(shape[a], math.floor((centres[o, a] + around - lower[a]) / cell) + 1)
+        _cells_around(centres[o], radii[o] + reach + half, lower, shape, cell, first, last)
         for i in range(first[0], last[0]):
             dx = lower[0] + (i + 0.5) * cell - centres[o, 0]
             for j in range(first[1], last[1]):
@@ -99,7 +118,43 @@ def _gaps(
                     dz = lower[2] + (k + 0.5) * cell - centres[o, 2]
                     gap = math.sqrt(dx * dx + dy * dy + dz * dz) - half - radii[o]
                     result[i, j, k] = min(result[i, j, k], gap)
+    for b in range(len(solids)):
+        _cells_around(solids[b], sizes[b] + reach + half, lower, shape, cell, first, last)
+        for i in range(first[0], last[0]):
+            x = lower[0] + (i + 0.5) * cell
+            for j in range(first[1], last[1]):
+                y = lower[1] + (j + 0.5) * cell
+                for k in range(first[2], last[2]):
+                    gap = solid_distance(x, y, lower[2] + (k + 0.5) * cell, solids, b) - half
+                    result[i, j, k] = min(result[i, j, k], gap)
     return result
+
+
+@numba.njit(cache=True, nogil=True)
+def _lower_gaps(gaps: np.ndarray, lower: np.ndarray, cell: float, squares: np.ndarray, placing: np.ndarray) -> None:
+    """Take account of a cloud in the gaps; it tells no distance beyond its own reach."""
+    half = 0.5 * math.sqrt(3.0) * cell
+    for i in range(gaps.shape[0]):
+        for j in range(gaps.shape[1]):
+            for k in range(gaps.shape[2]):
+                x, y, z = lower[0] + (i + 0.5) * cell, lower[1] + (j + 0.5) * cell, lower[2] + (k + 0.5) * cell
+                gaps[i, j, k] = min(gaps[i, j, k], field_distance(x, y, z, squares, placing) - half)
+
+
+@numba.njit(cache=True, nogil=True)
+def _cells_around(
+    centre: np.ndarray,
+    around: float,
+    lower: np.ndarray,
+    shape: np.ndarray,
+    cell: float,
+    first: np.ndarray,
+    last: np.ndarray,
+) -> None:
+    """Of each axis the first cell within a distance [m] of a centre (3 or more numbers), and the one after the last."""
+    for a in range(3):
+        first[a] = max(0, math.floor((centre[a] - around - lower[a]) / cell))
+        last[a] = min(shape[a], math.floor((centre[a] + around - lower[a]) / cell) + 1)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -122,6 +177,9 @@ def look(
     lower: np.ndarray,
     centres: np.ndarray,
     radii: np.ndarray,
+    solids: np.ndarray,
+    squares: np.ndarray,
+    placing: np.ndarray,
     strength: float,
     width_ratio: float,
     excess: float,
@@ -146,6 +204,10 @@ def look(
             factors[node, k] = 1.0
             if _gap(x, y, z, lower, scale, gaps) < excess:
                 factors[node, k] = ambient_factor(x, y, z, point_radii[k], centres, radii, strength, width_ratio)
+                if len(solids) > 0:
+                    factors[node, k] += solid_factor(x, y, z, point_radii[k], solids, strength, width_ratio)
+                if squares.size > 0:
+                    factors[node, k] += cloud_factor(x, y, z, point_radii[k], squares, placing, strength, width_ratio)
                 touched[node] = touched[node] or factors[node, k] > 1.0
         nearest = math.inf
         for g in range(links.shape[1]):
@@ -165,6 +227,20 @@ def look(
                     squared = dx * dx + dy * dy + dz * dz
                     if squared < (both + within) ** 2:
                         nearest = min(nearest, math.sqrt(squared) - both)
+            for b in range(len(solids)):
+                if solid_distance(x, y, z, solids, b) >= link_radii[g] + min(within, nearest):
+                    continue
+                for s in range(first[g], first[g + 1]):
+                    distance = solid_distance(spheres[node, s, 0], spheres[node, s, 1], spheres[node, s, 2], solids, b)
+                    if distance - sphere_radii[s] < within:
+                        nearest = min(nearest, distance - sphere_radii[s])
+            if squares.size > 0 and field_distance(x, y, z, squares, placing) < link_radii[g] + min(within, nearest):
+                for s in range(first[g], first[g + 1]):
+                    distance = field_distance(
+                        spheres[node, s, 0], spheres[node, s, 1], spheres[node, s, 2], squares, placing
+                    )
+                    if distance - sphere_radii[s] < within:
+                        nearest = min(nearest, distance - sphere_radii[s])
         clearance[node] = nearest
 
 
@@ -173,10 +249,11 @@ def look_at(nodes: np.ndarray, reshaping: Reshaping) -> None:
     """Work out what obstacles do to some nodes (k,)."""
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-        centres, radii, strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+        centres, radii, solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, looked, factors,
+        touched, clearance,
     ) = reshaping  # fmt: skip
     for node in nodes:
         look(
-            node, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii, strength,
-            width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+            node, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii, solids,
+            squares, placing, strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
         )  # fmt: skip

@@ -58,7 +58,8 @@ def _search(
     if reshaping is not None:
         (
             (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-            centres, radii, strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+            centres, radii, solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, looked,
+            factors, touched, clearance,
         ) = reshaping  # fmt: skip
     cost[source] = 0.0
     size = put(keys, items, place, 0, source, heuristic[source])
@@ -78,7 +79,8 @@ def _search(
             if reshaping is not None:
                 look(
                     v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
-                    strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+                    solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, looked, factors,
+                    touched, clearance,
                 )  # fmt: skip
                 if clearance[v] < margin and v != target:
                     continue
@@ -123,7 +125,8 @@ def _search_from_both_ends(
     place = np.full((2, count), WAITING, dtype=np.int32)
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-        centres, radii, strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+        centres, radii, solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, looked,
+        factors, touched, clearance,
     ) = reshaping  # fmt: skip
     at_source, size, bound = from_landmark[source], np.zeros(2, dtype=np.int64), np.zeros(2)
     best, meeting = cap, -1
@@ -156,7 +159,8 @@ def _search_from_both_ends(
                 continue
             look(
                 v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
-                strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+                solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, looked, factors, touched,
+                clearance,
             )  # fmt: skip
             if clearance[v] < margin and v != source and v != target:
                 continue

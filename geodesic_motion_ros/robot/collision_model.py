@@ -15,9 +15,12 @@ import numba
 import numpy as np
 import yaml
 
+from geodesic_motion_ros.distance_field import field_distances
 from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.robot.body_points import BodyPoints, link_points, place_body_points
 from geodesic_motion_ros.robot.kinematics import FOLDER, VECTOR, Robot, contiguous
+from geodesic_motion_ros.solids import solid_distances
 
 POSITIONS = numba.types.Array(numba.float64, 3, "C", readonly=True)
 PAIRS = numba.types.Array(numba.int64, 2, "C", readonly=True)
@@ -108,12 +111,27 @@ def configuration_clearance(
 
     Without obstacles (inf, -1).
     """
-    if not len(radii):
-        return np.inf, -1
+    return obstacle_clearance(model, robot, configuration, Obstacles.of_spheres(centres, radii))
+
+
+def obstacle_clearance(
+    model: CollisionModel, robot: Robot, configuration: np.ndarray, obstacles: Obstacles
+) -> tuple[float, int]:
+    """`configuration_clearance` from obstacles of every kind."""
     placed = model.positions(robot, configuration[None])[0, model.moving]
-    distances = np.linalg.norm(placed[:, None] - centres, axis=-1) - radii - model.radii[model.moving, None]
-    nearest = int(np.argmin(distances.min(axis=1)))
-    return float(distances[nearest].min()), int(np.flatnonzero(model.moving)[nearest])
+    distances = np.full(len(placed), np.inf)
+    if len(obstacles.radii):
+        gaps = np.linalg.norm(placed[:, None] - obstacles.centres, axis=-1) - obstacles.radii
+        distances = gaps.min(axis=1)
+    if len(obstacles.solids):
+        distances = np.minimum(distances, solid_distances(placed, obstacles.solids))
+    if obstacles.cloud.squares.size:
+        distances = np.minimum(distances, field_distances(placed, *obstacles.cloud))
+    distances -= model.radii[model.moving]
+    nearest = int(np.argmin(distances))
+    if not np.isfinite(distances[nearest]):
+        return np.inf, -1
+    return float(distances[nearest]), int(np.flatnonzero(model.moving)[nearest])
 
 
 def self_clearance(model: CollisionModel, robot: Robot, configuration: np.ndarray) -> tuple[float, tuple[int, int]]:

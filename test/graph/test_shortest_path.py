@@ -15,6 +15,7 @@ from geodesic_motion_ros.graph.shortest_path import (
     shortest_path,
     shortest_path_from_both_ends,
 )
+from geodesic_motion_ros.obstacles import Obstacles
 
 
 class Scene:
@@ -41,7 +42,9 @@ class Scene:
         return self.among(centres, self.random.uniform(0.05, 0.3, count))
 
     def among(self, centres: np.ndarray, radii: np.ndarray) -> Reshaping:
-        return Reshaping.of(NodeBody.of_tool(self.points, self.radii), centres, radii, 1e3, 0.5, 0.1)
+        return Reshaping.of(
+            NodeBody.of_tool(self.points, self.radii), Obstacles.of_spheres(centres, radii), 1e3, 0.5, 0.1
+        )
 
     def oracle(self, reshaping: Reshaping, margin: float, source: int, target: int) -> float:
         """Dijkstra's cost on the fully reweighted graph without the nodes that are too near."""

@@ -12,6 +12,7 @@ from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
 from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import Offsets, carried
+from geodesic_motion_ros.obstacles import Obstacles
 
 POINTS = {
     "one": np.zeros((1, 3)),
@@ -106,7 +107,7 @@ def test_astar_costs_what_dijkstra_does_with_conformal_factor_and_obstacles(grap
     radii = np.array([0.03, 0.0, 0.01])
     centres = carried_graph.body_points[random.integers(len(graph.latent), size=4), 0]
     body = NodeBody.of_tool(carried_graph.body_points, radii)
-    obstacles = centres, random.uniform(0.01, 0.05, 4), 1e3, 0.5, 0.05
+    obstacles = Obstacles.of_spheres(centres, random.uniform(0.01, 0.05, 4)), 1e3, 0.5, 0.05
     everything = Reshaping.of(body, *obstacles)
     look_at(np.arange(len(everything.looked)), everything)
     factors, blocked = everything.factors, everything.clearance < 0.0

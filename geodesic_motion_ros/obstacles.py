@@ -1,0 +1,131 @@
+"""Obstacles: everything that the arm must keep away from, at one instant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.solids import no_solids, solids_moved
+
+#: Where along its expected motion an obstacle is looked for by the search: shares of the prediction.
+_PREDICTED_AT = (0.0, 0.5, 1.0)
+#: How far a rotation of a solid may be from one.
+_ROTATION_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """Spheres, solids and a point cloud in one frame, all at `time` [s].
+
+    Attributes
+    ----------
+    centres, radii, velocities : (o, 3), (o,) [m], (o, 3) [m/s] of spheres.
+    solids, solid_velocities : (b, 16) rows as of `solids.py`, (b, 3) [m/s].
+    cloud : distances from a point cloud, which stands.
+    """
+
+    centres: np.ndarray
+    radii: np.ndarray
+    velocities: np.ndarray
+    solids: np.ndarray
+    solid_velocities: np.ndarray
+    cloud: DistanceField
+    time: float = 0.0
+
+    @classmethod
+    def none(cls) -> Obstacles:
+        return cls.of_spheres(np.empty((0, 3)), np.empty(0))
+
+    @classmethod
+    def of_spheres(
+        cls, centres: np.ndarray, radii: np.ndarray, velocities: np.ndarray | None = None, time: float = 0.0
+    ) -> Obstacles:
+        """Spheres alone, standing still where no velocities are given."""
+        velocities = np.zeros_like(centres) if velocities is None else velocities
+        return cls(centres, radii, velocities, no_solids(), np.empty((0, 3)), DistanceField.none(), time)
+
+    @property
+    def stand(self) -> bool:
+        return not (np.any(self.velocities) or np.any(self.solid_velocities))
+
+    def objection(self) -> str:
+        """What is wrong with the first obstacle that is not one, or ''."""
+        good = np.all(np.isfinite(self.centres) & np.isfinite(self.velocities), axis=1)
+        good &= np.isfinite(self.radii) & (self.radii > 0.0)
+        if not np.all(good):
+            i = int(np.argmin(good))
+            return (
+                f"obstacle {i} has centre {self.centres[i].tolist()}, radius {self.radii[i]} and velocity "
+                f"{self.velocities[i].tolist()}: all must be finite and the radius positive"
+            )
+        good = np.all(np.isfinite(self.solids), axis=1) & np.all(np.isfinite(self.solid_velocities), axis=1)
+        extents, radii = self.solids[:, 3:6], self.solids[:, 6]
+        good &= np.all(extents >= 0.0, axis=1) & (radii >= 0.0) & (extents.min(axis=1, initial=np.inf) + radii > 0.0)
+        turns = self.solids[:, 7:].reshape(-1, 3, 3)
+        off = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2), initial=0.0)
+        good &= off <= _ROTATION_TOLERANCE
+        if np.all(good):
+            return ""
+        i = int(np.argmin(good))
+        return (
+            f"solid {i} has centre {self.solids[i, :3].tolist()}, half extents {extents[i].tolist()}, radius "
+            f"{radii[i]} and velocity {self.solid_velocities[i].tolist()}: all must be finite, extents and radius not "
+            f"negative, each extent with the radius positive, and the rotation one"
+        )
+
+    def same_places(self, other: Obstacles) -> bool:
+        """Whether another scene has the same obstacles at the same places; velocities may differ."""
+        if self is other:
+            return True
+        names = ("centres", "radii", "solids")
+        return self.cloud.same_as(other.cloud) and all(
+            np.array_equal(getattr(self, name), getattr(other, name)) for name in names
+        )
+
+    def distinct(self) -> Obstacles:
+        """Standing still, in an order of their own: what is told twice, by two sensors, is one obstacle."""
+        spheres = np.unique(np.column_stack([self.centres, self.radii]), axis=0)
+        solids = np.unique(self.solids, axis=0)
+        still = Obstacles.of_spheres(
+            np.ascontiguousarray(spheres[:, :3]), np.ascontiguousarray(spheres[:, 3]), time=self.time
+        )
+        return replace(still, solids=solids, solid_velocities=np.zeros((len(solids), 3)), cloud=self.cloud)
+
+    def moved(self, rotation: np.ndarray, translation: np.ndarray) -> Obstacles:
+        """Seen from another frame: p -> rotation p + translation, (3, 3) and (3,) [m]."""
+        return replace(
+            self,
+            centres=np.ascontiguousarray(self.centres @ rotation.T + translation),
+            velocities=np.ascontiguousarray(self.velocities @ rotation.T),
+            solids=solids_moved(self.solids, rotation, translation),
+            solid_velocities=np.ascontiguousarray(self.solid_velocities @ rotation.T),
+            cloud=self.cloud.moved(rotation, translation),
+        )
+
+    def at(self, time: float, prediction: float) -> Obstacles:
+        """Moved on linearly to `time` [s], by `prediction` [s] at most."""
+        elapsed = np.clip(time - self.time, 0.0, prediction)
+        return replace(
+            self,
+            centres=self.centres + elapsed * self.velocities,
+            solids=_shifted(self.solids, elapsed * self.solid_velocities),
+            time=time,
+        )
+
+    def swept(self, prediction: float) -> Obstacles:
+        """Where the obstacles are now and will be within the prediction [s], as obstacles that stand."""
+        if self.stand:
+            return self
+        steps = prediction * np.array(_PREDICTED_AT)
+        centres = (self.centres + steps[:, None, None] * self.velocities).reshape(-1, 3)
+        solids = np.concatenate([_shifted(self.solids, step * self.solid_velocities) for step in steps])
+        standing = Obstacles.of_spheres(centres, np.tile(self.radii, len(steps)), time=self.time)
+        return replace(standing, solids=solids, solid_velocities=np.zeros((len(solids), 3)), cloud=self.cloud)
+
+
+def _shifted(solids: np.ndarray, by: np.ndarray) -> np.ndarray:
+    result = solids.copy()
+    result[:, :3] += by
+    return result
