@@ -47,6 +47,7 @@ setup(
         "learn": ["torch", "pytorch_kinematics"],
         "simulation": ["pybullet"],
         "peers": ["movement_primitives", "pytransform3d"],
+        "bench": ["igraph", "networkit", "networkx"],
         "test": ["hypothesis", "mpmath", "pytest", "ruff"],
     },
     data_files=[

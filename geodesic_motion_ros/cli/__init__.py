@@ -10,7 +10,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from geodesic_motion_ros.cli import demo, demonstrate, evaluate, experiment, goal, inspect, train
+from geodesic_motion_ros.cli import bench, demo, demonstrate, evaluate, experiment, goal, inspect, train
 from geodesic_motion_ros.cli.arguments import HelpFormatter
 from geodesic_motion_ros.errors import GeodesicMotionError
 
@@ -30,6 +30,7 @@ examples:
   geodesic-motion experiment geodesics --skill skills/pouring
   geodesic-motion demo
   geodesic-motion goal skills/pouring
+  geodesic-motion bench --quick
 
 `geodesic-motion COMMAND --help` explains a command. Exit status: 0 done, 2 something asked for is not possible (one
 line on standard error says what, and what would be), 130 interrupted.
@@ -42,7 +43,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="geodesic-motion", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in (demonstrate, train, evaluate, inspect, demo, goal, experiment):
+    for command in (demonstrate, train, evaluate, inspect, demo, goal, experiment, bench):
         command.add_command(commands)
     return parser
 

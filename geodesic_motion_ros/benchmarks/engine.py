@@ -1,0 +1,111 @@
+"""The search of one tick, as the planner makes it: the only place here that calls the package's own search engine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.graph.grid import Adjacency
+from geodesic_motion_ros.graph.node_body import NodeBody
+from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
+from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path, shortest_path_from_both_ends
+from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner_settings import SearchSettings
+
+
+@dataclass(frozen=True)
+class SearchProblem:
+    """From one node of a weighted graph to another, again and again, among obstacles that change.
+
+    Attributes
+    ----------
+    name : of the graph, for a person.
+    body : what feels obstacles at the nodes, and must stay clear of them; its body point number `tool` is the tool's.
+    to_goal, from_start : (n,) obstacle-free costs to the target and from the source.
+    cost_limit : ways that cost more count as blocked.
+    settings : of the ambient metric, and the margin that nodes keep from obstacles.
+    """
+
+    name: str
+    adjacency: Adjacency
+    graph: WeightedGraph
+    body: NodeBody
+    tool: int
+    source: int
+    target: int
+    to_goal: np.ndarray
+    from_start: np.ndarray
+    cost_limit: float
+    settings: SearchSettings
+
+    @classmethod
+    def between(
+        cls,
+        name: str,
+        adjacency: Adjacency,
+        graph: WeightedGraph,
+        body: NodeBody,
+        tool: int,
+        source: int,
+        target: int,
+        settings: SearchSettings,
+        cost_limit: float | None = None,
+    ) -> SearchProblem:
+        """cost_limit : None: what the settings make of the obstacle-free cost."""
+        to_goal, from_start = (cost_field(adjacency, graph.base, end) for end in (target, source))
+        limit = settings.cost_cap * float(to_goal[source]) if cost_limit is None else cost_limit
+        return cls(name, adjacency, graph, body, tool, source, target, to_goal, from_start, limit, settings)
+
+    @property
+    def nodes(self) -> int:
+        return len(self.to_goal)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The cheapest way's nodes (p,) and cost; no nodes and inf without one."""
+
+    nodes: np.ndarray
+    cost: float
+
+
+def mark(problem: SearchProblem, obstacles: Obstacles) -> Reshaping:
+    """What the search needs to know of obstacles where they are."""
+    settings = problem.settings
+    within = 4.0 * settings.obstacle_margin
+    return Reshaping.of(problem.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio, within)
+
+
+def search(problem: SearchProblem, reshaping: Reshaping, limited: bool = True) -> Answer:
+    """The cheapest way; with `limited`, as the planner searches, none that costs more than the limit."""
+    graph = problem.graph
+    nodes, _, cost = shortest_path_from_both_ends(
+        problem.adjacency, graph.base, graph.fixed, graph.shares, reshaping, problem.settings.obstacle_margin,
+        problem.to_goal, problem.from_start, problem.source, problem.target,
+        problem.cost_limit if limited else math.inf,
+    )  # fmt: skip
+    return Answer(nodes, cost)
+
+
+def search_plainly(problem: SearchProblem, obstacles: Obstacles) -> Answer:
+    """Dijkstra's algorithm, ended at the target, with what obstacles do worked out at every node before."""
+    graph, reshaping = problem.graph, mark(problem, obstacles)
+    look_at(np.arange(problem.nodes), reshaping)
+    nodes, _, cost = shortest_path(
+        problem.adjacency, graph.base, graph.fixed, graph.shares, reshaping, problem.settings.obstacle_margin,
+        np.zeros(problem.nodes), problem.source, problem.target,
+    )  # fmt: skip
+    return Answer(nodes, cost)
+
+
+def looked_at(reshaping: Reshaping) -> int:
+    """Nodes for which a search had to know what obstacles do."""
+    return int(np.count_nonzero(reshaping.looked))
+
+
+def free_path(problem: SearchProblem) -> np.ndarray:
+    """Nodes (p,) of the cheapest way without obstacles."""
+    return search(problem, mark(problem, Obstacles.none())).nodes

@@ -1,0 +1,131 @@
+"""The joint-space planner's tick on a skill: its stages, each by the functions that the tick itself calls, and whole.
+
+mark         what the search needs to know of the obstacles, and of where they will be within the prediction
+search       the cheapest way through the latent graph
+curve        resample and smooth it, decode it, carry it to start and goal, smooth it there
+time law     the reference along it, from rest
+certificate  its clearance from the moving obstacles and from itself
+message      the JointTrajectory message, where ROS is installed
+tick         `JointSpacePlanner.tick` with a new place of the sphere each time, a hundred times a second along a motion
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from geodesic_motion_ros.arm_certificate import ArmCertifier
+from geodesic_motion_ros.benchmarks.engine import SearchProblem, mark
+from geodesic_motion_ros.benchmarks.scenes import PERIOD, RATE, Scene
+from geodesic_motion_ros.benchmarks.stopwatch import Stopwatch
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.joint_query import JointQueryBuilder
+from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
+from geodesic_motion_ros.latent_way import LatentWay, cheapest_way
+from geodesic_motion_ros.reference import resample_latent, smooth_latent
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.verdict import Verdict
+
+#: Smoothing width of the planner's first attempt, in grid steps.
+_WIDTH = 2.0
+
+
+class SkillBench:
+    """A planner on a joint-space skill, and its search from the start to the goal of the first demonstration.
+
+    Attributes
+    ----------
+    problem : that search.
+    """
+
+    def __init__(self, skill: Skill) -> None:
+        if skill.space != "joint":
+            raise ParameterError(f"skill '{skill.name}' is of task space: the stages are those of a joint-space skill")
+        self._planner = planner = JointSpacePlanner(skill)
+        ends = planner.graph.decoder.configurations(skill.codes[0, [0, -1]])
+        self._start, self._goal = np.clip(ends, planner.limits.lower, planner.limits.upper)
+        model = planner.collision
+        self._certifier = ArmCertifier(
+            planner.robot, model.points.frames, model.points.offsets, model.radii, model.self_pairs
+        )
+        queries = JointQueryBuilder(skill, planner.graph, planner.settings, model)
+        choice = queries.goal_by_configuration(self._goal)
+        query = choice if isinstance(choice, Verdict) else queries.build(self._start, choice)
+        if isinstance(query, Verdict):
+            raise ParameterError(f"skill '{skill.name}' has no way along its first demonstration: {query.reason}")
+        self._query = query
+        source = next(
+            int(node) for node in planner.graph.nodes_near(query.start_latent, 3) if np.isfinite(query.to_goal[node])
+        )
+        tool = planner.graph.body.names.index(planner.robot.tool_link)
+        self.problem = SearchProblem.between(
+            skill.name, planner.graph.adjacency, query.graph, query.body, tool, source, query.goal_node,
+            planner.settings, query.cost_limit,
+        )  # fmt: skip
+
+    def stages(self, scene: Scene, ticks: int) -> dict[str, Stopwatch]:
+        """Every stage of planning from rest; those after the search run where there is a way."""
+        planner, query = self._planner, self._query
+        message = _message_of()
+        names = ("mark", "search", "curve", "time law", "certificate", *(("message",) if message else ()))
+        watches = {name: Stopwatch() for name in names}
+        for tick in range(ticks):
+            obstacles = scene.at(tick)
+            with watches["mark"]:
+                reshaping = mark(self.problem, obstacles.swept(planner.settings.prediction))
+            with watches["search"]:
+                way = cheapest_way(
+                    planner.graph, query, query.start_latent, reshaping, planner.settings.obstacle_margin
+                )
+            if isinstance(way, Verdict):
+                continue
+            with watches["curve"]:
+                path, latent = self._curve(way)
+            with watches["time law"]:
+                reference = timed_joint_reference(path, latent, planner.limits)
+            if reference is None:
+                continue
+            with watches["certificate"]:
+                self._certifier.certify(reference, obstacles, planner.settings.prediction)
+            if message:
+                with watches["message"]:
+                    message(planner.robot.joint_names, reference)
+        return watches
+
+    def _curve(self, way: LatentWay) -> tuple[np.ndarray, np.ndarray]:
+        """Configurations (m, eta) along a way, and their latent points (m, d)."""
+        graph = self._planner.graph
+        latent = smooth_latent(resample_latent(way.polyline, float(np.min(graph.grid.spacing))), _WIDTH)
+        carried = self._query.offsets.carried(graph.decoder.configurations(latent), *graph.progress_map(latent))
+        return smooth_latent(carried, _WIDTH), latent
+
+    def ticks(self, scene: Scene, ticks: int) -> Stopwatch:
+        """The planner's own ticks; the motion begins anew each time the sphere has come round."""
+        planner, watch = self._planner, Stopwatch()
+        for tick in range(ticks):
+            now = tick / RATE
+            if tick % PERIOD == 0:
+                planner.stand_at(self._start, now)
+                planner.set_goal_configuration(self._goal)
+            obstacles = scene.at(tick)
+            with watch:
+                planner.take_obstacles(obstacles)
+                planner.tick(now)
+        return watch
+
+
+def _message_of() -> Callable[[tuple[str, ...], JointReference], object] | None:
+    """Makes the JointTrajectory message of a reference; None without ROS."""
+    try:
+        from geodesic_motion_ros.nodes.messages import joint_trajectory_message
+    except ImportError:
+        return None
+
+    def message(names: tuple[str, ...], reference: JointReference) -> object:
+        return joint_trajectory_message(
+            names, reference.times, reference.positions, reference.velocities, reference.accelerations, 0.0
+        )
+
+    return message

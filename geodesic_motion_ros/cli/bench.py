@@ -1,0 +1,60 @@
+"""`bench`: how fast the search engine answers, beside well-known graph libraries."""
+
+from __future__ import annotations
+
+import argparse
+
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, writable
+
+_DESCRIPTION = """\
+Searches two graphs again and again while obstacles move: a large one that is made up (50x50x50 nodes, 26 neighbours,
+8 body points) and that of a skill. Prints one table for each, the stages of the planner's tick on the skill, and how a
+tick grows with nodes, obstacles and body points. About five minutes, a few GB of memory, no network.
+
+scenes   none_near (ten spheres that the way does not feel), one_r005 and one_r010 (one sphere of 5, 10 cm in the middle
+         of the way), goal_enclosed, start_enclosed, ten_on_path, wall_gap, cloud_10k (a table top of 10,000 points)
+columns  a tick is: mark the obstacles, search, name the way. p50, p99, max: wall time [ms]; cpu: median of the thread's
+         processor time [ms]; looked: nodes for which it was worked out what obstacles do; none: share of the ticks in
+         which obstacles block every way that the planner would take; error: largest relative difference of the cost
+         from scipy's Dijkstra on the graph with all edges weighed anew; <10ms: share of the ticks
+peers    exact (the same search where no cost is too large), dijkstra (this package's, all nodes worked out before),
+         scipy, igraph, networkit, networkx: how many times the processor time they take for the same tick. Libraries
+         get the edges' weights from the same numpy code; networkx copies its graph for every tick. Those that are not
+         installed are left out: pip install 'geodesic_motion_ros[bench]'
+
+A loaded machine lengthens wall times; cpu and the ratios hold.
+"""
+_EPILOG = """\
+examples:
+  geodesic-motion bench
+  geodesic-motion bench --quick
+  geodesic-motion bench --skill panda_reach_to_grasp --json out/bench.json
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser of the command line."""
+    parser = commands.add_parser(
+        "bench", help="how fast the search answers while obstacles move, beside graph libraries",
+        description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
+    )  # fmt: skip
+    parser.add_argument(
+        "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
+    )
+    parser.add_argument("--quick", action="store_true", help="half a minute: smaller graphs, fewer ticks")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Measure, print the tables, write the file."""
+    from geodesic_motion_ros.benchmarks.run import BenchSettings, measured_alone
+    from geodesic_motion_ros.skill import Skill
+
+    writable(arguments.json)
+    skill = Skill.load(arguments.skill)
+    report = measured_alone(skill, BenchSettings.quick() if arguments.quick else BenchSettings())
+    print(report.table())
+    if arguments.json is not None:
+        report.write_json(arguments.json)
+        print(f"wrote {arguments.json}")

@@ -1,0 +1,52 @@
+"""`bench` as a person meets it: refused in one line, ended by Ctrl-C without a traceback."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from geodesic_motion_ros.cli import main
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--skill", "no_such_skill"], "no skill 'no_such_skill'"),
+        (["--skill", "panda_pouring"], "joint-space skill"),
+        (["--json", "{file}/x.json"], "cannot be written"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(arguments, said, tmp_path, capsys) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    assert main(["bench", *(argument.format(file=file) for argument in arguments)]) == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("geodesic-motion: ")]
+    assert said in line
+
+
+def test_ctrl_c_ends_it_without_a_traceback(tmp_path) -> None:
+    command = [sys.executable, "-m", "geodesic_motion_ros", "bench", "--quick", "--json", str(tmp_path / "bench.json")]
+    with subprocess.Popen(
+        command, cwd=REPOSITORY, env=os.environ | {"PYTHONUNBUFFERED": "1"}, stderr=subprocess.PIPE,
+        start_new_session=True,
+    ) as process:  # fmt: skip
+        seen = b""
+        while b"none_near" not in seen:  # the first scene is being measured
+            piece = process.stderr.read1()
+            assert piece, seen.decode()
+            seen += piece
+        # As a terminal does: to the whole group.
+        os.killpg(process.pid, signal.SIGINT)
+        seen += process.stderr.read()
+        assert process.wait() == 130
+    assert b"interrupted" in seen
+    assert b"Traceback" not in seen
+    assert b"Warning" not in seen
+    assert (tmp_path / "bench.json").read_text() == ""
