@@ -188,29 +188,28 @@ def field_distance(x: float, y: float, z: float, squares: np.ndarray, placing: n
 
     It is continuous, and REACH less the surface's radius where no point is nearer than that.
     """
-    square, taken_off = 0.0, 0.0
-    i = j = k = 0
-    u = v = w = 0.0
-    for axis in range(3):
-        row = 4 * axis
-        at = placing[row] * x + placing[row + 1] * y + placing[row + 2] * z + placing[row + 3]
-        # Beyond the rim, where no point is near, the distance is that on the rim.
-        at = min(max(at, 0.0), squares.shape[axis] - 1.0)
-        whole = min(int(at), squares.shape[axis] - 2)
-        share = at - whole
-        taken_off += share * (1.0 - share)
-        if axis == 0:
-            i, u = whole, share
-        elif axis == 1:
-            j, v = whole, share
-        else:
-            k, w = whole, share
+    i, u = _cube(placing[0] * x + placing[1] * y + placing[2] * z + placing[3], squares.shape[0])
+    j, v = _cube(placing[4] * x + placing[5] * y + placing[6] * z + placing[7], squares.shape[1])
+    k, w = _cube(placing[8] * x + placing[9] * y + placing[10] * z + placing[11], squares.shape[2])
+    square = 0.0
     for a in range(2):
-        along_x = u if a else 1.0 - u
+        along_x = u if a == 1 else 1.0 - u
         for b in range(2):
-            along_xy = along_x * (v if b else 1.0 - v)
+            along_xy = along_x * (v if b == 1 else 1.0 - v)
             square += along_xy * ((1.0 - w) * squares[i + a, j + b, k] + w * squares[i + a, j + b, k + 1])
-    return placing[12] * math.sqrt(max(square - taken_off, 0.0)) - placing[13]
+    square -= u * (1.0 - u) + v * (1.0 - v) + w * (1.0 - w)
+    return placing[12] * math.sqrt(max(square, 0.0)) - placing[13]
+
+
+@numba.njit(cache=True, nogil=True)
+def _cube(at: float, count: int) -> tuple[int, float]:
+    """Number of a cube and share of the way to the next, of so many along an axis.
+
+    Beyond the rim, where no point of the cloud is near, the distance is that on the rim.
+    """
+    at = min(max(at, 0.0), count - 1.0)
+    number = min(np.uint32(at), np.uint32(count - 2))
+    return number, at - number
 
 
 @numba.njit(cache=True, nogil=True)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, arm_clearances, self_clearances, sphere_bulges
+from geodesic_motion_ros.distance_field import DistanceField, field_distances
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
@@ -14,6 +19,7 @@ from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_point
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.solids import solid_distances, solid_rows
 
 ROBOT = Robot.panda()
 LIMITS = JointLimits.of(ROBOT)
@@ -84,6 +90,56 @@ def test_it_is_never_optimistic_and_costs_a_millimetre():
     assert np.median(np.concatenate(own_costs)) < 2e-3
     # An obstacle that stops between knots costs up to a quarter of its way in that interval, here 10 mm at 2 m/s.
     assert np.max(np.concatenate(costs)) < 0.015
+
+
+def solids_in(seed: int) -> Obstacles:
+    """Four moving solids where the arm is."""
+    random = np.random.default_rng(seed)
+    solids = solid_rows(
+        random.uniform([-0.2, -0.6, 0.0], [0.8, 0.6, 1.0], (4, 3)), Rotation.random(4, random_state=seed).as_matrix(),
+        random.uniform(0.0, 0.15, (4, 3)), random.uniform(0.01, 0.05, 4),
+    )  # fmt: skip
+    return replace(Obstacles.none(), solids=solids, solid_velocities=random.normal(scale=0.5, size=(4, 3)))
+
+
+def test_among_moving_solids_it_is_never_optimistic_and_costs_little_more():
+    costs = []
+    for seed in range(40):
+        reference, _ = scene(seed)
+        obstacles = solids_in(seed)
+        certificate = CERTIFIER.certify(reference, obstacles, HORIZON)
+        times = np.linspace(reference.times[:-1], reference.times[1:], 60, axis=1).ravel()
+        spheres = placed_at(reference, times)[:, MOVING]
+        moved = [obstacles.at(time, HORIZON) for time in times]
+        true = np.array(
+            [np.min(solid_distances(s, o.solids) - RADII[MOVING]) for s, o in zip(spheres, moved, strict=True)]
+        )
+        true = true.reshape(-1, 60).min(axis=1)
+        assert np.all(certificate.clearance <= true + 1e-9)
+        assert np.all(certificate.sphere >= 1)
+        costs.append(true - certificate.clearance)
+    assert np.median(np.concatenate(costs)) < 2e-3
+    # As with spheres: an obstacle that stops between knots.
+    assert np.max(np.concatenate(costs)) < 0.016
+
+
+def test_among_the_points_of_a_cloud_it_is_never_optimistic():
+    for seed in range(15):
+        reference, spheres = scene(seed)
+        random = np.random.default_rng(seed)
+        points = np.concatenate([c + random.normal(scale=0.05, size=(100, 3)) for c in spheres.centres[:3]])
+        cloud = replace(Obstacles.none(), cloud=DistanceField.of(points, 0.02, 0.01, 0.05))
+        certificate = CERTIFIER.certify(reference, cloud, HORIZON)
+        times = np.linspace(reference.times[:-1], reference.times[1:], 60, axis=1).ravel()
+        dense = placed_at(reference, times)[:, MOVING]
+        true = (cKDTree(points).query(dense)[0] - 0.01 - RADII[MOVING]).min(axis=1).reshape(-1, 60).min(axis=1)
+        told = field_distances(dense.reshape(-1, 3), *cloud.cloud).reshape(dense.shape[:2]) - RADII[MOVING]
+        assert np.all(certificate.clearance <= true + 1e-9)
+        assert np.median(told.min(axis=1).reshape(-1, 60).min(axis=1) - certificate.clearance) < 3e-3
+        both = CERTIFIER.certify(reference, replace(spheres, cloud=cloud.cloud), HORIZON)
+        np.testing.assert_allclose(
+            both.clearance, np.minimum(certificate.clearance, certified(reference, spheres).clearance), atol=1.1e-3
+        )
 
 
 def test_without_the_bulge_it_would_be_optimistic():

@@ -1,12 +1,19 @@
 """The certificate is a lower bound: never optimistic against dense sampling of the interpolated curve."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.certificate import curve_clearances, rotation_allowance, segment_distance
+from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.graph.ambient import obstacle_clearances
 from geodesic_motion_ros.graph.pose_graph import tool_points
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import angle_between, normalise, slerp
+from geodesic_motion_ros.solids import solid_rows
 
 
 @pytest.mark.parametrize("seed", range(50))
@@ -45,3 +52,29 @@ def test_never_optimistic_between_samples(seed):
 def test_no_obstacle_no_limit():
     clearance = curve_clearances(np.zeros((4, 1, 3)), np.ones(1), np.zeros((3, 1)), Obstacles.none())
     assert np.all(np.isinf(clearance))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_among_solids_and_clouds_it_is_never_optimistic_and_costs_two_millimetres(seed):
+    random = np.random.default_rng(seed)
+    positions = np.cumsum(random.normal(scale=0.05, size=(6, 3)), axis=0)
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (6, 1))
+    points, radii = random.uniform(-0.1, 0.1, (2, 3)), np.array([0.03, 0.05])
+    solids = solid_rows(
+        random.normal(scale=0.3, size=(3, 3)), Rotation.random(3, random_state=seed).as_matrix(),
+        random.uniform(0.0, 0.2, (3, 3)), random.uniform(0.01, 0.05, 3),
+    )  # fmt: skip
+    seen = random.normal(scale=0.2, size=(50, 3))
+    field = DistanceField.of(seen, 0.02, 0.01, 0.05)
+    spheres = Obstacles.of_spheres(random.normal(scale=0.3, size=(1, 3)), np.array([0.05]))
+    with_solids = replace(spheres, solids=solids, solid_velocities=np.zeros((3, 3)))
+    shares = np.linspace(0.0, 1.0, 201)[:, None, None]
+    placed = tool_points(positions, still, points)
+    for obstacles in (with_solids, replace(with_solids, cloud=field)):
+        certified = curve_clearances(placed, radii, np.zeros((5, 2)), obstacles)
+        for i, bound in enumerate(certified):
+            dense = placed[i] + shares * (placed[i + 1] - placed[i])
+            told = obstacle_clearances(dense, radii, obstacles, np.inf).min()
+            assert told - 2e-3 <= bound <= told + (1e-12 if obstacles is with_solids else 2e-3)
+            points_gap = np.min(cKDTree(seen).query(dense.reshape(-1, 3))[0].reshape(dense.shape[:2]) - radii) - 0.01
+            assert obstacles is with_solids or bound <= points_gap

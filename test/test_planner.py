@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import Plan, PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.quaternions import angle_between, normalise
 from geodesic_motion_ros.reference import ReferenceFollower
+from geodesic_motion_ros.solids import solid_distances, solid_rows
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 PERIOD = 0.01
@@ -95,6 +102,42 @@ def test_a_sphere_on_the_path_is_hit_without_avoidance_and_not_with_it(fan_skill
     assert plan.verdict.clearance > 0.0
     dense = np.array([plan.reference.sample(t)[0] for t in np.linspace(0, plan.reference.duration, 3000)])
     assert np.linalg.norm(dense - centre, axis=1).min() - radius - 0.04 >= plan.verdict.clearance - 1e-9
+
+
+@pytest.mark.parametrize("kind", ["box", "capsule", "cloud"])
+def test_obstacles_of_every_kind_are_hit_without_avoidance_and_passed_with_it(fan_skill, planner, kind):
+    direct = nominal(planner).reference.positions
+    centre = direct[len(direct) // 2] + [0.0, 0.0, 0.01]
+    turn = Rotation.from_rotvec([0.3, 0.2, 0.8]).as_matrix()
+    extents, radius = {"box": ([0.03, 0.02, 0.01], 0.0), "capsule": ([0.0, 0.0, 0.03], 0.015)}.get(kind, (None, None))
+    if kind == "cloud":
+        seen = centre + np.random.default_rng(0).uniform(-0.015, 0.015, (200, 3))
+        obstacles = replace(Obstacles.none(), cloud=DistanceField.of(seen, 0.005, 0.005, 0.02))
+    else:
+        row = solid_rows(centre[None], turn[None], np.array([extents]), np.array([radius]))
+        obstacles = replace(Obstacles.none(), solids=row, solid_velocities=np.zeros((1, 3)))
+    blind = ReactivePlanner(fan_skill, PlannerSettings(avoidance=False))
+    assert blind.take_obstacles(obstacles).ok
+    assert nominal(blind).verdict.clearance < 0.0
+    assert planner.take_obstacles(obstacles).ok
+    plan = nominal(planner)
+    assert plan.verdict.ok
+    assert plan.verdict.clearance > 0.0
+    dense = np.array([plan.reference.sample(t)[0] for t in np.linspace(0, plan.reference.duration, 3000)])
+    if kind == "cloud":
+        gaps = cKDTree(seen).query(dense)[0] - 0.005 - 0.04
+    else:
+        gaps = solid_distances(dense, obstacles.solids) - 0.04
+    assert gaps.min() >= plan.verdict.clearance - 1e-9
+
+
+def test_a_bad_solid_is_refused_and_the_old_obstacles_stay(planner):
+    planner.set_obstacles([middle(planner)], [0.17])
+    flat = solid_rows(np.zeros((1, 3)), np.eye(3)[None], np.array([[0.1, 0.1, 0.0]]), np.zeros(1))
+    verdict = planner.take_obstacles(replace(Obstacles.none(), solids=flat, solid_velocities=np.zeros((1, 3))))
+    assert verdict.code is VerdictCode.BAD_INPUT
+    assert "solid 0" in verdict.reason
+    assert nominal(planner).reference is None
 
 
 def test_the_plan_with_an_obstacle_is_never_cheaper_than_without(planner):

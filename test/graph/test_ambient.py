@@ -1,9 +1,22 @@
 """The ambient factor: at least 1, exactly 1 far away, continuous, and blind to the order of obstacles."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factor, clearances
+from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.graph.ambient import (
+    CUTOFF,
+    ambient_factor,
+    clearances,
+    cloud_factor,
+    obstacle_clearances,
+    solid_factor,
+)
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.solids import solid_rows
 
 POINT_RADII = np.array([0.03, 0.0])
 
@@ -64,3 +77,91 @@ def test_what_is_further_than_asked_for_is_not_told():
     near = clearances(where, POINT_RADII, centres, radii, 0.05)
     assert 0 < np.count_nonzero(everything < 0.05) < len(where)
     np.testing.assert_array_equal(near, np.where(everything < 0.05, everything, np.inf))
+
+
+STRENGTH, RATIO = 1e3, 0.5
+
+
+def solid_factors(where: np.ndarray, radius: float, solids: np.ndarray) -> np.ndarray:
+    return np.array([1.0 + solid_factor(*x, radius, solids, STRENGTH, RATIO) for x in where])
+
+
+def cloud_factors(where: np.ndarray, radius: float, field: DistanceField) -> np.ndarray:
+    return np.array([1.0 + cloud_factor(*x, radius, *field, STRENGTH, RATIO) for x in where])
+
+
+def some_solids(seed: int = 3) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    turns = Rotation.random(4, random_state=seed).as_matrix()
+    return solid_rows(random.uniform(-0.5, 0.5, (4, 3)), turns, random.uniform(0.05, 0.3, (4, 3)), np.full(4, 0.02))
+
+
+def on_a_sphere(centre: np.ndarray, radius: float, count: int = 20_000) -> np.ndarray:
+    directions = np.random.default_rng(4).normal(size=(count, 3))
+    return centre + radius * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def test_a_solid_that_is_a_sphere_weighs_as_much_as_that():
+    where, centre = points()[:, 0], np.array([[0.1, 0.2, 0.3]])
+    ball = solid_rows(centre, np.eye(3)[None], np.zeros((1, 3)), np.array([0.3]))
+    expected = [ambient_factor(*x, 0.05, centre, np.array([0.3]), STRENGTH, RATIO) for x in where]
+    np.testing.assert_allclose(solid_factors(where, 0.05, ball), expected, rtol=1e-9)
+
+
+def test_a_cloud_seen_on_a_sphere_weighs_as_much_as_the_sphere():
+    """Given the sphere's radius for its thickness: as much as that sphere a little nearer, by the points' radius, at most
+    the diagonal of a cube, and what interpolation loses."""
+    centre, radius, point, body = np.array([0.4, 0.0, 0.5]), 0.15, 0.001, 0.05
+    field = DistanceField.of(on_a_sphere(centre, radius), 0.01, point, radius)
+    where = centre + np.random.default_rng(5).uniform(-0.5, 0.5, (4000, 3))
+    away = np.linalg.norm(where - centre, axis=1)
+    where, away = where[away > radius + 3.0 * field.edge], away[away > radius + 3.0 * field.edge]
+    seen = cloud_factors(where, body, field)
+    sphere = np.array([ambient_factor(*x, body, centre[None], np.array([radius]), STRENGTH, RATIO) for x in where])
+    assert np.all(seen >= sphere - 1e-9)
+    width, shift = RATIO * (radius + body), np.exp(-0.5 * CUTOFF**2)
+    felt = seen > 1.0
+    gaussian = (seen[felt] - 1.0) / STRENGTH * (1.0 - shift) + shift
+    nearer = away[felt] - width * np.sqrt(-2.0 * np.log(gaussian))
+    assert np.count_nonzero(felt) > 200
+    assert np.max(nearer) <= point + (np.sqrt(3.0) + 0.15) * field.edge
+    assert np.median(nearer) <= point + 0.75 * np.sqrt(3.0) * field.edge
+
+
+@pytest.mark.parametrize("kind", ["solids", "cloud"])
+def test_factors_of_solids_and_clouds_are_continuous_at_least_one_and_one_far_away(kind):
+    field = DistanceField.of(np.random.default_rng(6).uniform(-0.4, 0.4, (30, 3)), 0.02, 0.02, 0.05)
+
+    def factors_at(where: np.ndarray) -> np.ndarray:
+        return solid_factors(where, 0.05, some_solids()) if kind == "solids" else cloud_factors(where, 0.05, field)
+
+    random = np.random.default_rng(7)
+    for _ in range(10):
+        begin, end = random.uniform(-1.0, 1.0, (2, 3))
+        found = [factors_at(begin + np.linspace(0.0, 1.0, n)[:, None] * (end - begin)) for n in (1001, 8001)]
+        assert np.all(found[1] >= 1.0)
+        # A jump would be as large however fine the steps are.
+        coarse, fine = (np.max(np.abs(np.diff(each)), initial=0.0) for each in found)
+        assert fine <= 0.5 * coarse + 1e-9
+    assert np.all(factors_at(np.array([[2.0, 0.0, 0.0], [0.0, -3.0, 1.0]])) == 1.0)
+
+
+def test_a_cloud_whose_field_ends_before_its_influence_still_fades_to_one():
+    field = DistanceField.of(np.zeros((1, 3)), 0.02, 0.02, 0.2)
+    found = cloud_factors(np.linspace(0.0, 0.6, 2001)[:, None] * [1.0, 0.0, 0.0], 0.3, field)
+    assert found[0] > 0.5 * STRENGTH
+    assert np.all(np.diff(found) <= 1e-9)
+    assert np.all(found[-500:] == 1.0)
+    assert np.max(-np.diff(found)) < 0.05 * STRENGTH
+
+
+def test_clearance_is_the_smallest_of_all_kinds():
+    where, ball = points(), np.array([[0.0, 0.0, 0.0]])
+    spheres = Obstacles.of_spheres(ball, np.array([0.1]))
+    solids = replace(Obstacles.none(), solids=some_solids(), solid_velocities=np.zeros((4, 3)))
+    cloud = replace(Obstacles.none(), cloud=DistanceField.of(some_solids()[:, :3] - 0.3, 0.02, 0.02, 0.05))
+    each = [obstacle_clearances(where, POINT_RADII, obstacles, 0.05) for obstacles in (spheres, solids, cloud)]
+    np.testing.assert_array_equal(each[0], clearances(where, POINT_RADII, ball, np.array([0.1]), 0.05))
+    together = replace(solids, centres=ball, radii=spheres.radii, velocities=np.zeros((1, 3)), cloud=cloud.cloud)
+    np.testing.assert_array_equal(obstacle_clearances(where, POINT_RADII, together, 0.05), np.min(each, axis=0))
+    assert all(0 < np.count_nonzero(np.isfinite(found)) < len(where) for found in each)

@@ -1,0 +1,110 @@
+"""Scenes of obstacles: what is refused, what is the same, where they are later, and seen from elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.graph.ambient import obstacle_clearances
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.solids import solid_rows
+
+
+def scene(seed: int = 0) -> Obstacles:
+    random = np.random.default_rng(seed)
+    turns = Rotation.random(2, random_state=seed).as_matrix()
+    return Obstacles(
+        random.uniform(-0.5, 0.5, (3, 3)),
+        random.uniform(0.05, 0.1, 3),
+        random.normal(size=(3, 3)),
+        solid_rows(random.uniform(-0.5, 0.5, (2, 3)), turns, random.uniform(0.02, 0.2, (2, 3)), np.array([0.0, 0.03])),
+        random.normal(size=(2, 3)),
+        DistanceField.of(random.uniform(-0.5, 0.5, (20, 3)), 0.02, 0.02, 0.05),
+        1.0,
+    )
+
+
+def clearances(obstacles: Obstacles, places: np.ndarray) -> np.ndarray:
+    return obstacle_clearances(places[:, None], np.zeros(1), obstacles, np.inf)
+
+
+PLACES = np.random.default_rng(1).uniform(-0.8, 0.8, (300, 3))
+
+
+def test_a_scene_has_nothing_to_object_to():
+    assert scene().objection() == ""
+    assert Obstacles.none().objection() == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "value", "said"),
+    [
+        ("centres", (1, 0), np.nan, "obstacle 1"),
+        ("radii", 2, 0.0, "obstacle 2"),
+        ("velocities", (0, 1), np.inf, "obstacle 0"),
+        ("solids", (1, 2), np.nan, "solid 1"),
+        ("solids", (0, 3), 0.0, "solid 0"),
+        ("solids", (1, 4), -0.1, "not negative"),
+        ("solids", (1, 6), -0.01, "not negative"),
+        ("solids", (0, 7), 2.0, "rotation"),
+        ("solid_velocities", (1, 0), np.nan, "solid 1"),
+    ],
+)
+def test_what_is_no_obstacle_is_named(name, index, value, said):
+    obstacles = scene()
+    getattr(obstacles, name)[index] = value
+    assert said in obstacles.objection()
+
+
+def test_scenes_are_the_same_where_all_places_are():
+    one, other = scene(), scene()
+    assert one.same_places(one)
+    assert not one.same_places(other)  # a newer cloud, if one that looks alike
+    other = replace(other, cloud=one.cloud)
+    assert one.same_places(other)
+    other.solids[0, 0] += 1e-6
+    assert not one.same_places(other)
+    assert Obstacles.none().same_places(Obstacles.none())
+
+
+def test_what_is_told_twice_is_one_obstacle():
+    one = scene()
+    twice = replace(
+        one,
+        centres=np.tile(one.centres, (2, 1)), radii=np.tile(one.radii, 2), velocities=np.tile(one.velocities, (2, 1)),
+        solids=np.tile(one.solids, (2, 1)), solid_velocities=np.tile(one.solid_velocities, (2, 1)),
+    )  # fmt: skip
+    distinct = twice.distinct()
+    assert (len(distinct.radii), len(distinct.solids)) == (3, 2)
+    assert distinct.stand
+    np.testing.assert_array_equal(clearances(distinct, PLACES), clearances(one, PLACES))
+
+
+def test_obstacles_move_on_linearly_and_not_for_ever():
+    obstacles = replace(scene(), cloud=DistanceField.none())
+    later = obstacles.at(1.2, prediction=0.5)
+    np.testing.assert_allclose(later.centres, obstacles.centres + 0.2 * obstacles.velocities)
+    np.testing.assert_allclose(later.solids[:, :3], obstacles.solids[:, :3] + 0.2 * obstacles.solid_velocities)
+    np.testing.assert_array_equal(later.solids[:, 3:], obstacles.solids[:, 3:])
+    assert later.time == 1.2
+    assert obstacles.at(9.0, 0.5).same_places(obstacles.at(1.5, 0.5))
+    swept = obstacles.swept(0.4)
+    assert swept.stand
+    passed = [clearances(obstacles.at(1.0 + elapsed, 0.4), PLACES) for elapsed in (0.0, 0.2, 0.4)]
+    np.testing.assert_allclose(clearances(swept, PLACES), np.min(passed, axis=0), atol=1e-12)
+    standing = Obstacles.of_spheres(obstacles.centres, obstacles.radii)
+    assert standing.swept(0.4) is standing
+
+
+def test_moved_obstacles_are_as_far_from_moved_places():
+    rotation, translation = Rotation.random(random_state=2).as_matrix(), np.array([0.1, 0.2, -0.3])
+    moved = scene().moved(rotation, translation)
+    assert moved.objection() == ""
+    np.testing.assert_allclose(
+        clearances(moved, PLACES @ rotation.T + translation), clearances(scene(), PLACES), atol=1e-9
+    )
+    np.testing.assert_allclose(moved.solid_velocities, scene().solid_velocities @ rotation.T)
