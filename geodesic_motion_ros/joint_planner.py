@@ -71,6 +71,14 @@ class JointPlan:
 
 
 @dataclass(frozen=True)
+class PreparedGoal:
+    """A goal that is not refused, and the graph carried to it; None: where the arm is was not known."""
+
+    choice: GoalChoice
+    query: JointQuery | None
+
+
+@dataclass(frozen=True)
 class _Played:
     """A reference and when it begins [s]."""
 
@@ -127,8 +135,9 @@ class _State:
 class JointSpacePlanner:
     """Plans on one joint-space skill: set a goal, set obstacles, tick.
 
-    `tick`, `stop`, `stand_at` and what sets or clears the goal are called by one thread. `plan` answers on its own,
-    from any thread. Obstacles are replaced as a whole. All times are of one clock, the caller's.
+    `tick`, `stop`, `stand_at` and what sets, takes or clears the goal are called by one thread. `plan` and what
+    prepares a goal answer on their own, from any thread. Obstacles are replaced as a whole. All times are of one clock,
+    the caller's.
     """
 
     def __init__(
@@ -147,6 +156,8 @@ class JointSpacePlanner:
         )  # fmt: skip
         self._queries = JointQueryBuilder(skill, self.graph, self.settings, self.collision)
         self._obstacles = Obstacles.none()
+        # The time of the newest tick [s].
+        self._ticked = 0.0
         self._goal: GoalChoice | None = None
         self._query: JointQuery | None = None
         self._played: _Played | None = None
@@ -179,10 +190,17 @@ class JointSpacePlanner:
     # ---------------------------------------------------------------- inputs
 
     def set_goal(self, position: np.ndarray, quaternion: np.ndarray) -> Verdict:
-        """Ask for a goal pose of the tool, (3,) [m] and (4,) in the base frame.
+        """Ask for a goal pose of the tool, (3,) [m] and (4,) in the base frame: `take_goal` what was prepared."""
+        return self.take_goal(self.prepared_goal(position, quaternion))
 
-        BAD_INPUT, GOAL_OUT_OF_SUPPORT or IN_COLLISION where the goal is refused; then the old goal stays. The reason of
-        an OK verdict states how the configuration was chosen.
+    def set_goal_configuration(self, configuration: np.ndarray) -> Verdict:
+        """Ask for a goal configuration (eta,) [rad]; as `set_goal`."""
+        return self.take_goal(self.prepared_configuration(configuration))
+
+    def prepared_goal(self, position: np.ndarray, quaternion: np.ndarray) -> PreparedGoal | Verdict:
+        """All that takes time of asking for a goal pose: any thread may do it while another one ticks.
+
+        BAD_INPUT, GOAL_OUT_OF_SUPPORT or IN_COLLISION where the goal is refused.
         """
         pose, reason = checked_pose("goal", position, quaternion)
         if pose is None:
@@ -194,25 +212,33 @@ class JointSpacePlanner:
                 f"the goal is {distance:.2f} m from the shoulder; the tool of the {self.skill.robot} reaches "
                 f"{self.robot.reach:.2f} m",
             )
-        return self._take_goal(self._queries.goal_by_pose(pose))
+        return self._prepared(self._queries.goal_by_pose(pose))
 
-    def set_goal_configuration(self, configuration: np.ndarray) -> Verdict:
-        """Ask for a goal configuration (eta,) [rad]; verdicts as of `set_goal`."""
+    def prepared_configuration(self, configuration: np.ndarray) -> PreparedGoal | Verdict:
+        """`prepared_goal` for a goal configuration (eta,) [rad]."""
         configuration, reason = self._checked("goal", configuration)
         if configuration is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
-        return self._take_goal(self._queries.goal_by_configuration(configuration))
+        return self._prepared(self._queries.goal_by_configuration(configuration))
 
-    def _take_goal(self, choice: GoalChoice | Verdict) -> Verdict:
+    def _prepared(self, choice: GoalChoice | Verdict) -> PreparedGoal | Verdict:
+        """The goal with the graph carried to it from where the stream is about to be, so that ticks remain short."""
         judged = self._free_of_itself(choice) if isinstance(choice, GoalChoice) else choice
         if isinstance(judged, Verdict):
             return judged
-        self._goal, self._query = judged, None
-        if self._played is not None and self._followed is None:
-            # From a stand the graph is carried to the goal now, so that the tick that follows is a short one.
-            found = self._queries.build(self._played.reference.positions[-1], judged)
-            self._query = found if isinstance(found, JointQuery) else None
-        return Verdict(VerdictCode.OK, f"goal: {judged.stated}")
+        if self._played is None:
+            return PreparedGoal(judged, None)
+        found = self._next_query(self._state_at_switch(self._ticked), judged)
+        return PreparedGoal(judged, found if isinstance(found, JointQuery) else None)
+
+    def take_goal(self, prepared: PreparedGoal | Verdict) -> Verdict:
+        """Make a prepared goal the one that ticks plan to. Where it was refused the old goal stays, and the refusal is
+        returned; the reason of an OK verdict states how the configuration was chosen.
+        """
+        if isinstance(prepared, Verdict):
+            return prepared
+        self._goal, self._query = prepared.choice, prepared.query
+        return Verdict(VerdictCode.OK, f"goal: {prepared.choice.stated}")
 
     def _free_of_itself(self, choice: GoalChoice) -> GoalChoice | Verdict:
         """The configurations in which no two links touch."""
@@ -264,6 +290,7 @@ class JointSpacePlanner:
         if configuration is None:
             return JointPlan(None, now, Verdict(VerdictCode.BAD_INPUT, reason))
         standing = JointReference.standing(configuration, np.zeros(self.graph.latent.shape[1]))
+        self._ticked = now
         self._played, self._played_before = _Played(standing, now), None
         self._followed = self._query = None
         return JointPlan(standing, now, Verdict(VerdictCode.OK))
@@ -297,6 +324,7 @@ class JointSpacePlanner:
         DEADLINE_MISSED where the deadline did not leave time for all that could be tried: then the arm stops along its
         way, and the next ticks go on trying.
         """
+        self._ticked = now
         if self._played is None:
             return JointPlan(None, now, Verdict(VerdictCode.STALE_STATE, "where the arm stands is not known yet"))
         if self._goal is None:

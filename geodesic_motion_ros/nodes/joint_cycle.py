@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from functools import partial
 
 import numpy as np
 
-from geodesic_motion_ros.joint_planner import JointPlan, JointSpacePlanner
+from geodesic_motion_ros.joint_planner import JointPlan, JointSpacePlanner, PreparedGoal
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -24,6 +26,7 @@ class JointCycle(StreamCycle[np.ndarray]):
     ----------
     state_timeout, resume_timeout, clock : as of `StreamCycle`.
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
+    background : prepares goals while cycles go on; None: a cycle does it, and takes longer.
     """
 
     def __init__(
@@ -33,10 +36,13 @@ class JointCycle(StreamCycle[np.ndarray]):
         resume_timeout: float,
         tracking_tolerance: float,
         clock: Callable[[], float] = time.monotonic,
+        background: Executor | None = None,
     ) -> None:
         super().__init__("joint_trajectory", state_timeout, resume_timeout, clock)
         self.planner = planner
         self.tracking_tolerance = tracking_tolerance
+        self._background = background
+        self._asked_for: Future[PreparedGoal | Verdict] | None = None
         self._now = 0.0
         self._stood = False
         self._standing: JointPlan | None = None
@@ -76,12 +82,23 @@ class JointCycle(StreamCycle[np.ndarray]):
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
         )
 
-    def _set_goal(self, inputs: CycleInputs[np.ndarray]) -> Verdict:
-        if isinstance(inputs.goal, np.ndarray):
-            return self.planner.set_goal_configuration(inputs.goal)
-        return self.planner.set_goal(*inputs.goal)
+    def _set_goal(self, inputs: CycleInputs[np.ndarray]) -> Verdict | None:
+        planner, goal = self.planner, inputs.goal
+        by_joints = isinstance(goal, np.ndarray)
+        prepare = partial(planner.prepared_configuration, goal) if by_joints else partial(planner.prepared_goal, *goal)
+        if self._background is None:
+            return planner.take_goal(prepare())
+        self._asked_for = self._background.submit(prepare)
+        return None
+
+    def _settled_goal(self) -> Verdict | None:
+        if self._asked_for is None or not self._asked_for.done():
+            return None
+        prepared, self._asked_for = self._asked_for.result(), None
+        return self.planner.take_goal(prepared)
 
     def _clear_goal(self) -> None:
+        self._asked_for = None
         self.planner.clear_goal()
 
     def _set_obstacles(self, inputs: CycleInputs[np.ndarray]) -> Verdict:

@@ -85,6 +85,7 @@ class PlannerNode(LoopingNode):
         self._loop.stop()
         if self._view_thread is not None:
             self._view_thread.stop()
+        self._kind.close()
 
     # ------------------------------------------------------------ control loop
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,10 @@ class SkillKind(ABC):
     def update(self, values: Mapping[str, Value]) -> None:
         """Take parameters that may change while the node runs."""
 
+    def close(self) -> None:
+        """End what it runs besides the node's threads."""
+        return
+
 
 class TaskSpaceKind(SkillKind):
     """Poses of the tool, streamed as `target_pose`."""
@@ -131,9 +136,11 @@ class JointSpaceKind(SkillKind):
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         self.planner = JointSpacePlanner(skill, joint_settings(values))
         self.robot = self.planner.robot
+        self._goals = ThreadPoolExecutor(1, thread_name_prefix="goals")
         self.cycle: JointCycle = JointCycle(
-            self.planner, values["state_timeout"], values["resume_timeout"], values["tracking_tolerance_joint"]
-        )
+            self.planner, values["state_timeout"], values["resume_timeout"], values["tracking_tolerance_joint"],
+            background=self._goals,
+        )  # fmt: skip
 
     def place(self, joints: np.ndarray) -> np.ndarray:
         return joints
@@ -164,6 +171,9 @@ class JointSpaceKind(SkillKind):
         self.cycle.state_timeout = values["state_timeout"]
         self.cycle.resume_timeout = values["resume_timeout"]
         self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
+
+    def close(self) -> None:
+        self._goals.shutdown(wait=True, cancel_futures=True)
 
 
 def kind_of(skill: Skill, values: Mapping[str, Value]) -> SkillKind:

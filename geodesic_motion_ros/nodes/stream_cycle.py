@@ -157,7 +157,12 @@ class StreamCycle(ABC, Generic[Place]):
         """Plan where the verdict is OK, stop otherwise, and move on."""
 
     @abstractmethod
-    def _set_goal(self, inputs: CycleInputs[Place]) -> Verdict: ...
+    def _set_goal(self, inputs: CycleInputs[Place]) -> Verdict | None:
+        """Ask for a new goal; None where `_settled_goal` will tell what became of it."""
+
+    def _settled_goal(self) -> Verdict | None:
+        """What became of a goal that was asked for earlier, once."""
+        return None
 
     @abstractmethod
     def _clear_goal(self) -> None: ...
@@ -190,11 +195,17 @@ class StreamCycle(ABC, Generic[Place]):
 
     def _take_goal(self, inputs: CycleInputs[Place]) -> None:
         if inputs.goal is None or inputs.goal_number == self._goal_number:
+            self._settle(self._settled_goal())
             return
         self._goal_number = inputs.goal_number
         refused = isinstance(inputs.goal, Verdict)
-        self._goal_verdict = inputs.goal if refused else self._set_goal(inputs)
-        self._has_goal = self._has_goal or self._goal_verdict.ok
+        self._settle(inputs.goal if refused else self._set_goal(inputs))
+
+    def _settle(self, verdict: Verdict | None) -> None:
+        """Take note of what became of the newest goal; None: it is not known yet."""
+        if verdict is not None:
+            self._goal_verdict = verdict
+            self._has_goal = self._has_goal or verdict.ok
 
     def _drop_goal(self, why: str) -> None:
         """Forget the goal: where something unexpected has happened, an arm must not set out again by itself."""

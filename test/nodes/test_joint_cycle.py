@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -65,6 +67,30 @@ def arm(reach_skill: Skill) -> Arm:
 def inputs(reach_skill: Skill) -> CycleInputs:
     goal = reach_skill.canonical.goal_poles[0]
     return CycleInputs(None, 0.005, goal, 1, ObstacleTracker().current(0.0))
+
+
+def test_goals_may_be_prepared_while_cycles_go_on(planner, arm, inputs) -> None:
+    """A goal that is still being prepared is no goal yet; a refused one leaves the old one alone."""
+    release = threading.Event()
+    with ThreadPoolExecutor(1) as background:
+        cycle = JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, clock=lambda: 0.0, background=background)
+        planner.clear_goal()
+        background.submit(release.wait)
+        waiting = follow(cycle, arm, inputs, 0.05)
+        assert {output.verdict.code for output in waiting} == {VerdictCode.NO_GOAL}
+        assert all(output.goal_verdict.code is VerdictCode.NO_GOAL for output in waiting)
+        release.set()
+        background.submit(lambda: None).result()
+        going = follow(cycle, arm, inputs, 0.3)
+        assert all(output.verdict.ok and output.goal_verdict.ok for output in going)
+
+        far = (np.array([5.0, 0.0, 0.5]), np.array([1.0, 0.0, 0.0, 0.0]))
+        other = dataclasses.replace(inputs, goal=far, goal_number=2)
+        follow(cycle, arm, other, 0.02)
+        background.submit(lambda: None).result()
+        kept = follow(cycle, arm, other, 0.1)
+        assert {output.goal_verdict.code for output in kept} == {VerdictCode.GOAL_OUT_OF_SUPPORT}
+        assert all(output.verdict.ok for output in kept)
 
 
 def follow(cycle: JointCycle, arm: Arm, inputs: CycleInputs, seconds: float) -> list[CycleOutput]:
