@@ -6,7 +6,7 @@ one_r010        one of 10 cm
 goal_enclosed   spheres of 5 cm all around the tool at the goal, 22 cm from it
 start_enclosed  the same at the start
 ten_on_path     ten spheres of 5 cm along the way
-wall_gap        a wall of 63 spheres across the way, with one gap
+wall_gap        a wall of spheres of 3 cm across the way, with a gap where the arm would go around a sphere of 10 cm
 cloud_10k       10,000 points of a table top beneath the tool, as the spheres of 2 cm that a voxel filter of 4 cm
                 leaves of them; filtering is not part of a tick
 
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.benchmarks.engine import SearchProblem, free_path
+from geodesic_motion_ros.benchmarks.engine import SearchProblem, free_path, mark, search
 from geodesic_motion_ros.graph.ambient import CUTOFF
 from geodesic_motion_ros.obstacles import Obstacles
 
@@ -69,15 +69,22 @@ def scenes_of(problem: SearchProblem, seed: int = 0) -> list[Scene]:
     random = np.random.default_rng(seed)
     path = free_path(problem)
     way, tool = _way(problem, path), problem.body.points[path, problem.tool]
+    ends = np.array([problem.source, problem.target])
+    large = _alone("one_r010", _along(problem, way, 1, 0.10), 0.10, random)
+    detour = search(problem, mark(problem, large.at(0)), limited=False).nodes
+
+    def clear(places: np.ndarray, radius: float, nodes: np.ndarray = ends) -> np.ndarray:
+        return places[_room(problem, places, radius, nodes) > _ROOM]
+
     return [
         _alone("none_near", _unfelt(problem, path, random), 0.05, random),
         _alone("one_r005", _along(problem, way, 1, 0.05), 0.05, random),
-        _alone("one_r010", _along(problem, way, 1, 0.10), 0.10, random),
-        _together("goal_enclosed", _clear_of_ends(problem, _shell(tool[-1]), 0.05), 0.05, random),
-        _together("start_enclosed", _clear_of_ends(problem, _shell(tool[0]), 0.05), 0.05, random),
+        large,
+        _together("goal_enclosed", clear(_shell(tool[-1]), 0.05), 0.05, random),
+        _together("start_enclosed", clear(_shell(tool[0]), 0.05), 0.05, random),
         spheres_on_way(problem, 10, seed),
-        _together("wall_gap", _clear_of_ends(problem, _wall(way), _WALL_RADIUS), _WALL_RADIUS, random),
-        _together("cloud_10k", _clear_of_ends(problem, _table_top(tool, random), 0.02), 0.02, random),
+        _together("wall_gap", clear(_wall(way), _WALL_RADIUS, np.append(ends, detour)), _WALL_RADIUS, random),
+        _together("cloud_10k", clear(_table_top(tool, random), 0.02), 0.02, random),
     ]
 
 
@@ -131,20 +138,15 @@ def _along(problem: SearchProblem, way: np.ndarray, count: int, radius: float) -
     On a way so short that there is none, all where it is farthest from them.
     """
     places = _at(way, np.linspace(0.0, 1.0, 500))
-    room = _room_at_ends(problem, places, radius)
+    room = _room(problem, places, radius, np.array([problem.source, problem.target]))
     places = places[room > min(_ROOM, np.max(room) - 1e-9)]
     return places[np.linspace(0, len(places) - 1, count + 2).astype(int)[1:-1]]
 
 
-def _clear_of_ends(problem: SearchProblem, places: np.ndarray, radius: float) -> np.ndarray:
-    """Those of places (p, 3) where a sphere leaves the body free at both ends, wherever it swings."""
-    return places[_room_at_ends(problem, places, radius) > _ROOM]
-
-
-def _room_at_ends(problem: SearchProblem, places: np.ndarray, radius: float) -> np.ndarray:
-    """Distance (p,) [m] of spheres at places (p, 3) from the body at the source and at the target."""
-    body, ends = problem.body, [problem.source, problem.target]
-    gaps = np.linalg.norm(places[:, None, None] - body.spheres[ends], axis=3) - body.sphere_radii - radius
+def _room(problem: SearchProblem, places: np.ndarray, radius: float, nodes: np.ndarray) -> np.ndarray:
+    """Distance (p,) [m] of spheres at places (p, 3) from the body at some nodes."""
+    body = problem.body
+    gaps = np.linalg.norm(places[:, None, None] - body.spheres[nodes], axis=3) - body.sphere_radii - radius
     return np.min(gaps, axis=(1, 2))
 
 
@@ -157,16 +159,16 @@ def _shell(middle: np.ndarray) -> np.ndarray:
 
 
 def _wall(way: np.ndarray) -> np.ndarray:
-    """Places of eight by eight spheres across the middle of a way, too dense for the tool, one left out beside it."""
+    """Places of eight by eight spheres across the middle of a way, too dense for the tool."""
     middle, before, after = _at(way, [0.5, 0.45, 0.55])
     across = np.linalg.svd((after - before)[None])[2][1:]
-    row, column = np.delete(np.divmod(np.arange(64), 8), 36, axis=1) - 3.5
+    row, column = np.array(np.divmod(np.arange(64), 8)) - 3.5
     return middle + _WALL_STEP * np.stack([row, column], axis=1) @ across
 
 
 def _table_top(way: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """Centres (o, 3) [m] of the voxels that 10,000 points of a table top of 0.8 m by 0.8 m fall into."""
-    corner = np.append(way[:, :2].mean(axis=0) - [0.2, 0.4], way[:, 2].min() - 0.08)
+    corner = np.append(way[:, :2].mean(axis=0) - [0.2, 0.4], way[:, 2].min() - 0.075)
     points = corner + random.uniform(size=(10_000, 3)) * [0.8, 0.8, 0.01]
     _, voxel, count = np.unique(np.floor(points / _VOXEL).astype(int), axis=0, return_inverse=True, return_counts=True)
     sums = [np.bincount(voxel.reshape(-1), weights=axis) for axis in points.T]
