@@ -8,7 +8,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -95,13 +96,13 @@ class Processes:
         file.write_text(yaml.safe_dump({f"/**/{name}": {"ros__parameters": dict(parameters)}}, sort_keys=False))
         module = f"geodesic_motion_ros.nodes.{name}_node"
         command = [sys.executable, "-m", module, "--ros-args", "--params-file", str(file)]
-        with log.open("wb") as output:
+        with log.open("wb") as output, _interrupts_held():
             # In a session of its own: Ctrl-C reaches the demo alone, which then ends its nodes in order.
             process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=self._environment,
                 start_new_session=True,
             )  # fmt: skip
-        self._running[name] = (process, log)
+            self._running[name] = (process, log)
 
     def check(self) -> None:
         """Raise DemoError, with the end of its log, when a process has ended."""
@@ -239,6 +240,21 @@ class Probe:
             self.recording.contacts = message.data
             if message.data:
                 self.recording.touched = min(self.recording.touched, self._now() - self._began)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Let signals that end the demo wait: a process that has begun must be known to those who will end it."""
+    heard: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, lambda number, frame: heard.append(number)) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+        for number in heard:
+            signal.raise_signal(number)
 
 
 def isolated_environment(domain: int) -> dict[str, str]:

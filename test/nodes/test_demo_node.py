@@ -21,6 +21,7 @@ KEYS = {
     "contacts",
 }  # fmt: skip
 PICTURES = {"latent.png", "paths.png", "strip.png", "arm.gif"}
+DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
 GOAL = np.array([0.4, -0.3, 0.2, 1.0, 0.0, 0.0, 0.0])
 
 
@@ -109,18 +110,35 @@ def test_negative_clearance_is_a_hit_without_contact_points() -> None:
 
 
 def test_a_process_that_ends_is_named_with_its_log(tmp_path: Path) -> None:
-    with Processes(tmp_path, isolated_environment(101)) as processes:
+    with Processes(tmp_path, isolated_environment(DOMAIN)) as processes:
         processes.start("planner", {"skill": "no_such_skill"})
         processes._running["planner"][0].wait(60.0)
         with pytest.raises(DemoError, match=r"(?s)the planner has ended with exit code 1.*no_such_skill"):
             processes.check()
 
 
+def test_a_signal_in_the_moment_a_process_begins_ends_that_one_too(tmp_path: Path, monkeypatch) -> None:
+    begin, begun = subprocess.Popen, []
+
+    def begin_and_interrupt(*arguments, **options) -> subprocess.Popen:
+        begun.append(begin(*arguments, **options))
+        os.kill(os.getpid(), signal.SIGINT)
+        return begun[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", begin_and_interrupt)
+    with pytest.raises(KeyboardInterrupt), Processes(tmp_path, isolated_environment(DOMAIN)) as processes:
+        processes.start("twin", {})
+    (process,) = begun
+    assert process.poll() is not None
+
+
 def demo_process(out: Path, *options: str) -> subprocess.Popen[str]:
     command = [sys.executable, "-u", "-m", "geodesic_motion_ros.nodes.demo_node", "--out", str(out), *options]
+    command += ["--domain", str(DOMAIN)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize(
     ("skill", "extra", "pictures"),
     [(demo_node.SKILL, {"families"}, PICTURES), ("panda_pouring", set(), set())],
