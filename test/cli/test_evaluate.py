@@ -25,7 +25,8 @@ def test_the_table_is_printed_and_written_as_json(recording, tmp_path, capsys, m
     thoroughly = trained.trained_once
 
     def briefly(task, shown, settings, folder, progress):
-        return thoroughly(task, shown, replace(settings, steps=400, kernels=80), folder, progress)
+        small = {"steps": 300, "hidden": (48, 32), "samples": 60, "kernels": 80, "precision_iterations": 40}
+        return thoroughly(task, shown, replace(settings, **small), folder, progress)
 
     monkeypatch.setattr(trained, "trained_once", briefly)
     file = tmp_path / "deep" / "reach.json"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,7 +28,16 @@ def test_simulated_demonstrations_are_saved_to_train_on(tmp_path, capsys) -> Non
     assert [entry.name for entry in tmp_path.iterdir() if entry.is_dir()] == []
 
 
-def test_modes_leave_table_figures_and_picture(tmp_path, capsys) -> None:
+def test_modes_leave_table_figures_and_picture(tmp_path, capsys, monkeypatch) -> None:
+    from geodesic_motion_ros.experiments import modes
+
+    thoroughly = modes.trained_once
+
+    def briefly(task, shown, settings, folder):
+        small = {"hidden": (48, 32), "samples": 80, "kernels": 80, "precision_samples": 2, "precision_iterations": 40}
+        return thoroughly(task, shown, replace(settings, **small), folder)
+
+    monkeypatch.setattr(modes, "trained_once", briefly)
     told = tmp_path / "told.json"
     made = ["experiment", "modes", "--shown", "2", "--cases", "1", "--seeds", "1", "--steps", "150"]
     assert main([*made, "--out", str(tmp_path), "--json", str(told)]) == 0

@@ -20,13 +20,25 @@ from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_s
 HELD_OUT = (1, 4)
 
 
-def train_briefly(demonstrations, seed, sheet, progress):
-    settings = TrainingSettings(seed=seed, sheet=sheet, steps=600, hidden=(64, 32), kernels=150)
-    return train_task_space_skill(demonstrations, settings, progress=progress)
+@pytest.fixture(scope="module")
+def train_briefly():
+    """Train a small skill, or take it where the same demonstrations, seed and sheet were asked for before."""
+    trained = {}
+
+    def train(demonstrations, seed, sheet, progress):
+        asked = (*(item.name for item in demonstrations), demonstrations.has_orientation, seed, sheet)
+        if asked not in trained:
+            settings = TrainingSettings(
+                seed=seed, sheet=sheet, steps=600, hidden=(64, 32), samples=100, kernels=150, precision_iterations=60
+            )
+            trained[asked] = train_task_space_skill(demonstrations, settings, progress=progress)
+        return trained[asked]
+
+    return train
 
 
 @pytest.fixture(scope="module")
-def report(demonstrations) -> ImitationReport:
+def report(demonstrations, train_briefly) -> ImitationReport:
     pytest.importorskip("movement_primitives")
     return evaluate(demonstrations, [HELD_OUT], [0], train_briefly, task="cup", show_progress=False)
 
@@ -90,23 +102,24 @@ def test_the_table_has_a_line_a_row(report):
         assert line.split()[1] == f"{shown:.2f}"
 
 
-def test_refused_geodesics_are_counted_with_the_reason_and_in_no_mean(demonstrations):
+def test_refused_geodesics_are_counted_with_the_reason_and_in_no_mean(demonstrations, train_briefly):
     pytest.importorskip("movement_primitives")
 
     def train_timidly(*arguments):
         return replace(train_briefly(*arguments), energy_per_edge=1e-12)
 
-    report = evaluate(demonstrations, [(3,)], [0], train_timidly, show_progress=False)
+    report = evaluate(demonstrations, [HELD_OUT], [0], train_timidly, show_progress=False)
     for row in ("geodesic", "geodesic_raw", "latent_line"):
-        assert report.rows[row]["unanswered"] == 1
+        assert report.rows[row]["unanswered"] == len(HELD_OUT)
         assert report.rows[row]["dtw_mm"] is None
-    (refused,) = [item for item in report.as_dict()["held_out"] if item["row"] == "geodesic"]
-    assert refused["refusal"].startswith("GOAL_OUT_OF_SUPPORT: ")
-    assert "geodesic: 1 prediction(s) without an answer" in report.table()
+    refused = [item["refusal"] for item in report.as_dict()["held_out"] if item["row"] == "geodesic"]
+    assert len(refused) == len(HELD_OUT)
+    assert all(reason.startswith("GOAL_OUT_OF_SUPPORT: ") for reason in refused)
+    assert "geodesic: 2 prediction(s) without an answer" in report.table()
     assert report.rows["reconstruction"]["dtw_mm"] > 0.0
 
 
-def test_positions_alone_have_no_orientation_figures(demonstrations):
+def test_positions_alone_have_no_orientation_figures(demonstrations, train_briefly):
     pytest.importorskip("movement_primitives")
     flat = Demonstrations(
         tuple(
@@ -126,9 +139,9 @@ def test_no_path_is_nearer_than_the_sheets_own_nearest_poses(report):
         assert rows["sheet_oracle"]["dtw_mm"] < rows[row]["dtw_mm"]
 
 
-def test_the_first_sheet_gives_the_geodesic_and_rows_of_other_sheets_are_empty(demonstrations):
+def test_the_first_sheet_gives_the_geodesic_and_rows_of_other_sheets_are_empty(demonstrations, train_briefly):
     pytest.importorskip("movement_primitives")
-    report = evaluate(demonstrations, [(3,)], [0], train_briefly, show_progress=False, sheets=["raw"])
+    report = evaluate(demonstrations, [HELD_OUT], [0], train_briefly, show_progress=False, sheets=["raw"])
     assert report.rows["geodesic"]["dtw_mm"] == report.rows["geodesic_raw"]["dtw_mm"] > 0.0
     for row in ("geodesic_ridge", "geodesic_canonical", "conditional_mean", "sheet_oracle"):
         assert report.rows[row]["dtw_mm"] is None
@@ -179,7 +192,7 @@ def test_default_folds_hold_every_demonstration_out_once():
 
 
 @pytest.mark.parametrize(("folds", "seeds"), [([], [0]), ([(0,)], [])])
-def test_nothing_to_evaluate_is_refused(demonstrations, folds, seeds):
+def test_nothing_to_evaluate_is_refused(demonstrations, train_briefly, folds, seeds):
     pytest.importorskip("movement_primitives")
     with pytest.raises(ParameterError, match="at least one fold and one seed"):
         evaluate(demonstrations, folds, seeds, train_briefly, show_progress=False)

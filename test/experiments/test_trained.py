@@ -70,7 +70,10 @@ def test_code_that_the_training_imports_counts_as_training_code(monkeypatch) -> 
 
 
 def test_demonstrations_of_joints_are_learned_in_joint_space_and_kept(reach_demonstrations, tmp_path) -> None:
-    settings = JointTrainingSettings(steps=60, samples=40, kernels=20, hidden=(32, 16), precision_iterations=20)
+    # In the plane: so little training leaves a wide support, whose graph in three dimensions takes far longer.
+    settings = JointTrainingSettings(
+        latent_dimension=2, steps=60, samples=40, kernels=20, hidden=(32, 16), precision_iterations=20
+    )
     first = trained_once("reach", reach_demonstrations, settings, tmp_path)
     (kept,) = tmp_path.iterdir()
     written = (kept / "skill.yaml").stat().st_mtime_ns
