@@ -8,6 +8,8 @@ SHELL := /bin/bash
 # Python for a new .venv: the first of these that is there, in a version that fits, with what the set-up needs.
 PYTHON ?= python3.11 python3.12 python3.10 python3
 ARGS ?=
+# A file of tests stays with one worker: what its tests share is made once.
+workers := --numprocesses=auto --maxprocesses=2 --dist=loadfile --no-loadscope-reorder
 
 python := .venv/bin/python
 ready := .venv/.ready
@@ -24,15 +26,16 @@ help: ## this list
 	@echo "  make demo ARGS=--gui        opens PyBullet's window"
 	@echo "  make demo ARGS='--skill panda_pouring'   the hand around the obstacle"
 	@echo "  make test ARGS='-k skill'   some of the tests"
+	@echo "  make test ARGS='-n 0'       one at a time, as --pdb needs it"
 	@echo "  make PYTHON=python3.10 ...  the Python of a new .venv (3.10, 3.11 or 3.12)"
 
 demo: $(ready) ## a Panda takes its elbow out of a moving obstacle's way: two minutes, headless; pictures in out/demo
 	@MPLBACKEND=Agg $(python) -m geodesic_motion_ros demo $(ARGS) < /dev/null
 
-test: lint ## ruff, then the tests
+test: lint ## ruff, then the tests, two at a time where there are two cores
 	@ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLBACKEND=Agg \
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
-	$(python) -m pytest --durations=10 $(ARGS) < /dev/null
+	$(python) -m pytest $(workers) --durations=10 $(ARGS) < /dev/null
 
 lint: $(ready) ## ruff
 	@$(python) -m ruff check .

@@ -48,7 +48,7 @@ setup(
         "simulation": ["pybullet"],
         "peers": ["movement_primitives", "pytransform3d"],
         "bench": ["igraph", "networkit", "networkx"],
-        "test": ["hypothesis", "mpmath", "pytest", "ruff"],
+        "test": ["hypothesis", "mpmath", "pytest", "pytest-xdist", "ruff"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

@@ -1,9 +1,13 @@
-"""Shared fixtures: a small skill trained for the tests, and where real recordings are, when they are there at all."""
+"""What all tests share: small skills trained for them, real recordings where there are any, and the machine itself."""
 
 from __future__ import annotations
 
+import fcntl
 import os
+import pickle
 import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +24,61 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 # A shell that starts the tests in the background has SIGINT ignored, and programs under test would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Before rclpy is imported, and for every process that is started: fields are type-checked, nothing leaves this machine,
+# and every worker of every run of the tests has a domain of its own (1 to 101 keep clear of the system's ports).
+WORKER = os.environ.get("PYTEST_XDIST_WORKER")
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["ROS_DOMAIN_ID"] = str(
+    1 + (os.getpid() if WORKER is None else os.getppid() + 17 * int(WORKER.removeprefix("gw"))) % 101
+)
+
+
+@contextmanager
+def locked(path: Path, kind: int) -> Iterator[None]:
+    """Hold a lock (fcntl.LOCK_SH or LOCK_EX) on a file or folder that is there; waits for it."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, kind)
+        yield
+    finally:
+        fcntl.flock(descriptor, fcntl.LOCK_UN)  # a child that was forked meanwhile would keep what is only closed
+        os.close(descriptor)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Let a test marked `realtime` run alone: the workers share the machine, such a test has it to itself.
+
+    Whoever comes passes the entrance (a lock on this folder) first, so that those who share cannot keep out one who
+    waits to be alone (a lock on this file).
+    """
+    if WORKER is None:
+        return (yield)
+    alone = item.get_closest_marker("realtime") is not None
+    with ExitStack() as held:
+        with locked(Path(__file__).parent, fcntl.LOCK_EX):
+            held.enter_context(locked(Path(__file__), fcntl.LOCK_EX if alone else fcntl.LOCK_SH))
+        return (yield)
+
+
+@pytest.fixture(scope="session")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[], Skill]], Skill]:
+    """once(name, train) is what `train` returns, bit by bit: the worker that asks first trains, the others read it."""
+    folder = tmp_path_factory.getbasetemp()
+    if WORKER is not None:
+        folder = folder.parent  # the run's, where each worker has its own
+
+    def ask(name: str, train: Callable[[], Skill]) -> Skill:
+        file = folder / f"{name}.pickle"
+        file.touch()
+        with locked(file, fcntl.LOCK_EX):
+            if file.stat().st_size == 0:
+                file.write_bytes(pickle.dumps(train()))
+            return pickle.loads(file.read_bytes())
+
+    return ask
 
 
 @pytest.fixture(scope="session")
@@ -74,12 +133,12 @@ def fan_with_varying_ends(seed: int = 0) -> Demonstrations:
 
 
 @pytest.fixture(scope="session")
-def fan_skill() -> Skill:
+def fan_skill(once) -> Skill:
     """A skill for a Panda on the raw sheet, really trained."""
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
     settings = TrainingSettings(sheet="raw", **SMALL)
-    return train_task_space_skill(fan_of_demonstrations(), settings, name="fan")
+    return once("fan", lambda: train_task_space_skill(fan_of_demonstrations(), settings, name="fan"))
 
 
 @pytest.fixture(scope="session")
@@ -89,11 +148,12 @@ def varying_fan() -> Demonstrations:
 
 
 @pytest.fixture(scope="session")
-def canonical_fan_skill(varying_fan: Demonstrations) -> Skill:
+def canonical_fan_skill(once, varying_fan: Demonstrations) -> Skill:
     """A skill for a Panda on the canonical sheet, learned from demonstrations whose starts and goals vary."""
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
-    return train_task_space_skill(varying_fan, TrainingSettings(**SMALL), name="canonical fan")
+    settings = TrainingSettings(**SMALL)
+    return once("canonical fan", lambda: train_task_space_skill(varying_fan, settings, name="canonical fan"))
 
 
 def reaches(count_per_family: int, connected: bool, seed: int = 0) -> JointDemonstrations:
@@ -121,9 +181,9 @@ def separated_demonstrations() -> JointDemonstrations:
 
 
 @pytest.fixture(scope="session")
-def reach_skill(reach_demonstrations: JointDemonstrations) -> Skill:
+def reach_skill(once, reach_demonstrations: JointDemonstrations) -> Skill:
     """A joint-space skill of the whole Panda on the canonical sheet, with two ways, really trained."""
     from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill
 
     settings = JointTrainingSettings(batch=128, **SMALL)
-    return train_joint_space_skill(reach_demonstrations, Robot.panda(), settings, name="reach")
+    return once("reach", lambda: train_joint_space_skill(reach_demonstrations, Robot.panda(), settings, name="reach"))

@@ -38,8 +38,8 @@ def demonstrations() -> Demonstrations:
 
 
 @pytest.fixture(scope="session")
-def skill(demonstrations):
-    return train_task_space_skill(demonstrations, QUICK, name="bend")
+def skill(once, demonstrations):
+    return once("bend", lambda: train_task_space_skill(demonstrations, QUICK, name="bend"))
 
 
 @pytest.fixture(scope="session")

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.goal_rate import measure_goal_rate, table
 
 
+@pytest.mark.realtime
 def test_both_stretches_are_measured_and_the_goals_really_move(tmp_path):
-    stays, moves = measure_goal_rate("panda_pouring", tmp_path, seconds=1.5, goals_hz=10.0, obstacles=3, domain=84)
+    domain = int(os.environ["ROS_DOMAIN_ID"])
+    stays, moves = measure_goal_rate("panda_pouring", tmp_path, seconds=1.5, goals_hz=10.0, obstacles=3, domain=domain)
     assert stays.goals == 1
     assert moves.goals >= 10
     for row in (stays, moves):
