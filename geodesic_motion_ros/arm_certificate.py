@@ -239,27 +239,48 @@ def lower_by_solids(
 
     sizes : (b,) radii of spheres around the solids [m]; the rest as in `arm_clearances`.
     """
+    count = len(spheres)
+    if count == 0:
+        return
     begin, end = np.empty(3), np.empty(3)
+    middles, reaches = np.empty((count, 3)), np.empty(count)
+    nearest, nearest_solid = 0, 0
     for i in range(len(times) - 1):
         first, last = min(times[i], horizon), min(times[i + 1], horizon)
         turn = (last - first) * (times[i + 1] - last) / (times[i + 1] - times[i])
-        for b in range(len(solids)):
-            speed = math.sqrt(solid_velocities[b, 0] ** 2 + solid_velocities[b, 1] ** 2 + solid_velocities[b, 2] ** 2)
-            for s in spheres:
-                # The solid stands, and the sphere moves relative to it.
-                away, way = 0.0, 0.0
-                for k in range(3):
-                    begin[k] = placed[i, s, k] - first * solid_velocities[b, k]
-                    end[k] = placed[i + 1, s, k] - last * solid_velocities[b, k]
-                    away += (0.5 * (begin[k] + end[k]) - solids[b, k]) ** 2
-                    way += (end[k] - begin[k]) ** 2
-                inside = radii[s] + bulges[i, s] + turn * speed
-                far = clearances[i] + inside + sizes[b] + 0.5 * math.sqrt(way)
-                if far <= 0.0 or away > far * far:
+        for n in range(count):
+            s = spheres[n]
+            length = 0.0
+            for k in range(3):
+                middles[n, k] = 0.5 * (placed[i, s, k] + placed[i + 1, s, k])
+                length += (placed[i + 1, s, k] - placed[i, s, k]) ** 2
+            reaches[n] = radii[s] + bulges[i, s] + 0.5 * math.sqrt(length)
+        # As in `arm_clearances`, the pair that was nearest before comes first.
+        for b in range(-1, len(solids)):
+            solid = nearest_solid if b < 0 else b
+            vx, vy, vz = solid_velocities[solid, 0], solid_velocities[solid, 1], solid_velocities[solid, 2]
+            speed, half_way = math.sqrt(vx * vx + vy * vy + vz * vz), 0.5 * (first + last)
+            x, y, z = (
+                solids[solid, 0] + half_way * vx,
+                solids[solid, 1] + half_way * vy,
+                solids[solid, 2] + half_way * vz,
+            )
+            bound = sizes[solid] + (turn + 0.5 * (last - first)) * speed
+            for n in range(nearest if b < 0 else 0, nearest + 1 if b < 0 else count):
+                dx, dy, dz = middles[n, 0] - x, middles[n, 1] - y, middles[n, 2] - z
+                far = clearances[i] + reaches[n] + bound
+                if far <= 0.0 or dx * dx + dy * dy + dz * dz > far * far:
                     continue
-                clearance = solid_approach(begin, end, solids, b, clearances[i] + inside) - inside
+                # The solid stands, and the sphere moves relative to it.
+                s = spheres[n]
+                for k in range(3):
+                    begin[k] = placed[i, s, k] - first * solid_velocities[solid, k]
+                    end[k] = placed[i + 1, s, k] - last * solid_velocities[solid, k]
+                inside = radii[s] + bulges[i, s] + turn * speed
+                clearance = solid_approach(begin, end, solids, solid, clearances[i] + inside) - inside
                 if clearance < clearances[i]:
                     clearances[i], worst[i] = clearance, s
+                    nearest, nearest_solid = n, solid
 
 
 @numba.njit(cache=True, nogil=True)
@@ -277,13 +298,19 @@ def lower_by_cloud(
 
     The cloud stands; the rest as in `arm_clearances`.
     """
+    if len(spheres) == 0:
+        return
+    nearest = spheres[0]
     for i in range(len(placed) - 1):
-        for s in spheres:
-            inside = radii[s] + bulges[i, s]
+        # As in `arm_clearances`, the sphere that was nearest before comes first.
+        for n in range(-1, len(spheres)):
+            sphere = nearest if n < 0 else spheres[n]
+            inside = radii[sphere] + bulges[i, sphere]
             worth = clearances[i] + inside
-            clearance = field_approach(placed[i, s], placed[i + 1, s], squares, placing, worth) - inside
+            clearance = field_approach(placed[i, sphere], placed[i + 1, sphere], squares, placing, worth) - inside
             if clearance < clearances[i]:
-                clearances[i], worst[i] = clearance, s
+                clearances[i], worst[i] = clearance, sphere
+                nearest = sphere
 
 
 @numba.njit(cache=True, nogil=True)

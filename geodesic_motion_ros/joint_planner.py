@@ -178,8 +178,7 @@ class JointSpacePlanner:
         self.stand_at(np.clip(start, self.limits.lower, self.limits.upper), 0.0)
         self.set_goal_configuration(np.clip(goal, self.limits.lower, self.limits.upper))
         for time in (0.0, 0.1, 0.2):
-            far = np.array([[0.0, 0.0, 3.0 + time]])
-            self.set_obstacles(far, np.array([2.0]), np.full((1, 3), 1e-3), time)
+            self.take_obstacles(Obstacles.one_of_each(np.array([0.0, 0.0, 3.0 + time]), np.full(3, 1e-3), time))
             self.tick(time)
         self.set_goal(self.skill.goal_pose[:3], self.skill.goal_pose[3:])
         self.tick(0.3)

@@ -11,10 +11,11 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from geodesic_motion_ros.errors import PlanningError
-from geodesic_motion_ros.graph.ambient import clearances
+from geodesic_motion_ros.graph.ambient import obstacle_clearances
 from geodesic_motion_ros.graph.decoder import Decoded
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.tool_points import tool_points
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.skill import Skill
 
 # Perceptually even, dark to bright: blue-black over teal to pale yellow.
@@ -38,9 +39,7 @@ class LatentView:
     size : edge of the square picture [pixels].
     """
 
-    def __init__(
-        self, skill: Skill, graph: PoseGraph, points: np.ndarray, radii: np.ndarray, size: int = 320
-    ) -> None:
+    def __init__(self, skill: Skill, graph: PoseGraph, points: np.ndarray, radii: np.ndarray, size: int = 320) -> None:
         if len(skill.latent_lower) != 2:
             raise PlanningError(f"a latent view shows two dimensions, this skill has {len(skill.latent_lower)}")
         self._lower, self._upper, self._size = skill.latent_lower, skill.latent_upper, size
@@ -50,18 +49,16 @@ class LatentView:
         self._cell = int(np.ceil(size / (min(graph.grid.shape) - 1))) + 1
         self._background = self._draw_background(skill)
 
-    def render(
-        self, centres: np.ndarray, radii: np.ndarray, path: np.ndarray | None = None, caption: str = ""
-    ) -> np.ndarray:
+    def render(self, obstacles: Obstacles, path: np.ndarray | None = None, caption: str = "") -> np.ndarray:
         """The picture (size, size, 3) uint8.
 
         Parameters
         ----------
-        centres, radii : obstacles (n, 3), (n,) [m].
+        obstacles : in the frame of the skill.
         path : latent points (m, 2) of the present reference, None without one.
         caption : a line of text.
         """
-        pixels = self._with_footprint(centres, radii)
+        pixels = self._with_footprint(obstacles)
         image = Image.fromarray(pixels)
         draw = ImageDraw.Draw(image)
         if path is not None and len(path) > 1:
@@ -89,11 +86,9 @@ class LatentView:
             draw.line([tuple(point) for point in self._pixels(code).tolist()], fill=_DEMONSTRATION, width=1)
         return np.array(image)
 
-    def _with_footprint(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    def _with_footprint(self, obstacles: Obstacles) -> np.ndarray:
         pixels = self._background.copy()
-        if not len(radii):
-            return pixels
-        touched = self._node_pixels[clearances(self._body, self._radii, centres, radii, 0.0) <= 0.0]
+        touched = self._node_pixels[obstacle_clearances(self._body, self._radii, obstacles, 0.0) <= 0.0]
         mask = np.zeros(pixels.shape[:2], dtype=bool)
         reach = np.arange(self._cell) - self._cell // 2
         columns, rows = (touched[:, :1] + reach), (touched[:, 1:] + reach)

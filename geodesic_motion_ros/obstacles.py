@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.solids import no_solids, solids_moved
+from geodesic_motion_ros.solids import no_solids, solid_rows, solids_moved
 
 #: Where along its expected motion an obstacle is looked for by the search: shares of the prediction.
 _PREDICTED_AT = (0.0, 0.5, 1.0)
@@ -45,6 +45,15 @@ class Obstacles:
         """Spheres alone, standing still where no velocities are given."""
         velocities = np.zeros_like(centres) if velocities is None else velocities
         return cls(centres, radii, velocities, no_solids(), np.empty((0, 3)), DistanceField.none(), time)
+
+    @classmethod
+    def one_of_each(cls, centre: np.ndarray, velocity: np.ndarray, time: float) -> Obstacles:
+        """A sphere, a box and a cloud of one point, none wider than a decimetre, at a centre (3,) [m]: for trials."""
+        box = solid_rows(centre[None], np.eye(3)[None], np.full((1, 3), 0.05), np.zeros(1))
+        return cls(
+            centre[None], np.array([0.05]), velocity[None], box, velocity[None],
+            DistanceField.of(centre[None], 0.02, 0.02, 0.02), time,
+        )  # fmt: skip
 
     @property
     def stand(self) -> bool:

@@ -95,7 +95,7 @@ class ReactivePlanner:
         A short stream from the skill's start, with an obstacle, a moving goal and a stop; then all is forgotten.
         """
         start, goal = np.split(self.skill.start_pose, [3]), np.split(self.skill.goal_pose, [3])
-        self.set_obstacles(start[0][None] + [[0.0, 0.0, 1.0]], np.array([0.01]))
+        self.take_obstacles(Obstacles.one_of_each(start[0] + [0.0, 0.0, 1.0], np.zeros(3), 0.0))
         self.set_goal(*goal)
         follower = ReferenceFollower(self.settings.speed)
         follower.reset(*start)

@@ -9,9 +9,10 @@ from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.latent_view import LatentView, magnification_factor
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.skill import Skill
 
-NO_CENTRES, NO_RADII = np.zeros((0, 3)), np.zeros(0)
+NOTHING = Obstacles.none()
 SIZE = 200
 
 
@@ -42,9 +43,9 @@ def view(skill) -> LatentView:
 
 
 def test_obstacle_footprint_is_where_the_tool_would_touch(view):
-    empty = view.render(NO_CENTRES, NO_RADII).astype(int)
+    empty = view.render(NOTHING).astype(int)
     # y = 0.25 * 0.5 belongs to latent (0.5, 0.5); touching distance 0.05 + 0.02 is 0.28 in latent units
-    seen = view.render(np.array([[0.0, 0.125, 0.125]]), np.array([0.05])).astype(int)
+    seen = view.render(Obstacles.of_spheres(np.array([[0.0, 0.125, 0.125]]), np.array([0.05]))).astype(int)
     changed = np.argwhere(np.any(seen != empty, axis=2))
     rows, columns = changed.mean(axis=0)
     assert columns == pytest.approx(0.75 * SIZE, abs=3)
@@ -53,26 +54,28 @@ def test_obstacle_footprint_is_where_the_tool_would_touch(view):
 
 
 def test_a_free_obstacle_leaves_no_footprint(view):
-    empty = view.render(NO_CENTRES, NO_RADII)
-    np.testing.assert_array_equal(view.render(np.array([[1.0, 0.0, 0.0]]), np.array([0.1])), empty)
+    empty = view.render(NOTHING)
+    far = Obstacles.of_spheres(np.array([[1.0, 0.0, 0.0]]), np.array([0.1]))
+    np.testing.assert_array_equal(view.render(far), empty)
 
 
 def test_path_is_drawn_upright(view):
-    empty = view.render(NO_CENTRES, NO_RADII)
+    empty = view.render(NOTHING)
     path = np.array([[-0.5, -0.5], [-0.5, 0.5]])
-    changed = np.argwhere(np.any(view.render(NO_CENTRES, NO_RADII, path) != empty, axis=2))
+    changed = np.argwhere(np.any(view.render(NOTHING, path) != empty, axis=2))
     assert abs(changed[:, 1].mean() - 0.25 * SIZE) < 3
     assert changed[:, 0].min() < 0.27 * SIZE
     assert changed[:, 0].max() > 0.73 * SIZE
     # the goal, a dot of another colour, is at the top: the second latent axis points up
-    picture = view.render(NO_CENTRES, NO_RADII, path)
+    picture = view.render(NOTHING, path)
     assert tuple(picture[int(0.25 * SIZE), int(0.25 * SIZE)]) != tuple(picture[int(0.75 * SIZE), int(0.25 * SIZE)])
 
 
 def test_rendering_does_not_change_the_background(view):
-    first = view.render(NO_CENTRES, NO_RADII)
-    view.render(np.array([[0.0, 0.0, 0.0]]), np.array([0.1]), np.array([[-0.5, 0.0], [0.5, 0.0]]), "OK")
-    np.testing.assert_array_equal(view.render(NO_CENTRES, NO_RADII), first)
+    first = view.render(NOTHING)
+    obstacle = Obstacles.of_spheres(np.array([[0.0, 0.0, 0.0]]), np.array([0.1]))
+    view.render(obstacle, np.array([[-0.5, 0.0], [0.5, 0.0]]), "OK")
+    np.testing.assert_array_equal(view.render(NOTHING), first)
 
 
 def test_magnification_factor_agrees_with_finite_differences(skill):

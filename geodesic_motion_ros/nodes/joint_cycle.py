@@ -102,11 +102,9 @@ class JointCycle(StreamCycle[np.ndarray]):
         self.planner.clear_goal()
 
     def _set_obstacles(self, inputs: CycleInputs[np.ndarray]) -> Verdict:
-        obstacles = inputs.obstacles
         # Heard by the steady clock; trajectories are stamped with another.
-        ages = np.clip(inputs.steady - obstacles.times, 0.0, self.planner.settings.prediction)
-        centres = obstacles.centres + ages[:, None] * obstacles.velocities
-        return self.planner.set_obstacles(centres, obstacles.radii, obstacles.velocities, inputs.now)
+        longest = self.planner.settings.prediction
+        return self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.steady, longest, inputs.now))
 
     def _take_task_frame(self, frame: Pose | None) -> None:
         if frame is None or frame is self._task_frame:

@@ -19,19 +19,24 @@ from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PointStamped, Pose, PoseStamped
 from nav_msgs.msg import Path
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from std_msgs.msg import ColorRGBA, Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.errors import GeodesicMotionError, RobotError
-from geodesic_motion_ros.nodes.cubes import doubled, occupied_cubes
 from geodesic_motion_ros.nodes.obstacle_tracker import Key
+from geodesic_motion_ros.quaternions import from_rotation, to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
+from geodesic_motion_ros.solids import solid_rows
 
 # Nothing a robot arm has to do with is further away [m] or has turned further [rad] than this.
 LARGEST_COORDINATE = 1000.0
+
+# Points of a cloud beyond which it is refused.
+MOST_POINTS = 1_000_000
 
 # Encoders and a controller's overshoot may show a joint this much [rad] beyond its limit.
 LIMIT_TOLERANCE = 0.02
@@ -144,8 +149,10 @@ def _values_of_points(points: Sequence[JointTrajectoryPoint], name: str, order: 
 
 @dataclass(frozen=True)
 class MarkerUpdate:
-    """What one marker asks for: `put`, `delete` or `delete_all`; centre (3,) [m] and radius [m] belong to
-    `put`.
+    """What one marker asks for: `put`, `delete` or `delete_all`.
+
+    To `put` belong a centre (3,) [m], the radius of a sphere [m], or the row (16,) of a solid (`solids.py`), and a
+    lifetime [s].
     """
 
     action: str
@@ -154,10 +161,16 @@ class MarkerUpdate:
     centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
     radius: float = 0.0
     lifetime: float = 0.0
+    solid: np.ndarray | None = None
 
 
 def read_marker(message: Marker, base_frame: str) -> MarkerUpdate:
-    """A sphere by (ns, id), scale = diameter [m] (of an ellipsoid the largest), or its deletion.
+    """An obstacle by (ns, id), or its deletion.
+
+    SPHERE has its diameter for scale [m], of an ellipsoid the largest. CUBE is a box with its sides for scale, turned
+    by its orientation. CYLINDER has its diameter and its height along z for scale; it becomes a solid that holds it: a
+    capsule as thick, whose axis is as long, so that it is longer by half a diameter at both ends, or the box around
+    it, whichever has less volume.
 
     DELETEALL empties one namespace, or the whole topic when `ns` is empty. A lifetime of zero means until
     deleted.
@@ -170,49 +183,54 @@ def read_marker(message: Marker, base_frame: str) -> MarkerUpdate:
     name = f"marker {message.ns}/{message.id}"
     if message.action != Marker.ADD:  # MODIFY has the same number
         raise MessageRefused(f"{name}: action {message.action}, expected ADD (0), DELETE (2) or DELETEALL (3)")
-    if message.type != Marker.SPHERE:
-        raise MessageRefused(f"{name}: type {message.type}, expected SPHERE ({Marker.SPHERE})")
+    if message.type not in (Marker.SPHERE, Marker.CUBE, Marker.CYLINDER):
+        raise MessageRefused(
+            f"{name}: type {message.type}, expected SPHERE ({Marker.SPHERE}), CUBE ({Marker.CUBE}) or "
+            f"CYLINDER ({Marker.CYLINDER})"
+        )
     check_frame(message.header, base_frame)
     centre = _point(message.pose.position, f"{name}: centre")
     scale = (message.scale.x, message.scale.y, message.scale.z)
     for value in scale:
         _check_number(value, f"{name}: scale", "m")
     if min(scale) <= 0.0:
-        raise MessageRefused(f"{name}: scale {scale} m is the diameter and must be positive")
+        raise MessageRefused(f"{name}: scale {scale} m holds diameters or sides, which must be positive")
     lifetime = message.lifetime.sec + 1e-9 * message.lifetime.nanosec
     if lifetime < 0.0:
         raise MessageRefused(f"{name}: lifetime {lifetime} s, expected 0 (for ever) or more")
-    return MarkerUpdate("put", key, stamp, centre, 0.5 * max(scale), lifetime)
+    if message.type == Marker.SPHERE:
+        return MarkerUpdate("put", key, stamp, centre, 0.5 * max(scale), lifetime)
+    half_extents, radius = _box_or_capsule(message.type, 0.5 * np.array(scale))
+    rotation = to_rotation(_quaternion(message.pose, f"{name}: orientation")).as_matrix()
+    solid = solid_rows(centre[None], rotation[None], half_extents[None], np.array([radius]))[0]
+    return MarkerUpdate("put", key, stamp, centre, lifetime=lifetime, solid=solid)
 
 
-def read_cloud(message: PointCloud2, base_frame: str, voxel: float, most: int) -> tuple[np.ndarray, float]:
-    """Cover a point cloud by few spheres.
+def _box_or_capsule(kind: int, half_sides: np.ndarray) -> tuple[np.ndarray, float]:
+    """Half extents (3,) and radius [m] of the solid that holds a CUBE or CYLINDER with half sides (3,) [m]."""
+    thick, half_height = float(max(half_sides[:2])), half_sides[2]
+    box = 8.0 * float(np.prod(half_sides))
+    capsule = math.pi * thick**2 * (2.0 * half_height + 4.0 / 3.0 * thick)
+    if kind == Marker.CYLINDER and capsule < box:
+        return np.array([0.0, 0.0, half_height]), thick
+    return half_sides, 0.0
 
-    Points fall into a grid of cubes; every occupied cube becomes one sphere at its middle. When more than
-    `most` cubes are occupied, their edge is doubled until they fit.
 
-    Parameters
-    ----------
-    voxel : edge of the cubes [m].
-    most : number of spheres that may be returned, at least 8: cubes never merge across the planes x, y, z = 0.
+def read_cloud(message: PointCloud2, base_frame: str) -> tuple[np.ndarray, int]:
+    """Points (n, 3) [m] of a cloud, and how many were left out because they are not finite (no return).
 
-    Returns
-    -------
-    centres (n, 3) [m], and the distance [m] from a centre to the furthest point it stands for (half the
-    cube's diagonal), to be added to the radius of a point. Points with NaN (no return) are left out.
+    Clouds of more than a million points are refused.
     """
     check_frame(message.header, base_frame)
+    count = message.width * message.height
+    if count > MOST_POINTS:
+        raise MessageRefused(f"cloud: {count} points, at most {MOST_POINTS} are taken: filter the cloud first")
     points = _cloud_points(message)
     finite = np.isfinite(points.sum(axis=1))  # a sum with NaN or inf in it is not finite
     points = points if finite.all() else points[finite]
     if len(points) and np.max(np.abs(points)) > LARGEST_COORDINATE:
         raise MessageRefused(f"cloud: a coordinate exceeds {LARGEST_COORDINATE:g} m; metres are expected")
-    edge = voxel
-    cubes = occupied_cubes(points, edge)
-    while len(cubes) > most:
-        edge *= 2.0
-        cubes = doubled(cubes)
-    return (cubes + 0.5) * edge, 0.5 * math.sqrt(3.0) * edge
+    return points, len(finite) - len(points)
 
 
 def _cloud_points(message: PointCloud2) -> np.ndarray:
@@ -266,14 +284,14 @@ def _point(point: Point, name: str) -> np.ndarray:
     return np.array(values)
 
 
-def _quaternion(pose: Pose) -> np.ndarray:
+def _quaternion(pose: Pose, name: str = "orientation") -> np.ndarray:
     orientation = pose.orientation
     quaternion = np.array([orientation.w, orientation.x, orientation.y, orientation.z])
     for value in quaternion:
-        _check_number(float(value), "orientation", "")
+        _check_number(float(value), name, "")
     norm = float(np.linalg.norm(quaternion))
     if norm < 1e-6:
-        raise MessageRefused("orientation is the zero quaternion; a rotation has norm 1 (no rotation: w = 1)")
+        raise MessageRefused(f"{name} is the zero quaternion; a rotation has norm 1 (no rotation: w = 1)")
     return quaternion / norm
 
 
@@ -385,6 +403,24 @@ def sphere_marker(
     marker = _marker(namespace, number, Marker.SPHERE, colour, frame, stamp)
     marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = (float(value) for value in centre)
     marker.scale.x = marker.scale.y = marker.scale.z = 2.0 * float(radius)
+    return marker
+
+
+def solid_marker(namespace: str, number: int, solid: np.ndarray, colour: Colour, frame: str, stamp: Time) -> Marker:
+    """A solid (16,) (`solids.py`): a capsule as the CYLINDER around it, others as the CUBE."""
+    half_extents, radius = solid[3:6], solid[6]
+    kind = Marker.CUBE if np.any(half_extents[:2]) else Marker.CYLINDER
+    marker = _marker(namespace, number, kind, colour, frame, stamp)
+    fill_pose(marker.pose, solid[:3], from_rotation(Rotation.from_matrix(solid[7:].reshape(3, 3))))
+    marker.scale.x, marker.scale.y, marker.scale.z = (2.0 * float(half + radius) for half in half_extents)
+    return marker
+
+
+def cubes_marker(namespace: str, centres: np.ndarray, edge: float, colour: Colour, frame: str, stamp: Time) -> Marker:
+    """A CUBE_LIST of cubes of one edge [m] at centres (n, 3) [m]."""
+    marker = _marker(namespace, 0, Marker.CUBE_LIST, colour, frame, stamp)
+    marker.scale.x = marker.scale.y = marker.scale.z = float(edge)
+    marker.points = [Point(x=x, y=y, z=z) for x, y, z in centres.tolist()]
     return marker
 
 

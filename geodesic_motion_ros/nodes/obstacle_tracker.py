@@ -12,7 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.nodes.obstacle_velocity import ObstacleVelocity
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.solids import no_solids
 
 Key = tuple[str, int]
 
@@ -23,17 +26,18 @@ REORDER_WINDOW = 1.0
 
 @dataclass(frozen=True)
 class ObstacleSet:
-    """Spheres at one instant, in the base frame, ordered by source and key.
+    """Obstacles at one instant, in the base frame: spheres, and then solids, each ordered by source and key.
 
     Attributes
     ----------
     centres : (n, 3) [m].
     radii : (n,) [m].
-    labels : n texts `source/namespace/id`, in the same order.
-    version : grows by one whenever the set changes; equal versions mean the same spheres.
-    velocities : (n, 3) [m/s] by the updates until the newest one of each sphere (`obstacle_velocity.py`); zero for
-        spheres of point clouds, which have no identity.
+    labels : n + b texts `source/namespace/id`, in the same order.
+    version : grows by one whenever the set changes; equal versions mean the same obstacles.
+    velocities : (n, 3) [m/s] by the updates until the newest one of each sphere (`obstacle_velocity.py`).
     times : (n,) [s] when each sphere's newest update arrived, on the clock that is passed in.
+    solids, solid_velocities, solid_times : (b, 16) rows as of `solids.py`, (b, 3), (b,), likewise.
+    cloud : distances from the points of the newest cloud, which stands.
     """
 
     centres: np.ndarray
@@ -42,6 +46,27 @@ class ObstacleSet:
     version: int
     velocities: np.ndarray
     times: np.ndarray
+    solids: np.ndarray = field(default_factory=no_solids)
+    solid_velocities: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    solid_times: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    cloud: DistanceField = field(default_factory=DistanceField.none)
+
+    def __len__(self) -> int:
+        """Spheres and solids, and one for a cloud."""
+        return len(self.radii) + len(self.solids) + (self.cloud.squares.size > 0)
+
+    def moved_on(self, now: float, longest: float, time: float) -> Obstacles:
+        """Where the obstacles are at `now` [s], having moved linearly since their updates, for `longest` [s] at most.
+
+        time : what `now` is on the clock of the planner [s].
+        """
+        ages, solid_ages = (np.clip(now - times, 0.0, longest)[:, None] for times in (self.times, self.solid_times))
+        solids = self.solids.copy()
+        solids[:, :3] += solid_ages * self.solid_velocities
+        return Obstacles(
+            self.centres + ages * self.velocities, self.radii, self.velocities, solids, self.solid_velocities,
+            self.cloud, time,
+        )  # fmt: skip
 
 
 @dataclass
@@ -51,6 +76,7 @@ class _Track:
     stamp: float
     arrival: float
     expires: float
+    solid: np.ndarray | None = None
     motion: ObstacleVelocity = field(default_factory=ObstacleVelocity)
     deleted: bool = False
 
@@ -70,6 +96,7 @@ class ObstacleTracker:
         self._next_expiry = math.inf
         self._version = 0
         self._set: ObstacleSet | None = None
+        self._cloud = DistanceField.none()
 
     def hear(self, source: str, now: float) -> None:
         """Note that a valid message of a source arrived, even one without obstacles."""
@@ -84,16 +111,18 @@ class ObstacleTracker:
         now: float,
         lifetime: float = 0.0,
         stamp: float = 0.0,
+        solid: np.ndarray | None = None,
     ) -> bool:
-        """Add a sphere or move it.
+        """Add a sphere or a solid, or move it.
 
         Parameters
         ----------
         centre, radius : [m]; must be finite and positive (checked where messages are read).
         lifetime : [s] the sphere vanishes by itself this long after its last update; 0 keeps it until
             deleted.
-        stamp : time [s] the sender gave, on the sender's clock; 0 when there is none. The sphere's velocity is
-            worked out with it, and with times of arrival where there is none.
+        stamp : time [s] the sender gave, on the sender's clock; 0 when there is none. The velocity is worked out
+            with it, and with times of arrival where there is none.
+        solid : (16,) row of a solid around the centre, see `solids.py`; its radius counts, and not `radius`.
 
         Returns
         -------
@@ -105,7 +134,7 @@ class ObstacleTracker:
         if _overtaken(before, stamp):
             return False
         expires = now + lifetime if lifetime > 0.0 else math.inf
-        track = tracks[key] = _Track(tuple(float(c) for c in centre), float(radius), stamp, now, expires)
+        track = tracks[key] = _Track(tuple(float(c) for c in centre), float(radius), stamp, now, expires, solid)
         # Times of arrival and stamps are of two clocks: a motion is told from times of one.
         if before is not None and not before.deleted and (before.stamp > 0.0) == (stamp > 0.0):
             track.motion = before.motion
@@ -137,19 +166,17 @@ class ObstacleTracker:
         self._say_goodbye_when_empty(source)
         return len(doomed)
 
-    def replace(self, source: str, centres: np.ndarray, radius: float, now: float) -> None:
-        """Exchange all spheres of a source, as a point cloud does: (n, 3) centres of one radius [m]."""
+    def replace_cloud(self, source: str, cloud: DistanceField, now: float) -> None:
+        """Exchange the cloud for a newer one, which arrived at `now` [s]."""
         self.hear(source, now)
-        self._tracks[source] = {
-            ("", index): _Track(tuple(centre), float(radius), 0.0, now, math.inf)
-            for index, centre in enumerate(np.asarray(centres, dtype=float).tolist())
-        }
+        self._cloud = cloud
         self._changed()
 
     def clear(self) -> None:
         """Forget every obstacle and every source."""
         self._tracks.clear()
         self._heard.clear()
+        self._cloud = DistanceField.none()
         self._next_expiry = math.inf
         self._changed()
 
@@ -200,14 +227,27 @@ class ObstacleTracker:
             for key, track in sorted(tracks.items())
             if not track.deleted
         ]
+        spheres = [track for _, _, track in alive if track.solid is None]
+        solids = [track for _, _, track in alive if track.solid is not None]
         return ObstacleSet(
-            np.array([track.centre for _, _, track in alive], dtype=float).reshape(-1, 3),
-            np.array([track.radius for _, _, track in alive], dtype=float),
-            tuple(f"{source}/{key[0]}/{key[1]}" for source, key, _ in alive),
+            np.array([track.centre for track in spheres], dtype=float).reshape(-1, 3),
+            np.array([track.radius for track in spheres], dtype=float),
+            tuple(
+                f"{source}/{key[0]}/{key[1]}"
+                for source, key, _ in sorted(alive, key=lambda item: item[2].solid is not None)
+            ),
             self._version,
-            np.array([track.motion.velocity for _, _, track in alive], dtype=float).reshape(-1, 3),
-            np.array([track.arrival for _, _, track in alive], dtype=float),
+            _velocities(spheres),
+            np.array([track.arrival for track in spheres], dtype=float),
+            np.array([track.solid for track in solids], dtype=float).reshape(-1, 16),
+            _velocities(solids),
+            np.array([track.arrival for track in solids], dtype=float),
+            self._cloud,
         )
+
+
+def _velocities(tracks: list[_Track]) -> np.ndarray:
+    return np.array([track.motion.velocity for track in tracks], dtype=float).reshape(-1, 3)
 
 
 def _overtaken(track: _Track | None, stamp: float) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -15,9 +16,12 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState, PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.messages import (
     MarkerUpdate,
     MessageRefused,
+    check_frame,
     check_limits,
     read_cloud,
     read_joint_positions,
@@ -47,7 +51,7 @@ class PlannerInputs:
     """The subscriptions of the planner and what they have brought.
 
     Callbacks run in the executor and hold the lock for microseconds; `snapshot` is called by the control
-    loop.
+    loop. What a point cloud shows is worked out in a thread of its own, from `start` to `stop`.
     """
 
     def __init__(
@@ -68,6 +72,8 @@ class PlannerInputs:
         self._task_frame = origin[:3], origin[3:]
         self._hold = False
         self._publishers: tuple[str, ...] = ()
+        self._cloud_figures = CloudFigures()
+        self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
         self._subscribe(JointState, "joint_states", self._on_joint_states, NEWEST)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, QoSProfile(depth=1))
         self._subscribe(JointState, "goal_joints", self._on_goal_joints, QoSProfile(depth=1))
@@ -76,6 +82,14 @@ class PlannerInputs:
         self._subscribe(Marker, "obstacle_marker", self._on_marker, EDITS)
         self._subscribe(PointStamped, "obstacle_point", self._on_point, NEWEST)
         self._subscribe(PointCloud2, "obstacle_cloud", self._on_cloud, NEWEST)
+
+    def start(self) -> None:
+        """Begin to look at point clouds."""
+        self._cloud_thread.start()
+
+    def stop(self) -> None:
+        """End the thread that does so; harmless when it has ended or never began."""
+        self._cloud_thread.stop()
 
     def snapshot(self) -> CycleInputs:
         """What is known now."""
@@ -112,6 +126,11 @@ class PlannerInputs:
                 ages["joint_states"] = now - self._joints_taken
         return ages
 
+    def cloud_figures(self) -> CloudFigures:
+        """Of the newest point cloud."""
+        with self._lock:
+            return self._cloud_figures
+
     def request_hold(self, hold: bool) -> None:
         with self._lock:
             self._hold = hold
@@ -123,8 +142,9 @@ class PlannerInputs:
 
     def clear_obstacles(self) -> int:
         """Forget all obstacles and what was expected of their topics; returns how many there were."""
+        self._cloud_thread.forget()
         with self._lock:
-            count = len(self._tracker.current(time.monotonic()).radii)
+            count = len(self._tracker.current(time.monotonic()))
             self._tracker.clear()
         return count
 
@@ -200,7 +220,9 @@ class PlannerInputs:
     def _apply(self, source: str, update: MarkerUpdate) -> None:
         now = time.monotonic()
         if update.action == "put":
-            self._tracker.put(source, update.key, update.centre, update.radius, now, update.lifetime, update.stamp)
+            self._tracker.put(
+                source, update.key, update.centre, update.radius, now, update.lifetime, update.stamp, update.solid
+            )
         elif update.action == "delete":
             self._tracker.delete(source, update.key, now, update.stamp)
         else:
@@ -213,14 +235,35 @@ class PlannerInputs:
             self._tracker.put("obstacle_point", ("", 0), centre, radius, time.monotonic(), 0.0, stamp)
 
     def _on_cloud(self, message: PointCloud2) -> None:
-        voxel, most = self._parameters["obstacle_cloud_voxel"], self._parameters["obstacle_cloud_most"]
-        centres, cover = read_cloud(message, self._frame, voxel, most)
-        radius = self._parameters["obstacle_cloud_radius"] + cover
-        if cover > voxel:  # half the diagonal of a cube is less than its edge: the cubes were doubled
-            self._node.get_logger().warning(
-                f"obstacle_cloud: the points fill more than {most} cubes of {voxel:g} m: {len(centres)} spheres of "
-                f"radius {radius:.2f} m stand for them (see obstacle_cloud_most, or filter the cloud)",
-                throttle_duration_sec=5.0,
+        check_frame(message.header, self._frame)
+        self._cloud_thread.put(message)
+
+    def _field_of(self, message: PointCloud2) -> tuple[DistanceField, CloudFigures] | None:
+        """Read a cloud; None where it is refused."""
+        began = time.monotonic()
+        with self.refusals.guard("obstacle_cloud"):
+            points, not_finite = read_cloud(message, self._frame)
+            near = points_near(points, self._robot)
+            edge = self._parameters["obstacle_cloud_voxel"]
+            field = DistanceField.of(
+                near, edge, self._parameters["obstacle_cloud_radius"], self._parameters["obstacle_cloud_thickness"]
             )
+            figures = CloudFigures(len(near), not_finite, len(points) - len(near), time.monotonic() - began)
+            if field.edge > edge:
+                self._node.get_logger().warning(
+                    f"obstacle_cloud: its points are so far apart that cubes of {field.edge:.3f} m must do, not "
+                    f"{edge:g} m: filter the cloud",
+                    throttle_duration_sec=5.0,
+                )
+            return field, figures
+        return None
+
+    def _take_field(self, made: tuple[DistanceField, CloudFigures], arrived: float) -> None:
+        field, figures = made
         with self._lock:
-            self._tracker.replace("obstacle_cloud", centres, radius, time.monotonic())
+            self._cloud_figures = figures
+            self._tracker.replace_cloud("obstacle_cloud", field, arrived)
+
+    def _cloud_failed(self, error: BaseException) -> None:
+        self.refusals.add("obstacle_cloud", f"internal error, see the log: {error!r}")
+        self._node.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)

@@ -76,6 +76,7 @@ class PlannerNode(LoopingNode):
 
     def start(self) -> None:
         """Begin to plan and command."""
+        self._inputs.start()
         self._loop.start()
         if self._view_thread is not None:
             self._view_thread.start()
@@ -83,6 +84,7 @@ class PlannerNode(LoopingNode):
     def stop(self) -> None:
         """End the threads; harmless when they have ended or never began."""
         self._loop.stop()
+        self._inputs.stop()
         if self._view_thread is not None:
             self._view_thread.stop()
         self._kind.close()
@@ -136,8 +138,8 @@ class PlannerNode(LoopingNode):
             return
         inputs, output = self._newest
         path = None if output.reference is None else output.reference.latent
-        obstacles = inputs.obstacles
-        self._outputs.view(self._view.render(obstacles.centres, obstacles.radii, path, output.verdict.code.name))
+        obstacles = inputs.obstacles.moved_on(inputs.steady, 0.0, inputs.now)
+        self._outputs.view(self._view.render(obstacles, path, output.verdict.code.name))
 
     def _view_died(self, error: BaseException) -> None:
         self.get_logger().error("no more latent views: " + "".join(traceback.format_exception(error)))
@@ -160,6 +162,7 @@ class PlannerNode(LoopingNode):
             self._inputs.ages(),
             refusals.counts,
             refusals.newest(1.0),
+            self._inputs.cloud_figures(),
         )
 
     def _look_for_rivals(self) -> None:

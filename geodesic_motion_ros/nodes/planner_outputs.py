@@ -7,6 +7,7 @@ their stamp.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -20,8 +21,10 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.nodes.cloud_thread import CloudFigures
 from geodesic_motion_ros.nodes.messages import (
     MarkerScene,
+    cubes_marker,
     diagnostic_array,
     diagnostic_status,
     fill_pose,
@@ -29,6 +32,7 @@ from geodesic_motion_ros.nodes.messages import (
     joint_trajectory_message,
     line_marker,
     path_message,
+    solid_marker,
     sphere_marker,
 )
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
@@ -55,6 +59,8 @@ _END_FIGURES = (
 )  # fmt: skip
 _PATH_COLOUR = (0.95, 0.85, 0.25, 1.0)
 _OBSTACLE_COLOUR = (0.88, 0.28, 0.24, 0.55)
+#: Cubes of a cloud that are shown.
+_MOST_CUBES = 1000
 _TOOL_COLOUR = (0.25, 0.55, 0.85, 0.45)
 
 
@@ -124,9 +130,10 @@ class PlannerOutputs:
         ages: Mapping[str, float],
         dropped: Mapping[str, int],
         refused: str,
+        cloud: CloudFigures,
     ) -> None:
         """The health of the loop: rate [Hz], tick [ms], misses, ages of inputs [s], refused messages by
-        topic.
+        topic, and the newest point cloud.
         """
         values: dict[str, object] = {
             "rate_hz": loop.rate,
@@ -137,6 +144,12 @@ class PlannerOutputs:
         }
         values |= {f"age_{topic}": age for topic, age in sorted(ages.items())}
         values |= {f"refused_{topic}": count for topic, count in sorted(dropped.items())}
+        values |= {
+            "cloud_points": cloud.points,
+            "cloud_points_not_finite": cloud.not_finite,
+            "cloud_points_out_of_reach": cloud.out_of_reach,
+            "cloud_ms": 1e3 * cloud.duration,
+        }
         slow = loop.rate < 0.95 * rate
         level = DiagnosticStatus.WARN if slow or refused else DiagnosticStatus.OK
         message = f"DEGRADED: {loop.rate:.1f} of {rate:g} Hz" if slow else refused or "running"
@@ -156,8 +169,8 @@ class PlannerOutputs:
         self._path.publish(path_message(positions, quaternions, self._frame, self._now()))
 
     def markers(self, way: np.ndarray, obstacles: ObstacleSet, body: np.ndarray) -> None:
-        """The way (n, 3), obstacles as the planner sees them, and the body's spheres (K, 4): centre and radius [m],
-        base frame.
+        """The way (n, 3), obstacles as the planner sees them (of a cloud some occupied cubes), and the body's spheres
+        (K, 4): centre and radius [m], base frame.
         """
         stamp = self._now()
         shown: list[Marker] = []
@@ -166,6 +179,12 @@ class PlannerOutputs:
         spheres = zip(obstacles.centres, obstacles.radii, strict=True)
         for number, (centre, radius) in enumerate(spheres):
             shown.append(sphere_marker("obstacles", number, centre, radius, _OBSTACLE_COLOUR, self._frame, stamp))
+        for number, solid in enumerate(obstacles.solids):
+            shown.append(solid_marker("solids", number, solid, _OBSTACLE_COLOUR, self._frame, stamp))
+        cubes = obstacles.cloud.occupied
+        if len(cubes):
+            some = cubes[:: math.ceil(len(cubes) / _MOST_CUBES)]
+            shown.append(cubes_marker("cloud", some, obstacles.cloud.edge, _OBSTACLE_COLOUR, self._frame, stamp))
         for number, sphere in enumerate(body):
             shown.append(sphere_marker("tool", number, sphere[:3], sphere[3], _TOOL_COLOUR, self._frame, stamp))
         self._markers.publish(self._scene.update(shown, stamp))

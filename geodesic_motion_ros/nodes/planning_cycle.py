@@ -78,7 +78,7 @@ class PlanningCycle(StreamCycle[Pose]):
         self.planner.clear_goal()
 
     def _set_obstacles(self, inputs: CycleInputs[Pose]) -> Verdict:
-        return self.planner.set_obstacles(inputs.obstacles.centres, inputs.obstacles.radii)
+        return self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.steady, 0.0, inputs.now))
 
     def _take_task_frame(self, frame: Pose | None) -> None:
         if frame is None or frame is self._task_frame:

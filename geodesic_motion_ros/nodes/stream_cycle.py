@@ -44,7 +44,7 @@ class CycleInputs(Generic[Place]):
     goal : the newest goal asked for, a pose or a configuration, or the verdict with which its message was refused; None
         before the first.
     goal_number : grows with every goal asked for.
-    obstacles : the spheres that exist now.
+    obstacles : those that exist now.
     silent_sources : obstacle topics that have fallen silent, with their ages [s]; empty where that does
         not matter.
     hold : whether a hold was asked for.

@@ -164,11 +164,18 @@ class TestObstacles:
         marker = Marker(header=Header(frame_id=BASE), type=Marker.SPHERE)
         marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = WALL[0]
         marker.scale.x = marker.scale.y = marker.scale.z = 0.4
+        cube, cylinder = (Marker(header=Header(frame_id=BASE), type=kind) for kind in (Marker.CUBE, Marker.CYLINDER))
+        for solid in (cube, cylinder):
+            solid.pose.position.x, solid.pose.position.y, solid.pose.position.z = WALL[0]
+            solid.pose.orientation.w = 1.0
+            solid.scale.x = solid.scale.y = solid.scale.z = 0.4
         point = PointStamped(header=Header(frame_id=BASE))
         point.point.x, point.point.y, point.point.z = WALL[0]
         moving.planner.set_parameters([Parameter("obstacle_point_radius", value=0.2)])
         for kind, topic, message in (
             (Marker, "obstacle_marker", marker),
+            (Marker, "obstacle_marker", cube),
+            (Marker, "obstacle_marker", cylinder),
             (PointStamped, "obstacle_point", point),
             (PointCloud2, "obstacle_cloud", cloud),
         ):
@@ -176,6 +183,8 @@ class TestObstacles:
             moving.wait_for_code("NO_FEASIBLE_PATH")
             moving.call(Trigger, "planner/clear_obstacles", Trigger.Request())
             moving.wait_for_code("OK")
+        moving.listen(DiagnosticArray, "/diagnostics")
+        moving.wait(lambda: health(moving).get("cloud_points") == str(len(points)), "the figures of the cloud")
 
     def test_an_obstacle_vanishes_with_its_lifetime(self, moving):
         marker = Marker(header=Header(frame_id=BASE), type=Marker.SPHERE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import array
 import math
 import struct
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from visualization_msgs.msg import Marker
 
 from geodesic_motion_ros.nodes import messages as m
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.solids import solid_distances
 
 BASE = "panda_link0"
 NAMES = ("j1", "j2", "j3")
@@ -239,16 +241,71 @@ class TestMarker:
             m.read_marker(marker, BASE)
 
     def test_other_shapes_actions_and_frames_are_refused(self):
-        with pytest.raises(m.MessageRefused, match="type 1, expected SPHERE"):
-            m.read_marker(sphere(type=Marker.CUBE), BASE)
+        with pytest.raises(m.MessageRefused, match="type 0, expected SPHERE"):
+            m.read_marker(sphere(type=Marker.ARROW), BASE)
         with pytest.raises(m.MessageRefused, match="action 7"):
             m.read_marker(sphere(action=7), BASE)
         with pytest.raises(m.MessageRefused, match="frame 'camera'"):
             m.read_marker(sphere(frame="camera"), BASE)
 
+    def test_a_cube_is_a_turned_box(self):
+        update = m.read_marker(shape(Marker.CUBE, (0.2, 0.1, 0.4)), BASE)
+        assert (update.action, update.key) == ("put", ("n", 1))
+        np.testing.assert_array_equal(update.centre, [0.1, 0.2, 0.3])
+        # Turned by a quarter about z: its long side along x is along y.
+        points = update.centre + np.array([[0.0, 0.15, 0.0], [0.15, 0.0, 0.0], [0.0, 0.0, 0.3]])
+        np.testing.assert_allclose(solid_distances(points, update.solid[None]), [0.05, 0.1, 0.1], atol=1e-6)
+
+    @pytest.mark.parametrize("scale", [(0.1, 0.1, 0.8), (0.1, 0.09, 0.8), (0.3, 0.3, 0.1), (0.1, 0.1, 0.12)])
+    def test_a_cylinder_is_held_by_its_solid(self, scale):
+        update = m.read_marker(shape(Marker.CYLINDER, scale), BASE)
+        random = np.random.default_rng(0)
+        angles, heights = random.uniform(0.0, 2.0 * np.pi, 500), random.uniform(-0.5, 0.5, 500)
+        # In the marker's frame, which is turned by a quarter about z.
+        surface = np.stack([0.5 * scale[0] * np.cos(angles), 0.5 * scale[1] * np.sin(angles), scale[2] * heights])
+        turned = np.stack([-surface[1], surface[0], surface[2]], axis=1) + update.centre
+        distances = solid_distances(turned, update.solid[None])
+        assert np.max(distances) <= 1e-9
+        slender = scale[2] > 0.5
+        assert (update.solid[6] > 0.0) == slender
+        # A solid that holds it and is no larger than it must be: half a diameter, or the corners of the box.
+        above = update.centre + np.array([0.0, 0.0, 0.5 * scale[2] + 1.0])
+        over = 1.0 - solid_distances(above[None], update.solid[None])[0]
+        assert over == pytest.approx(0.5 * max(scale[:2]) if slender else 0.0, abs=1e-9)
+
+    def test_solids_need_a_rotation_and_spheres_do_not(self):
+        for kind, said in ((Marker.CUBE, "zero quaternion"), (Marker.CYLINDER, "zero quaternion")):
+            marker = shape(kind, (0.1, 0.1, 0.1))
+            marker.pose.orientation.w = marker.pose.orientation.z = 0.0
+            with pytest.raises(m.MessageRefused, match=f"marker n/1: orientation is the {said}"):
+                m.read_marker(marker, BASE)
+            marker.pose.orientation.w = math.nan
+            with pytest.raises(m.MessageRefused, match="marker n/1: orientation holds nan"):
+                m.read_marker(marker, BASE)
+        marker = sphere()
+        marker.pose.orientation.w = 0.0
+        assert m.read_marker(marker, BASE).solid is None
+
+    @pytest.mark.parametrize("kind", [Marker.CUBE, Marker.CYLINDER])
+    @pytest.mark.parametrize("side", [0.0, -0.1, *BAD])
+    def test_every_side_of_a_solid_must_be_positive(self, kind, side):
+        for axis in range(3):
+            scale = [0.1, 0.1, 0.1]
+            scale[axis] = side
+            with pytest.raises(m.MessageRefused, match=r"marker n/1: scale"):
+                m.read_marker(shape(kind, scale), BASE)
+
     def test_lifetime_must_not_be_negative(self):
         with pytest.raises(m.MessageRefused, match="lifetime"):
             m.read_marker(sphere(lifetime=Duration(sec=-1)), BASE)
+
+
+def shape(kind: int, scale: Sequence[float]) -> Marker:
+    """A marker at (0.1, 0.2, 0.3), turned by a quarter about z."""
+    marker = sphere(type=kind)
+    marker.pose.orientation.w = marker.pose.orientation.z = math.sqrt(0.5)
+    marker.scale.x, marker.scale.y, marker.scale.z = scale
+    return marker
 
 
 def cloud(points: np.ndarray, kind=PointField.FLOAT32, big=False, padding=4, row_padding=0, height=1) -> PointCloud2:
@@ -277,32 +334,32 @@ class TestCloud:
     @pytest.mark.parametrize("kind", [PointField.FLOAT32, PointField.FLOAT64])
     @pytest.mark.parametrize("big", [False, True])
     def test_layouts(self, kind, big):
-        centres, cover = m.read_cloud(cloud(self.POINTS, kind, big, row_padding=5, height=2), BASE, 0.1, 100)
-        expected = np.array([[-0.35, 0.05, 0.75], [0.15, 0.25, 0.35], [0.55, -0.15, 0.45]])
-        np.testing.assert_allclose(centres, expected, atol=1e-12)
-        assert cover == pytest.approx(0.05 * math.sqrt(3.0))
-
-    @settings(deadline=None, max_examples=50)
-    @given(st.integers(1, 400), st.floats(0.01, 0.2), st.integers(1, 50), st.integers(0, 2**32 - 1))
-    def test_every_point_is_covered_by_few_spheres(self, count, voxel, most, seed):
-        points = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 3)).astype(np.float32)
-        most = max(most, 8)  # cubes around the origin never merge across its planes
-        centres, cover = m.read_cloud(cloud(points), BASE, voxel, most)
-        assert len(centres) <= most
-        gaps = np.linalg.norm(points[:, None] - centres[None], axis=-1).min(axis=1)
-        assert gaps.max() <= cover + 1e-6
+        points, not_finite = m.read_cloud(cloud(self.POINTS, kind, big, row_padding=5, height=2), BASE)
+        np.testing.assert_allclose(points, self.POINTS, atol=1e-7)
+        assert not_finite == 0
 
     def test_points_without_return_are_left_out(self):
         points = np.array([[math.nan, 0.0, 0.0], [0.1, 0.1, 0.1], [math.inf, 0.0, 0.0]])
-        assert len(m.read_cloud(cloud(points), BASE, 0.1, 100)[0]) == 1
+        kept, not_finite = m.read_cloud(cloud(points), BASE)
+        np.testing.assert_allclose(kept, points[[1]], atol=1e-7)
+        assert not_finite == 2
 
     def test_an_empty_cloud_is_no_obstacle(self):
-        centres, _ = m.read_cloud(cloud(np.zeros((0, 3))), BASE, 0.1, 100)
-        assert centres.shape == (0, 3)
+        points, not_finite = m.read_cloud(cloud(np.zeros((0, 3))), BASE)
+        assert (points.shape, not_finite) == ((0, 3), 0)
+
+    def test_a_million_points_are_read_and_more_refused_unread(self):
+        message = cloud(np.zeros((1, 3)), padding=0)
+        message.width, message.row_step = 1_000_000, 12_000_000
+        message.data = array.array("B", bytes(12_000_000))
+        assert m.read_cloud(message, BASE)[0].shape == (1_000_000, 3)
+        message.width += 1
+        with pytest.raises(m.MessageRefused, match="1000001 points, at most 1000000"):
+            m.read_cloud(message, BASE)
 
     def test_implausible_points_are_refused(self):
         with pytest.raises(m.MessageRefused, match="metres"):
-            m.read_cloud(cloud(np.array([[0.0, 2e5, 0.0]])), BASE, 0.1, 100)
+            m.read_cloud(cloud(np.array([[0.0, 2e5, 0.0]])), BASE)
 
     def test_broken_layouts_are_refused(self):
         lacking, wrong_type, truncated, beyond, narrow = (cloud(self.POINTS) for _ in range(5))
@@ -316,10 +373,14 @@ class TestCloud:
             (beyond, "point_step"), (narrow, "row_step"),
         ):  # fmt: skip
             with pytest.raises(m.MessageRefused, match=reason):
-                m.read_cloud(message, BASE, 0.1, 100)
+                m.read_cloud(message, BASE)
 
 
 _ANY = st.floats(allow_nan=True, allow_infinity=True)
+
+
+def _numbers(update: m.MarkerUpdate) -> tuple[object, ...]:
+    return update.centre, update.radius, update.lifetime, 0.0 if update.solid is None else update.solid
 
 
 @settings(deadline=None, max_examples=300)
@@ -330,6 +391,8 @@ def test_fuzzed_messages_are_read_or_refused(numbers, kind, action, frame, point
     marker = sphere(type=kind, action=action, frame=frame if kind % 2 else BASE)
     marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = x, y, z
     marker.scale.x, marker.scale.y, marker.scale.z = sx, sy, sz
+    turned = marker.pose.orientation
+    turned.w, turned.x, turned.y, turned.z = qw, qx, qy, qz
     state = JointState(name=list(NAMES), position=array.array("d", [x, y, z]))
     stamped = PointStamped(header=Header(frame_id=BASE))
     stamped.point.x, stamped.point.y = point, x
@@ -337,7 +400,7 @@ def test_fuzzed_messages_are_read_or_refused(numbers, kind, action, frame, point
         lambda: m.read_pose(pose(x, y, z, (qw, qx, qy, qz)), BASE),
         lambda: m.read_joint_positions(state, NAMES),
         lambda: m.read_point(stamped, BASE),
-        lambda: (lambda update: (update.centre, update.radius, update.lifetime))(m.read_marker(marker, BASE)),
+        lambda: _numbers(m.read_marker(marker, BASE)),
     ):
         try:
             parts = read()
@@ -365,11 +428,10 @@ def test_fuzzed_clouds_are_read_or_refused(height, width, step, row, size, data)
         data=array.array("B", data.draw(st.binary(min_size=size, max_size=size))),
     )  # fmt: skip
     try:
-        centres, cover = m.read_cloud(message, BASE, 0.05, 20)
+        points, _ = m.read_cloud(message, BASE)
     except m.MessageRefused:
         return
-    assert np.all(np.isfinite(centres))
-    assert math.isfinite(cover)
+    assert np.all(np.isfinite(points))
 
 
 class TestWriters:
@@ -423,3 +485,22 @@ class TestWriters:
         marker = m.sphere_marker("n", 4, np.array([0.1, 0.2, 0.3]), 0.07, (1.0, 0.0, 0.0, 1.0), BASE, STAMP)
         update = m.read_marker(marker, BASE)
         assert (update.key, update.radius) == (("n", 4), 0.07)
+
+    @pytest.mark.parametrize("kind", [Marker.CUBE, Marker.CYLINDER])
+    def test_written_solids_can_be_read(self, kind):
+        solid = m.read_marker(shape(kind, (0.1, 0.1, 0.9)), BASE).solid
+        marker = m.solid_marker("n", 4, solid, (1.0, 0.0, 0.0, 1.0), BASE, STAMP)
+        back = deserialize_message(serialize_message(marker), Marker)
+        assert back.type == kind
+        points = np.random.default_rng(0).uniform(-0.5, 0.8, (200, 3))
+        again = m.read_marker(back, BASE).solid
+        away = solid_distances(points, again[None]) - solid_distances(points, solid[None])
+        # Of a capsule the cylinder around it is shown.
+        assert np.all(np.abs(away) < 1e-9) if kind == Marker.CUBE else np.all(away <= 1e-9)
+
+    def test_cubes(self):
+        centres = np.arange(6.0).reshape(2, 3)
+        marker = m.cubes_marker("n", centres, np.float32(0.25), (1.0, 0.0, 0.0, 1.0), BASE, STAMP)
+        back = deserialize_message(serialize_message(marker), Marker)
+        assert (back.type, back.scale.y) == (Marker.CUBE_LIST, 0.25)
+        assert [(p.x, p.y, p.z) for p in back.points] == [(0.0, 1.0, 2.0), (3.0, 4.0, 5.0)]

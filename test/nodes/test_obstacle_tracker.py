@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.nodes.obstacle_tracker import REORDER_WINDOW, ObstacleTracker
+from geodesic_motion_ros.solids import solid_rows
 
 HERE, THERE = np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.5, 0.6])
+
+
+def box(centre: np.ndarray) -> np.ndarray:
+    return solid_rows(centre[None], np.eye(3)[None], np.array([[0.1, 0.2, 0.3]]), np.zeros(1))[0]
 
 
 def test_same_key_moves_the_obstacle_another_key_adds_one():
@@ -121,16 +128,48 @@ def test_never_heard_means_never_silent():
     assert ObstacleTracker().silent(1e9, timeout=0.5) == {}
 
 
-def test_replace_exchanges_the_whole_source():
+def test_a_cloud_replaces_the_one_before_and_is_cleared_with_the_rest():
     tracker = ObstacleTracker()
     tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0)
-    tracker.replace("obstacle_cloud", np.stack([HERE, THERE]), 0.02, now=0.0)
-    assert len(tracker.current(0.0).radii) == 3
-    tracker.replace("obstacle_cloud", THERE[None], 0.02, now=0.1)
+    first, second = (DistanceField.of(place[None], 0.02, 0.02, 0.05) for place in (HERE, THERE))
+    tracker.replace_cloud("obstacle_cloud", first, now=0.0)
+    before = tracker.current(0.0)
+    assert len(before) == 2
+    assert before.cloud is first
+    tracker.replace_cloud("obstacle_cloud", second, now=0.1)
     seen = tracker.current(0.1)
-    np.testing.assert_array_equal(seen.centres, [THERE, HERE])
-    tracker.replace("obstacle_cloud", np.zeros((0, 3)), 0.02, now=0.2)
-    assert len(tracker.current(0.2).radii) == 1
+    assert seen.cloud is second
+    assert seen.version > before.version
+    np.testing.assert_array_equal(seen.centres, [HERE])
+    assert tracker.silent(1.0, 0.5)["obstacle_cloud"] == pytest.approx(0.9)
+    tracker.replace_cloud("obstacle_cloud", DistanceField.none(), now=0.2)
+    assert len(tracker.current(0.2)) == 1
+    tracker.replace_cloud("obstacle_cloud", first, now=0.3)
+    tracker.clear()
+    assert len(tracker.current(0.3)) == 0
+
+
+def test_solids_stand_beside_spheres_and_are_told_apart_from_them():
+    tracker = ObstacleTracker()
+    for time in (0.0, 0.1):
+        tracker.put("obstacles", ("a", 0), HERE + [time, 0.0, 0.0], 0.0, now=time, solid=box(HERE + [time, 0.0, 0.0]))
+        tracker.put("obstacles", ("b", 0), THERE, 0.05, now=time)
+    seen = tracker.current(0.1)
+    assert seen.labels == ("obstacles/b/0", "obstacles/a/0")
+    np.testing.assert_array_equal(seen.centres, [THERE])
+    np.testing.assert_array_equal(seen.solids, [box(HERE + [0.1, 0.0, 0.0])])
+    np.testing.assert_allclose(seen.solid_velocities, [[1.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(seen.solid_times, [0.1])
+    moved = seen.moved_on(0.3, longest=0.15, time=7.0)
+    assert moved.time == 7.0
+    np.testing.assert_allclose(moved.solids[0, :3], HERE + [0.25, 0.0, 0.0])
+    np.testing.assert_array_equal(moved.centres, [THERE])
+    np.testing.assert_array_equal(seen.solids, [box(HERE + [0.1, 0.0, 0.0])])
+    # The same key may become a sphere.
+    tracker.put("obstacles", ("a", 0), HERE, 0.05, now=0.2)
+    assert len(tracker.current(0.2).radii) == 2
+    tracker.delete("obstacles", ("a", 0), now=0.3)
+    assert len(tracker.current(0.3)) == 1
 
 
 def test_clear_forgets_obstacles_and_expectations():
@@ -235,15 +274,8 @@ def test_what_was_deleted_and_comes_again_starts_at_rest():
     np.testing.assert_array_equal(tracker.current(0.6).velocities, np.zeros((1, 3)))
 
 
-def test_spheres_of_a_cloud_have_no_velocity_but_a_time():
-    tracker = ObstacleTracker()
-    for time in (0.0, 0.1):
-        tracker.replace("obstacle_cloud", np.array([HERE, THERE]) + time, 0.03, now=time)
-    seen = tracker.current(0.2)
-    np.testing.assert_array_equal(seen.velocities, np.zeros((2, 3)))
-    np.testing.assert_array_equal(seen.times, [0.1, 0.1])
-
-
 def test_an_empty_set_has_the_shapes_of_a_full_one():
     seen = ObstacleTracker().current(0.0)
     assert (seen.centres.shape, seen.velocities.shape, seen.times.shape) == ((0, 3), (0, 3), (0,))
+    assert (seen.solids.shape, seen.solid_velocities.shape, seen.solid_times.shape) == ((0, 16), (0, 3), (0,))
+    assert seen.moved_on(1.0, 0.5, 1.0).objection() == ""

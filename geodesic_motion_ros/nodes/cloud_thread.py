@@ -1,0 +1,97 @@
+"""A thread that turns clouds into distance fields beside the control loop, the newest first.
+
+It must not have a lower priority than the loop: preempted while it holds the interpreter lock, it would stop the loop.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from geodesic_motion_ros.distance_field import REACH
+from geodesic_motion_ros.robot.kinematics import Robot
+
+#: The arm's body extends so far beyond the tool's origin at most [m].
+_BEYOND_TOOL = 0.2
+
+
+@dataclass(frozen=True)
+class CloudFigures:
+    """Of the newest cloud: its points that count, those without a place, those out of reach, and the time [s] that
+    reading it and making its field took."""
+
+    points: int = 0
+    not_finite: int = 0
+    out_of_reach: int = 0
+    duration: float = 0.0
+
+
+def points_near(points: np.ndarray, robot: Robot) -> np.ndarray:
+    """Those of points (n, 3) [m] in the base frame to which a distance field tells distances from the arm's body."""
+    near = np.linalg.norm(points - robot.shoulder, axis=1) <= robot.reach + _BEYOND_TOOL + REACH
+    return points if near.all() else points[near]
+
+
+class CloudThread:
+    """Calls `make` with the newest message, and `take` with what that returns and when the message arrived.
+
+    Messages that come while one is worked on replace each other: none waits behind another. `failed` is told of an
+    exception, and the next message tried.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[Any], Any],
+        take: Callable[[Any, float], None],
+        failed: Callable[[BaseException], None],
+    ) -> None:
+        self._make, self._take, self._failed = make, take, failed
+        self._changed = threading.Condition()
+        self._waiting: tuple[Any, float] | None = None
+        self._generation = 0
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="obstacle_cloud", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self, timeout: float = 1.0) -> None:
+        with self._changed:
+            self._stopping = True
+            self._changed.notify()
+        if self._thread.is_alive():
+            self._thread.join(timeout)
+
+    def put(self, message: Any) -> None:
+        """Hand over a message, which has just arrived."""
+        with self._changed:
+            self._waiting = message, time.monotonic()
+            self._changed.notify()
+
+    def forget(self) -> None:
+        """Drop what waits and what is being worked on."""
+        with self._changed:
+            self._waiting = None
+            self._generation += 1
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._stopping or self._waiting is not None)
+                if self._stopping:
+                    return
+                (message, arrived), self._waiting = self._waiting, None
+                generation = self._generation
+            try:
+                made = self._make(message)
+            except Exception as error:
+                self._failed(error)
+                continue
+            with self._changed:
+                if generation == self._generation and made is not None:
+                    self._take(made, arrived)
