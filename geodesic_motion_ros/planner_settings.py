@@ -110,7 +110,8 @@ class JointPlannerSettings(SearchSettings):
         demonstrated, over all joints [rad].
     speed_scale, acceleration_scale : share of the joints' velocity limits, and of their acceleration and jerk limits.
     latency : a new reference takes over so long after its planning began [s].
-    prediction : obstacles are expected to move on linearly for so long [s], and to stand then.
+    prediction : obstacles are expected to move on linearly for so long [s], and to stand then. It must be longer than a
+        stop takes, latency included, which is 0.5 s: what comes into sight later cannot be stopped for.
     """
 
     body_radius: float = 0.08
@@ -118,6 +119,6 @@ class JointPlannerSettings(SearchSettings):
     speed_scale: float = 0.3
     acceleration_scale: float = 0.2
     latency: float = 0.03
-    prediction: float = 0.5
+    prediction: float = 0.8
 
     may_be_zero: ClassVar[tuple[str, ...]] = (*SearchSettings.may_be_zero, "prediction")

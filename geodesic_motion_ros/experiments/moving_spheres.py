@@ -200,8 +200,11 @@ class MovingRun:
                 break
             self._stood += 0.0 if moves else world.dt
             self._move_spheres(now + world.dt)
-            world.step()
             self._judge(moves)
+            world.set_obstacles(
+                {str(i): (self._centres[i], self._spheres[i].radius) for i in self._present(now + world.dt)}
+            )
+            world.step()
         strains, excess = self._strains()
         return MovingScene(
             number, count, tuple(self._contacts), reached, now, len(self._jumps), max(self._jumps, default=0.0),
@@ -251,8 +254,6 @@ class MovingRun:
         for i in self._present(until):
             if self._spheres[i].appears < until - self._world.dt:
                 self._centres[i] = self._centres[i] + self._world.dt * self._velocity(i)
-        shown = {str(i): (self._centres[i], self._spheres[i].radius) for i in self._present(until)}
-        self._world.set_obstacles(shown)
 
     def _has_room(self, i: int, speed: float, now: float) -> bool:
         """Whether a sphere is far enough for a stop when it is first there."""
@@ -268,6 +269,7 @@ class MovingRun:
         return distance > moved + travel + speed * (latency + stop.duration) + ROOM
 
     def _judge(self, moves: bool) -> None:
+        """Count contacts. What touches is taken away before physics would push the arm with it."""
         present = self._present(self._world.time)
         self._geometry.place(self._world.joint_positions)
         for i in present:
