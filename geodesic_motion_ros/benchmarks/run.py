@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -53,9 +54,9 @@ class BenchSettings:
 
     shape: tuple[int, ...] = (50, 50, 50)
     ticks: int = 300
-    peer_ticks: int = 8
+    peer_ticks: int = 5
     networkx_ticks: int = 1
-    scaling_ticks: int = 100
+    scaling_ticks: int = 40
     grids: tuple[tuple[int, ...], ...] = ((100,) * 2, (200,) * 2, (30,) * 3, (50,) * 3, (70,) * 3, (24,) * 4)
     obstacles: tuple[int, ...] = (0, 1, 2, 5, 10, 20, 50)
     points: tuple[int, ...] = (1, 2, 4, 8, 16, 32)
@@ -225,7 +226,7 @@ class BenchReport:
             parts.append(f"not installed: {', '.join(self.missing)}; the extra `bench` brings them")
         return "\n\n".join(parts)
 
-    def write_json(self, path: Any) -> None:
+    def write_json(self, path: Path) -> None:
         write_json(path, self.as_dict())
 
     def _machine_line(self) -> str:
