@@ -153,8 +153,9 @@ def _cells_around(
 ) -> None:
     """Of each axis the first cell within a distance [m] of a centre (3 or more numbers), and the one after the last."""
     for a in range(3):
-        first[a] = max(0, math.floor((centre[a] - around - lower[a]) / cell))
-        last[a] = min(shape[a], math.floor((centre[a] + around - lower[a]) / cell) + 1)
+        # Bounded before they become whole numbers: an obstacle may be larger than those go.
+        first[a] = int(max(0.0, (centre[a] - around - lower[a]) / cell))
+        last[a] = int(min(float(shape[a]), max(0.0, (centre[a] + around - lower[a]) / cell + 1.0)))
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

@@ -82,6 +82,22 @@ def test_obstacles_out_of_reach_are_left_out() -> None:
     np.testing.assert_array_equal(reshaping.solids, around.solids[:3])
 
 
+@pytest.mark.parametrize("size", [1e3, 1e30, 1e150])
+def test_an_obstacle_may_be_larger_than_the_world(size: float) -> None:
+    """Half of space, as a box and as a sphere."""
+    arm = body()
+    ground = solid_rows(np.array([[0.0, 0.0, 0.3 - size]]), np.eye(3)[None], np.full((1, 3), size), np.zeros(1))
+    box = replace(Obstacles.none(), solids=ground, solid_velocities=np.zeros((1, 3)))
+    sphere = Obstacles.of_spheres(np.array([[0.0, 0.0, 0.3]]), np.array([size]))
+    for around in (box, sphere):
+        reshaping = Reshaping.of(arm, around, 1e3, 0.5, 0.02)
+        look_at(np.arange(NODES), reshaping)
+        expected = obstacle_clearances(arm.spheres, arm.sphere_radii, around, 0.02)
+        np.testing.assert_array_equal(reshaping.clearance < 0.0, expected < 0.0)
+        assert np.all(np.isfinite(reshaping.factors))
+        assert np.any(reshaping.clearance < 0.0)
+
+
 def test_a_node_is_looked_at_once_and_alone() -> None:
     reshaping = Reshaping.of(body(), obstacles(12), 1e3, 0.5, 0.1)
     look_at(np.array([7]), reshaping)
