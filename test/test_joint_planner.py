@@ -6,14 +6,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.joint_planner import JointPlan, JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.solids import solid_distances, solid_rows
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 PERIOD = 0.01
@@ -138,6 +143,32 @@ def test_an_elbow_that_is_in_the_way_goes_on_the_other_side(stream, nominal, on_
     assert clearance(geometry, dense(nominal), on_elbow) < -0.03
     measured = clearance(geometry, dense(plan.reference), on_elbow)
     assert 0.0 < plan.verdict.clearance <= measured + 1e-4
+
+
+@pytest.mark.parametrize("kind", ["box", "capsule", "cloud"])
+def test_obstacles_of_every_kind_are_hit_on_the_old_way_and_passed_on_the_new(stream, nominal, on_elbow, kind) -> None:
+    planner, (centre, _) = stream.planner, on_elbow
+    turn = Rotation.from_rotvec([0.4, 0.3, 0.9]).as_matrix()[None]
+    extents, radius = ([[0.03, 0.02, 0.04]], [0.0]) if kind == "box" else ([[0.0, 0.0, 0.03]], [0.025])
+    solids, seen = solid_rows(centre, turn, np.array(extents), np.array(radius)), centre
+    obstacles = replace(Obstacles.none(), solids=solids, solid_velocities=np.zeros((1, 3)))
+    if kind == "cloud":
+        seen = centre + np.random.default_rng(0).uniform(-0.02, 0.02, (2000, 3))
+        obstacles = replace(Obstacles.none(), cloud=DistanceField.of(seen, 0.01, 0.005, 0.04))
+
+    def least(reference: JointReference) -> float:
+        model = planner.collision
+        centres = model.positions(planner.robot, dense(reference))[:, model.moving].reshape(-1, 3)
+        gaps = cKDTree(seen).query(centres)[0] - 0.005 if kind == "cloud" else solid_distances(centres, solids)
+        return float(np.min(gaps.reshape(-1, np.count_nonzero(model.moving)) - model.radii[model.moving]))
+
+    assert planner.take_obstacles(obstacles).ok
+    plan = planner.tick(0.0)
+    assert plan.verdict.ok
+    assert least(nominal) < -0.03
+    assert 0.0 < plan.verdict.clearance <= least(plan.reference)
+    # A field tells no more than its reach.
+    assert least(plan.reference) < plan.verdict.clearance + 0.03 or kind == "cloud"
 
 
 def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start, goal, monkeypatch) -> None:
