@@ -51,7 +51,8 @@ class PlannerInputs:
     """The subscriptions of the planner and what they have brought.
 
     Callbacks run in the executor and hold the lock for microseconds; `snapshot` is called by the control
-    loop. What a point cloud shows is worked out in a thread of its own, from `start` to `stop`.
+    loop. What a point cloud shows is worked out in a thread of its own, from `start` to `stop`; points on the arm
+    itself are obstacles like all others, and must be taken out by whoever sends the cloud.
     """
 
     def __init__(

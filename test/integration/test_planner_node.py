@@ -120,6 +120,16 @@ def at_rest(bench) -> bool:
     return float(bench.status()["speed"]) == 0.0
 
 
+def cloud_of(points: np.ndarray) -> PointCloud2:
+    return PointCloud2(
+        header=Header(frame_id=BASE), height=1, width=len(points), point_step=24, row_step=24 * len(points),
+        fields=[
+            PointField(name=name, offset=8 * i, datatype=PointField.FLOAT64, count=1) for i, name in enumerate("xyz")
+        ],
+        data=points.tobytes(),
+    )  # fmt: skip
+
+
 class TestObstacles:
     def test_all_ways_blocked_then_freed(self, moving):
         moving.send_spheres(WALL)
@@ -153,14 +163,7 @@ class TestObstacles:
         """Each topic alone blocks the way, and its obstacle is gone when it is told to go."""
         grid = np.arange(-0.3, 0.3, 0.05)
         points = np.array([WALL[0] + np.array([x, 0.0, z]) for x in grid for z in grid])
-        cloud = PointCloud2(
-            header=Header(frame_id=BASE), height=1, width=len(points), point_step=24, row_step=24 * len(points),
-            fields=[
-                PointField(name=name, offset=8 * i, datatype=PointField.FLOAT64, count=1)
-                for i, name in enumerate("xyz")
-            ],
-        )  # fmt: skip
-        cloud.data = points.tobytes()
+        cloud = cloud_of(points)
         marker = Marker(header=Header(frame_id=BASE), type=Marker.SPHERE)
         marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = WALL[0]
         marker.scale.x = marker.scale.y = marker.scale.z = 0.4
@@ -413,6 +416,25 @@ class TestPictures:
         moving.wait(lambda: float(health(moving).get("ticks", "0")) > 10, "the loop's health")
         assert float(health(moving)["rate_hz"]) > 0.0
         assert "age_joint_states" in health(moving)
+
+    def test_solids_and_clouds_are_shown_as_the_planner_sees_them(self, moving):
+        moving.listen(MarkerArray, "planner/markers")
+        cube = Marker(header=Header(frame_id=BASE), type=Marker.CUBE)
+        cube.pose.position.y, cube.pose.orientation.w = 0.8, 1.0
+        cube.scale.x, cube.scale.y, cube.scale.z = 0.1, 0.2, 0.3
+        moving.publisher(Marker, "obstacle_marker").publish(cube)
+        points = np.array([[0.0, 0.7, 0.5], [0.0, 0.7, 0.6], [9.0, 9.0, 0.0], [np.nan, 0.0, 0.0]])
+        moving.publisher(PointCloud2, "obstacle_cloud").publish(cloud_of(points))
+
+        def shown(namespace: str) -> Marker | None:
+            newest = moving.heard["planner/markers"][-1:]
+            return next((m for array in newest for m in array.markers if m.ns == namespace), None)
+
+        moving.wait(lambda: shown("solids") and shown("cloud"), "both among the markers")
+        assert (shown("solids").type, shown("solids").scale.z) == (Marker.CUBE, 0.3)
+        assert len(shown("cloud").points) == 2
+        figures = moving.planner._inputs.cloud_figures()
+        assert (figures.points, figures.out_of_reach, figures.not_finite) == (2, 1, 1)
 
 
 class TestParameters:
