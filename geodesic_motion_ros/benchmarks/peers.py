@@ -18,12 +18,13 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.benchmarks.engine import Answer, SearchProblem
+from geodesic_motion_ros.distance_field import REACH, DistanceField, field_distances
 from geodesic_motion_ros.graph.ambient import CUTOFF
 from geodesic_motion_ros.obstacles import Obstacles
 
 
 class EdgeWeights:
-    """Weights of all edges of a problem under spheres, with numpy."""
+    """Weights of all edges of a problem under spheres and a cloud, with numpy."""
 
     def __init__(self, problem: SearchProblem) -> None:
         self._problem = problem
@@ -36,12 +37,12 @@ class EdgeWeights:
         """(m,) the lengths that the engine gives them; inf at nodes that obstacles close, but for the two ends."""
         graph = self._problem.graph
         weights = graph.base.copy()
-        factors = self._factors(obstacles.centres, obstacles.radii)
+        factors = self._factors(obstacles.centres, obstacles.radii) + self._cloud_factors(obstacles.cloud)
         touched = np.any(factors > 1.0, axis=1)
         changed = np.flatnonzero(touched[self._first] | touched[self._second])
         both = factors[self._first[changed]] + factors[self._second[changed]]
         weights[changed] = np.sqrt(graph.fixed[changed] + 0.5 * np.einsum("mk,mk->m", both, graph.shares[changed]))
-        closed = self._closed(obstacles.centres, obstacles.radii)
+        closed = self._closed(obstacles)
         weights[closed[self._first] | closed[self._second]] = np.inf
         return weights
 
@@ -60,9 +61,21 @@ class EdgeWeights:
             factors.reshape(-1)[points] += settings.ambient_strength * np.maximum(excess, 0.0)
         return factors
 
-    def _closed(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    def _cloud_factors(self, cloud: DistanceField) -> np.ndarray:
+        """What a cloud adds to the factors (n, K), as `ambient.cloud_factor`; 0 without one."""
+        body, settings = self._problem.body, self._problem.settings
+        if not cloud.squares.size:
+            return np.zeros(())
+        widths = settings.ambient_width_ratio * (cloud.thickness + body.point_radii)
+        cuts = np.minimum(CUTOFF * widths, REACH - cloud.edge - cloud.surface + cloud.thickness)
+        distances = field_distances(body.points.reshape(-1, 3), *cloud).reshape(body.points.shape[:2])
+        shifts = np.exp(-0.5 * (cuts / widths) ** 2)
+        away = np.minimum(np.maximum(distances + cloud.thickness, 0.0), cuts)
+        return settings.ambient_strength * (np.exp(-0.5 * (away / widths) ** 2) - shifts) / (1.0 - shifts)
+
+    def _closed(self, obstacles: Obstacles) -> np.ndarray:
         """Nodes (n,) where the body has less than the margin, but for the two ends."""
-        problem, body = self._problem, self._problem.body
+        problem, body, centres, radii = self._problem, self._problem.body, obstacles.centres, obstacles.radii
         nodes, count = body.spheres.shape[:2]
         closed = np.zeros(nodes, dtype=bool)
         margin = problem.settings.obstacle_margin
@@ -72,6 +85,9 @@ class EdgeWeights:
             sphere = np.asarray(found, dtype=int)
             distance = np.linalg.norm(self._spheres.data[sphere] - centre, axis=1)
             closed[sphere[distance - radius - body.sphere_radii[sphere % count] < margin] // count] = True
+        if obstacles.cloud.squares.size:
+            distances = field_distances(body.spheres.reshape(-1, 3), *obstacles.cloud).reshape(nodes, count)
+            closed |= np.any(distances - body.sphere_radii < margin, axis=1)
         closed[[problem.source, problem.target]] = False
         return closed
 

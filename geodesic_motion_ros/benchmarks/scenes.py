@@ -7,8 +7,8 @@ goal_enclosed   spheres of 5 cm all around the tool at the goal, 22 cm from it
 start_enclosed  the same at the start
 ten_on_path     ten spheres of 5 cm along the way
 wall_gap        a wall of spheres of 3 cm across the way, with a gap where the arm would go around a sphere of 10 cm
-cloud_10k       10,000 points of a table top beneath the tool, as the spheres of 2 cm that a voxel filter of 4 cm
-                leaves of them; filtering is not part of a tick
+cloud_10k       10,000 points of a table top beneath the tool, as a distance field; making that is not part of a tick,
+                for the node does it in a thread of its own
 
 The way is that of the body point which moves farthest. No sphere touches the arm at the start or at the goal: those
 that would are left out.
@@ -16,11 +16,12 @@ that would are left out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geodesic_motion_ros.benchmarks.engine import SearchProblem, free_path, mark, search
+from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.graph.ambient import CUTOFF
 from geodesic_motion_ros.obstacles import Obstacles
 
@@ -39,16 +40,18 @@ _SHELL, _SHELL_DISTANCE = 80, 0.22
 _ROOM = 0.035
 #: Spacing and radius of the wall's spheres [m].
 _WALL_STEP, _WALL_RADIUS = 0.1, 0.03
-_VOXEL = 0.04
+#: Edge of the cloud's cubes, radius around its points, their thickness, and how far from a point it keeps all off [m].
+_EDGE, _POINT_RADIUS, _THICKNESS, _CLOUD_ROOM = 0.02, 0.02, 0.05, 0.055
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Spheres that swing about their places: c + swing sin(2 pi (tick / period + phase)).
+    """Spheres that swing about their places: c + swing sin(2 pi (tick / period + phase)), or points of a cloud.
 
     Attributes
     ----------
     centres, radii : (o, 3), (o,) [m]; swings : (o, 3) [m]; phases : (o,) [turns].
+    cloud : whether the spheres are points of a cloud, which all swing as the first one.
     """
 
     name: str
@@ -56,10 +59,14 @@ class Scene:
     radii: np.ndarray
     swings: np.ndarray
     phases: np.ndarray
+    cloud: bool = False
 
     def at(self, tick: int) -> Obstacles:
-        """Where the spheres are at a tick, and how fast they move."""
+        """Where the spheres are at a tick, and how fast they move; a cloud has no velocity."""
         angle = 2.0 * np.pi * (tick / PERIOD + self.phases)[:, None]
+        if self.cloud:
+            field = DistanceField.of(self.centres + np.sin(angle) * self.swings, _EDGE, _POINT_RADIUS, _THICKNESS)
+            return replace(Obstacles.none(), cloud=field)
         velocities = 2.0 * np.pi * RATE / PERIOD * np.cos(angle) * self.swings
         return Obstacles.of_spheres(self.centres + np.sin(angle) * self.swings, self.radii, velocities, tick / RATE)
 
@@ -84,7 +91,7 @@ def scenes_of(problem: SearchProblem, seed: int = 0) -> list[Scene]:
         _together("start_enclosed", clear(_shell(tool[0]), 0.05), 0.05, random),
         spheres_on_way(problem, 10, seed),
         _together("wall_gap", clear(_wall(way), _WALL_RADIUS, np.append(ends, detour)), _WALL_RADIUS, random),
-        _together("cloud_10k", clear(_table_top(tool, random), 0.02), 0.02, random),
+        replace(_together("cloud_10k", clear(_table_top(tool, random), _CLOUD_ROOM), 0.0, random), cloud=True),
     ]
 
 
@@ -167,9 +174,6 @@ def _wall(way: np.ndarray) -> np.ndarray:
 
 
 def _table_top(way: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Centres (o, 3) [m] of the voxels that 10,000 points of a table top of 0.8 m by 0.8 m fall into."""
+    """10,000 points (o, 3) [m] of a table top of 0.8 m by 0.8 m."""
     corner = np.append(way[:, :2].mean(axis=0) - [0.2, 0.4], way[:, 2].min() - 0.075)
-    points = corner + random.uniform(size=(10_000, 3)) * [0.8, 0.8, 0.01]
-    _, voxel, count = np.unique(np.floor(points / _VOXEL).astype(int), axis=0, return_inverse=True, return_counts=True)
-    sums = [np.bincount(voxel.reshape(-1), weights=axis) for axis in points.T]
-    return np.stack(sums, axis=1) / count[:, None]
+    return corner + random.uniform(size=(10_000, 3)) * [0.8, 0.8, 0.01]

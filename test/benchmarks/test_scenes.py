@@ -28,7 +28,8 @@ def test_there_are_all_of_them_with_the_spheres_they_promise(scenes: dict[str, S
     counts = {name: len(scene.radii) for name, scene in scenes.items()}
     assert [counts[name] for name in ("none_near", "one_r005", "one_r010", "ten_on_path")] == [10, 1, 1, 10]
     assert 20 < counts["wall_gap"] < 64
-    assert counts["cloud_10k"] > 300
+    assert counts["cloud_10k"] > 5000
+    assert len(scenes["cloud_10k"].at(0).cloud.occupied) > 500
     assert scenes["one_r010"].radii == [0.10]
 
 
