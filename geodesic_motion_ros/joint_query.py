@@ -17,6 +17,7 @@ from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import corrections_at
+from geodesic_motion_ros.latent_way import shown_cost
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.query import AlongRidges, Pose
 from geodesic_motion_ros.robot.body_points import end_effector_poses
@@ -113,7 +114,7 @@ class JointQueryBuilder:
         self._unconditioned = self._along_ridges(np.zeros(joints), np.zeros(joints), conditioned=False)
         still = graph.transported(JointOffsets.none(self._robot, graph.ridge_count), self._unconditioned[1])
         self._unmoved = still.base
-        self._shown_cost = graph.shown_cost(self._unmoved, skill.codes)
+        self._shown_cost = shown_cost(graph, self._unmoved, skill.codes)
         self._fields: dict[int, np.ndarray] = {}
         self._poles = {end: self._find_poles(end) for end in ("start", "goal")}
         self._tool_positions, self._tool_quaternions = end_effector_poses(graph.configurations, self._robot.chain)

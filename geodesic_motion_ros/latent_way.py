@@ -11,7 +11,7 @@ import numpy as np
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
-from geodesic_motion_ros.graph.shortest_path import shortest_path_from_both_ends
+from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path_from_both_ends
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -40,6 +40,15 @@ class LatentWay:
     nodes: np.ndarray
     polyline: np.ndarray
     energy: float
+
+
+def shown_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float:
+    """What the first demonstration's way costs, for codes (N, T, d) and the edges' lengths base (m,)."""
+    everywhere = np.ones(len(graph.latent), dtype=bool)
+    start, goal = (graph.node_near(code, everywhere, max(graph.grid.shape)) for code in codes[0, [0, -1]])
+    assert start is not None
+    assert goal is not None
+    return float(cost_field(graph.adjacency, base, goal)[start])
 
 
 def cheapest_way(

@@ -21,6 +21,7 @@ from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import Offsets, corrections_at
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
+from geodesic_motion_ros.latent_way import shown_cost
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
 from geodesic_motion_ros.sheet import POSE_SCALE, beyond_demonstrated
@@ -136,7 +137,7 @@ class QueryBuilder:
         self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
         self._unconditioned = self._along_ridges(np.zeros(6), np.zeros(6), conditioned=False)
         unmoved = graph.transported(Offsets.none(graph.ridge_count), self._points, self._unconditioned[1])
-        self._shown_cost = graph.shown_cost(unmoved.base, skill.codes)
+        self._shown_cost = shown_cost(graph, unmoved.base, skill.codes)
 
     # ------------------------------------------------------------------ ends
 

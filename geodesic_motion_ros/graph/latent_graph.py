@@ -11,7 +11,6 @@ from scipy.sparse.csgraph import connected_components
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.progress import ProgressMap
-from geodesic_motion_ros.graph.shortest_path import cost_field
 
 
 @dataclass(frozen=True)
@@ -51,14 +50,6 @@ class LatentGraph:
         """Numbers of the connected pieces large enough to hold a path."""
         counts = np.bincount(self.component)
         return np.flatnonzero(counts >= max(2, 0.05 * counts.max()))
-
-    def shown_cost(self, base: np.ndarray, codes: np.ndarray) -> float:
-        """What the first demonstration's way costs, for codes (N, T, d) and the edges' lengths base (m,)."""
-        everywhere = np.ones(len(self.latent), dtype=bool)
-        start, goal = (self.node_near(code, everywhere, max(self.grid.shape)) for code in codes[0, [0, -1]])
-        assert start is not None
-        assert goal is not None
-        return float(cost_field(self.adjacency, base, goal)[start])
 
     def node_near(self, latent: np.ndarray, allowed: np.ndarray, steps: int) -> int | None:
         """Allowed node (mask (n,)) closest to a latent point (d,), within a number of grid steps; None without one."""
