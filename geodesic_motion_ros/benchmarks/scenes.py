@@ -30,7 +30,7 @@ NAMES = (
 )  # fmt: skip
 RATE = 100.0
 """Ticks a second."""
-PERIOD = 150
+PERIOD = 600
 """Ticks until a motion repeats itself."""
 #: How far spheres swing to each side [m], alone, and together with others.
 _SWING, _SWING_TOGETHER = 0.03, 0.01

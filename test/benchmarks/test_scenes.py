@@ -9,7 +9,7 @@ from geodesic_motion_ros.benchmarks.engine import SearchProblem, free_path, mark
 from geodesic_motion_ros.benchmarks.scenes import NAMES, PERIOD, Scene, scenes_of, spheres_on_way
 from geodesic_motion_ros.graph.reshaping import look_at
 
-TICKS = range(0, PERIOD, 15)
+TICKS = range(0, PERIOD, PERIOD // 10)
 
 
 @pytest.fixture(scope="module")
