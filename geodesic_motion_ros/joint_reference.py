@@ -7,7 +7,7 @@ at rest, and keeps the limits of velocity, acceleration and jerk between its kno
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numba
@@ -23,8 +23,9 @@ from geodesic_motion_ros.quintic import quintic_bounds, quintic_samples
 PERIOD = 0.02
 #: Half of the triangle of time over which laws are averaged [s]; more where jerk is limited harder than a Panda's.
 _SMOOTHING = 0.034
-#: The same for stops: the sooner they begin the better.
-_STOP_SMOOTHING = 0.02
+#: The same for stops, tried one after the other: the sooner they begin the better, but one that begins while the arm
+#: accelerates as much as it may has to begin gently.
+_STOP_SMOOTHINGS = (0.02, 0.06, 0.12)
 #: Share of the limits of velocity and of acceleration that laws are planned with; averaging and corrections add to it.
 _VELOCITY_SHARE, _ACCELERATION_SHARE = 0.95, 0.85
 #: Share of the accelerations that a correction at the start is planned with, and what its length [s] may be.
@@ -35,7 +36,7 @@ _ATTEMPTS, _HOPELESS = 8, (3, 1.2)
 #: Share of the limits to which a law is slowed down where it exceeds them, and the least factor of a rate at once.
 _SLOWED_TO, _LEAST_FACTOR = 0.92, 0.5
 #: Shares of the accelerations that stops are tried with, one after the other.
-_BRAKING_SHARES = (0.97, 0.9, 0.8, 0.65, 0.5, 0.3)
+_BRAKING_SHARES = (0.97, 0.8, 0.5)
 #: Points of a path nearer than this [s at full speed] are one.
 _SHORTEST_CHORD = 1e-5
 #: Segments of the grid on which a law is planned, at least.
@@ -194,31 +195,37 @@ def stopping_reference(
 
     The path is the reference itself, passed at a rate that falls from 1 to 0 as fast as the limits allow and is then
     averaged over time, so that position, velocity and acceleration are continuous at `time`. Where the average exceeds
-    a limit, less braking is tried; none at all is always left, for the reference ends at rest by itself.
+    a limit, a longer average and less braking are tried, then `bridge_to_rest`, which leaves the path. Going on is what
+    is left at last: the reference ends at rest by itself.
     """
     going = reference.rest(time)
-    width = _averaging_width(_STOP_SMOOTHING, limits)
-    # The average begins to fall one width before the law does.
-    grid = np.append(np.arange(width, going.duration, 0.5 * period), going.duration)
-    _, slopes, bends = going.samples(grid)
-    for share in _BRAKING_SHARES if going.duration > width else ():
-        rates, stop = braking_rates(grid, slopes, bends, np.broadcast_to(share * limits.acceleration, slopes.shape))
-        passed = grid < stop
-        knots, rates = np.append(grid[passed], stop), np.append(rates[passed], rates[-1])
-        law = SmoothLaw.along(knots, rates, width)
-        times = _knot_times(law.end + width, period)
-        at, rate, change = law.sample(times - width)
-        positions, velocities, accelerations = going.samples(at)
-        halt = _ending_at_rest(
-            times,
-            positions,
-            velocities * rate[:, None],
-            accelerations * rate[:, None] ** 2 + velocities * change[:, None],
-            _interpolated(at, going.times, going.latent),
-        )
-        if halt.keeps(limits):
-            return halt
-    return going
+    for smoothing in _STOP_SMOOTHINGS:
+        width = _averaging_width(smoothing, limits)
+        if going.duration <= width:
+            return going
+        # The average begins to fall one width before the law does.
+        grid = np.append(np.arange(width, going.duration, 0.5 * period), going.duration)
+        _, slopes, bends = going.samples(grid)
+        for share in _BRAKING_SHARES:
+            rates, stop = braking_rates(grid, slopes, bends, np.broadcast_to(share * limits.acceleration, slopes.shape))
+            passed = grid < stop
+            knots, rates = np.append(grid[passed], stop), np.append(rates[passed], rates[-1])
+            law = SmoothLaw.along(knots, rates, width)
+            times = _knot_times(law.end + width, period)
+            at, rate, change = law.sample(times - width)
+            positions, velocities, accelerations = going.samples(at)
+            halt = _ending_at_rest(
+                times,
+                positions,
+                velocities * rate[:, None],
+                accelerations * rate[:, None] ** 2 + velocities * change[:, None],
+                _interpolated(at, going.times, going.latent),
+            )
+            if halt.keeps(limits):
+                return halt
+    bridge = bridge_to_rest(*going.sample(0.0), limits, period)
+    bridge = replace(bridge, latent=np.repeat(going.latent[:1], len(bridge.times), axis=0))
+    return bridge if bridge.keeps(limits) and bridge.duration < going.duration else going
 
 
 def joined(old: JointReference, since: float, new: JointReference, until: float) -> JointReference:
