@@ -46,6 +46,14 @@ PLANNER = (
         10.0,
     ),
     Parameter(
+        "cost_cap",
+        20.0,
+        "Ways that cost more than so many times what a demonstration costs without obstacles count as blocked",
+        "",
+        1.0,
+        1e9,
+    ),
+    Parameter(
         "task_frame",
         [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
         "Where the frame that the skill was shown in stands in base_frame, until `task_frame` is heard: x, y, z [m], "
