@@ -17,6 +17,9 @@ from geodesic_motion_ros.nodes.messages import read_pose
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 
+# What moves in real time does so evenly where it has the machine to itself.
+pytestmark = pytest.mark.realtime
+
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 # A ball in the middle of every demonstration, small enough to be passed on either side.
 BALL = "{ball: {kind: static, centre: [0.465, -0.01, 0.34], radius: 0.03}}"

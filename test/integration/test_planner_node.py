@@ -24,6 +24,9 @@ from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.task_frame import TaskFrame
 
+# What moves in real time does so evenly where it has the machine to itself.
+pytestmark = pytest.mark.realtime
+
 BASE = "panda_link0"
 # the middle of every demonstration, and a radius [m] that blocks them all without touching the ends
 WALL = ([0.465, -0.01, 0.34], 0.2)

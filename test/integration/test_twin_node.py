@@ -22,6 +22,9 @@ from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 
+# What moves in real time does so evenly where it has the machine to itself.
+pytestmark = pytest.mark.realtime
+
 ON_THE_HAND = "{ball: {kind: static, centre: [0.45, -0.28, 0.36], radius: 0.05}}"
 TWO = (
     "{ball: {kind: circle, centre: [0.3, 0.5, 0.5], amplitude: 0.1, period: 2.0, radius: 0.05}, "

@@ -16,6 +16,9 @@ from geodesic_motion_ros.nodes.messages import joint_trajectory_message, seconds
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 
+# What moves in real time does so evenly where it has the machine to itself.
+pytestmark = pytest.mark.realtime
+
 ROBOT = Robot.panda()
 #: Slow enough that a message or a tick that is late by some milliseconds on a busy machine makes no large error.
 LIMITS = JointLimits.of(ROBOT, speed_scale=0.25, acceleration_scale=0.2)
