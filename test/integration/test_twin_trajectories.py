@@ -82,7 +82,8 @@ def check_followed(bench, pieces: list[tuple[JointReference, float, float]]) -> 
     for state, stamp in zip(bench.heard["joint_states"], stamps, strict=False):
         for reference, begin, end in pieces:
             if begin <= stamp < end and not np.any((stalls <= stamp) & (stamp < stalls + 0.4)):
-                desired = reference.samples(stamp - begin + shifts)
+                # a reference says nothing of what came before it
+                desired = reference.samples(np.maximum(stamp - begin + shifts, 0.0))
                 errors = np.max(np.abs(desired[0] - state.position), axis=1)
                 best = int(np.argmin(errors))
                 rows.append((errors[0], errors[best], np.max(np.abs(desired[1, best] - state.velocity))))
