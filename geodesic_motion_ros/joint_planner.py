@@ -36,7 +36,7 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 #: What is tried until a curve is certified: multiples of the obstacle margin, and smoothing widths in grid steps, of
 #: the latent path and of the configurations decoded from it. Keeping further off helps more often than cutting less.
 _ATTEMPTS = ((1.0, 2.0), (4.0, 2.0), (4.0, 1.0))
-_LARGEST_MULTIPLE = 4.0
+_LARGEST_MULTIPLE = max(multiple for multiple, _ in _ATTEMPTS)
 Attempts = tuple[tuple[float, float], ...]
 #: Samples of the curve per grid step.
 _SAMPLES_PER_STEP = 1.0
@@ -72,10 +72,14 @@ class JointPlan:
 
 @dataclass(frozen=True)
 class PreparedGoal:
-    """A goal that is not refused, and the graph carried to it; None: where the arm is was not known."""
+    """A goal that is not refused, and the graph carried to it from where the stream was; None: that was not known.
+
+    `stands` tells how often the arm had been said to stand somewhere by then.
+    """
 
     choice: GoalChoice
     query: JointQuery | None
+    stands: int
 
 
 @dataclass(frozen=True)
@@ -163,6 +167,7 @@ class JointSpacePlanner:
         self._played: _Played | None = None
         # What was played until this began: the arm's newest state may be older than that.
         self._played_before: _Played | None = None
+        self._stands = 0
         self._followed: _Followed | None = None
         # The query for which there was no way the last time, and the attempt that was made then.
         self._without_way: JointQuery | None = None
@@ -225,10 +230,12 @@ class JointSpacePlanner:
         judged = self._free_of_itself(choice) if isinstance(choice, GoalChoice) else choice
         if isinstance(judged, Verdict):
             return judged
-        if self._played is None:
-            return PreparedGoal(judged, None)
-        found = self._next_query(self._state_at_switch(self._ticked), judged)
-        return PreparedGoal(judged, found if isinstance(found, JointQuery) else None)
+        # Whoever ticks may replace these meanwhile.
+        stands, played, followed = self._stands, self._played, self._followed
+        if played is None:
+            return PreparedGoal(judged, None, stands)
+        found = self._next_query(self._state_at_switch(played, followed, self._ticked), followed, judged)
+        return PreparedGoal(judged, found if isinstance(found, JointQuery) else None, stands)
 
     def take_goal(self, prepared: PreparedGoal | Verdict) -> Verdict:
         """Make a prepared goal the one that ticks plan to. Where it was refused the old goal stays, and the refusal is
@@ -236,7 +243,8 @@ class JointSpacePlanner:
         """
         if isinstance(prepared, Verdict):
             return prepared
-        self._goal, self._query = prepared.choice, prepared.query
+        # What was carried from where the arm no longer is has to be carried anew.
+        self._goal, self._query = prepared.choice, prepared.query if prepared.stands == self._stands else None
         return Verdict(VerdictCode.OK, f"goal: {prepared.choice.stated}")
 
     def _free_of_itself(self, choice: GoalChoice) -> GoalChoice | Verdict:
@@ -290,6 +298,7 @@ class JointSpacePlanner:
             return JointPlan(None, now, Verdict(VerdictCode.BAD_INPUT, reason))
         standing = JointReference.standing(configuration, np.zeros(self.graph.latent.shape[1]))
         self._ticked = now
+        self._stands += 1
         self._played, self._played_before = _Played(standing, now), None
         self._followed = self._query = None
         return JointPlan(standing, now, Verdict(VerdictCode.OK))
@@ -331,9 +340,9 @@ class JointSpacePlanner:
         kept = self._kept(now)
         if kept is not None:
             return kept
-        state = self._state_at_switch(now)
+        state = self._state_at_switch(self._played, self._followed, now)
         obstacles = self._obstacles.at(state.time, self.settings.prediction)
-        query = self._query or self._next_query(state, self._goal)
+        query = self._query or self._next_query(state, self._followed, self._goal)
         if isinstance(query, Verdict):
             return self._stopped(now, query)
         self._query = query
@@ -393,17 +402,16 @@ class JointSpacePlanner:
         state = _State(self._obstacles.time, start, still, still, query.start_latent)
         return self._solve(query, state, self._obstacles)
 
-    def _state_at_switch(self, now: float) -> _State:
-        assert self._played is not None
-        time = self._played.switch(now + self.settings.latency)
-        reference, local = self._played.reference, time - self._played.begin
-        latent = None if self._followed is None else reference.latent_at(local)
-        return _State(time, *reference.sample(local), latent)
+    def _state_at_switch(self, played: _Played, followed: _Followed | None, now: float) -> _State:
+        time = played.switch(now + self.settings.latency)
+        local = time - played.begin
+        latent = None if followed is None else played.reference.latent_at(local)
+        return _State(time, *played.reference.sample(local), latent)
 
-    def _next_query(self, state: _State, goal: GoalChoice) -> JointQuery | Verdict:
+    def _next_query(self, state: _State, followed: _Followed | None, goal: GoalChoice) -> JointQuery | Verdict:
         """From where the stream is on its way, so that it goes on smoothly; anew where it stands at an end of it."""
-        if self._followed is not None and state.latent is not None:
-            query = self._queries.redirected(self._followed.query, state.position, state.latent, goal)
+        if followed is not None and state.latent is not None:
+            query = self._queries.redirected(followed.query, state.position, state.latent, goal)
             if query is not None:
                 return query
         return self._queries.build(state.position, goal)
@@ -516,14 +524,16 @@ class JointSpacePlanner:
         # Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
         margin = 0.0 if obstacles.stand else min(_MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
+        ways: dict[float, LatentWay | Verdict] = {}
         tried: set[tuple[bytes, float]] = set()
         for number, (multiple, width) in enumerate(attempts):
             if number > 0 and deadline.passed:
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
                 return JointPlan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
-            way = cheapest_way(
-                self.graph, query, start, reshaping, min(multiple * settings.obstacle_margin, 0.5 * ends)
-            )
+            kept_off = min(multiple * settings.obstacle_margin, 0.5 * ends)
+            if kept_off not in ways:
+                ways[kept_off] = cheapest_way(self.graph, query, start, reshaping, kept_off)
+            way = ways[kept_off]
             if isinstance(way, Verdict):
                 return JointPlan(None, state.time, verdict if verdict.reason else way)
             this = way.nodes.tobytes(), width

@@ -301,6 +301,20 @@ def test_stopping_for_a_reason_ends_at_rest_and_the_next_tick_goes_on(stream, no
     assert max(stream.jumps) < 1e-6
 
 
+def test_a_goal_prepared_before_the_arm_was_found_elsewhere_is_planned_from_there(stream, nominal, goal) -> None:
+    elsewhere = nominal.sample(0.4 * nominal.duration)[0]
+    stream.stand_at(elsewhere)
+    stream.planner.set_goal_configuration(goal)
+    expected = stream.run(PERIOD)[0].reference
+
+    stream.stand_at(nominal.positions[0])
+    prepared = stream.planner.prepared_configuration(goal)
+    stream.stand_at(elsewhere)
+    stream.planner.take_goal(prepared)
+    reference = stream.run(PERIOD)[0].reference
+    np.testing.assert_array_equal(reference.positions, expected.positions)
+
+
 def test_nothing_is_planned_before_there_is_a_state_and_a_goal(reach_skill, start) -> None:
     fresh = JointSpacePlanner(reach_skill, COARSE)
     assert fresh.tick(0.0).verdict.code is VerdictCode.STALE_STATE

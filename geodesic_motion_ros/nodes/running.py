@@ -104,6 +104,11 @@ def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | Non
         return 1 if node.failure.is_set() else 0
     except KeyboardInterrupt:
         return 0
+    except SystemError:
+        # what compiled code makes of the interrupt
+        if not request:
+            raise
+        return 0
     except GeodesicMotionError as error:
         print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr)
         return 1

@@ -32,3 +32,26 @@ def test_an_interrupt_while_loading_ends_without_a_traceback(program: str, code:
     assert done.returncode == code, done.stderr
     assert done.stdout == "loading\n"
     assert done.stderr == ""
+
+
+# Makes of the interrupt what compiled code makes of it.
+COMPILED = """
+import os, signal, sys
+from geodesic_motion_ros.nodes.running import run_node
+
+def create():
+    try:
+        os.kill(os.getpid(), {number})
+    except KeyboardInterrupt:
+        pass
+    raise SystemError("returned a result with an exception set")
+
+sys.exit(run_node("twin", create, []))
+"""
+
+
+@pytest.mark.parametrize(("number", "code"), [("signal.SIGINT", 0), ("signal.SIGTERM", 0), ("0", 1)])
+def test_only_an_interrupt_excuses_what_compiled_code_raises_while_starting(number: str, code: int) -> None:
+    done = subprocess.run([sys.executable, "-c", COMPILED.format(number=number)], capture_output=True, text=True)
+    assert done.returncode == code, done.stderr
+    assert ("SystemError" in done.stderr) == (code == 1)
