@@ -63,7 +63,7 @@ def cheapest_way(
     if source is None:
         reason = "obstacles leave no free node near the start"
         return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
-    nodes, edges, cost = shortest_path_from_both_ends(
+    nodes, edges, cost, _ = shortest_path_from_both_ends(
         graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, reshaping, margin,
         query.to_goal, query.from_start, source, query.goal_node, query.cost_limit,
     )  # fmt: skip

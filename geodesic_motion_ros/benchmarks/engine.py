@@ -82,12 +82,12 @@ def mark(problem: SearchProblem, obstacles: Obstacles) -> Reshaping:
 def search(problem: SearchProblem, reshaping: Reshaping, limited: bool = True) -> Answer:
     """The cheapest way; with `limited`, as the planner searches, none that costs more than the limit."""
     graph = problem.graph
-    nodes, _, cost = shortest_path_from_both_ends(
+    found = shortest_path_from_both_ends(
         problem.adjacency, graph.base, graph.fixed, graph.shares, reshaping, problem.settings.obstacle_margin,
         problem.to_goal, problem.from_start, problem.source, problem.target,
         problem.cost_limit if limited else math.inf,
     )  # fmt: skip
-    return Answer(nodes, cost)
+    return Answer(found.nodes, found.cost)
 
 
 def search_plainly(problem: SearchProblem, obstacles: Obstacles) -> Answer:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -84,11 +85,13 @@ class Adjacency:
     Attributes
     ----------
     first : (n + 1,) int64; node : (2m,) int32 neighbour in each slot; edge : (2m,) int32 undirected edge of the slot.
+    spare_memories : what searches on the graph write into, those that none is using (`search_memory.lent_memory`).
     """
 
     first: np.ndarray
     node: np.ndarray
     edge: np.ndarray
+    spare_memories: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @classmethod
     def from_edges(cls, edges: np.ndarray, nodes: int) -> Adjacency:

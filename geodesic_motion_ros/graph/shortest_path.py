@@ -12,13 +12,21 @@ Dijkstra's cost.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
+from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.grid import Adjacency
 from geodesic_motion_ros.graph.heap import TAKEN, WAITING, put, take
 from geodesic_motion_ros.graph.reshaping import Reshaping, look, look_at
+from geodesic_motion_ros.graph.search_memory import SearchMemory, lent_memory
+
+#: Nodes that one side takes before both are compared again.
+_BATCH = 64
+#: So many batches are about half a millisecond: then the time is looked at, where there is a deadline.
+_BATCHES, _UNLIMITED = 8, 1 << 62
 
 
 @numba.njit(cache=True, nogil=True)
@@ -95,7 +103,61 @@ def _search(
 
 
 @numba.njit(cache=True, nogil=True)
-def _search_from_both_ends(
+def _field_way(
+    first_slot: np.ndarray,
+    neighbour: np.ndarray,
+    edge_of: np.ndarray,
+    base: np.ndarray,
+    fixed: np.ndarray,
+    shares: np.ndarray,
+    reshaping: Reshaping,
+    margin: float,
+    to_target: np.ndarray,
+    source: int,
+    target: int,
+    nodes: np.ndarray,
+    edges: np.ndarray,
+) -> tuple[float, int]:
+    """What the cheapest way without obstacles costs among them, and its number of edges; inf where they block it.
+
+    The way is written to nodes (n,) and edges (n,). Its cost is summed as the field was: from the target on.
+    """
+    nodes[0], count = source, 0
+    while nodes[count] != target:
+        u, least, best = nodes[count], math.inf, -1
+        for slot in range(first_slot[u], first_slot[u + 1]):
+            through = base[edge_of[slot]] + to_target[neighbour[slot]]
+            if through < least:
+                least, best = through, slot
+        if not to_target[neighbour[best]] < to_target[u]:
+            # Edges without a length might lead around for ever.
+            return math.inf, 0
+        nodes[count + 1], edges[count] = neighbour[best], edge_of[best]
+        count += 1
+    look_at(nodes[: count + 1], reshaping)
+    factors, touched, clearance = reshaping.factors, reshaping.touched, reshaping.clearance
+    cost = 0.0
+    for i in range(count - 1, -1, -1):
+        u, v, edge = nodes[i], nodes[i + 1], edges[i]
+        if i > 0 and clearance[u] < margin:
+            return math.inf, 0
+        cost += edge_weight(fixed, shares, factors, edge, u, v) if touched[u] or touched[v] else base[edge]
+    return cost, count
+
+
+@numba.njit(cache=True, nogil=True)
+def _begin(to_target: np.ndarray, from_landmark: np.ndarray, source: int, target: int, memory: SearchMemory) -> None:
+    """Both ends wait to be taken."""
+    for side, end in enumerate((source, target)):
+        ahead = to_target[source] if side == 0 else abs(from_landmark[target] - from_landmark[source])
+        memory.cost[side, end], memory.ahead[side, end], memory.begun[side] = 0.0, ahead, ahead
+        put(memory.keys[side], memory.items[side], memory.place[side], 0, end, ahead)
+        memory.size[side], memory.written[side] = 1, end
+    memory.count[0] = 2
+
+
+@numba.njit(cache=True, nogil=True)
+def _go_on(
     first_slot: np.ndarray,
     neighbour: np.ndarray,
     edge_of: np.ndarray,
@@ -108,72 +170,109 @@ def _search_from_both_ends(
     from_landmark: np.ndarray,
     source: int,
     target: int,
-    cap: float,
-) -> tuple[float, int, np.ndarray, np.ndarray]:
+    best: float,
+    meeting: int,
+    batches: int,
+    memory: SearchMemory,
+) -> tuple[float, int, float]:
     """Bidirectional A* (W. Pijls and H. Post, "Yet another bidirectional algorithm for finding the shortest path",
-    technical report EI 2009-10, Erasmus University Rotterdam, 2009).
+    technical report EI 2009-10, Erasmus University Rotterdam, 2009), for so many batches of nodes.
 
-    Both searches settle a node only once, whichever comes first. A node that one of them takes is rejected where no
-    path through it can be cheaper than the best so far: its cost and what the other side still costs at least. Returns
-    the cost, the node where both halves of the path meet (-1 where none is cheaper than the cap), and per side and node
-    (2, n) the predecessor and the edge to it.
+    A node is settled once, by the side that takes it first. A side rejects what it takes where no path through it can
+    be cheaper than the best so far: its cost, and the other side's smallest key less what that side still has to go.
+    The search ends as soon as one side has no key left below the best cost. So all that counts is to raise the keys of
+    one of them: each batch goes to the side whose keys have risen faster. Nothing better than `best` is found beyond
+    the keys of either side: the larger of both smallest keys bounds the cost of every path from below.
+
+    Returns the best cost, the node where both halves of that path meet (`meeting` as given where none is cheaper than
+    the cost `best` as given), and the bound.
     """
-    count = len(first_slot) - 1
-    cost = np.full((2, count), np.inf)
-    predecessor, arrival = np.full((2, count), -1, dtype=np.int32), np.full((2, count), -1, dtype=np.int32)
-    keys, items = np.empty((2, count)), np.empty((2, count), dtype=np.int32)
-    place = np.full((2, count), WAITING, dtype=np.int32)
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
         centres, radii, solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, looked,
         factors, touched, clearance,
     ) = reshaping  # fmt: skip
-    at_source, size, bound = from_landmark[source], np.zeros(2, dtype=np.int64), np.zeros(2)
-    best, meeting = cap, -1
-    for side, end in enumerate((source, target)):
-        cost[side, end] = 0.0
-        bound[side] = to_target[source] if side == 0 else abs(from_landmark[target] - at_source)
-        size[side] = put(keys[side], items[side], place[side], 0, end, bound[side])
-    if source == target:
-        best, meeting = 0.0, source
-    while size[0] > 0 and size[1] > 0:
-        side = 0 if size[0] <= size[1] else 1
+    cost, ahead, predecessor, arrival, all_keys, all_items, places, size, begun, spent, written, count, _, _ = memory
+    at_source = from_landmark[source]
+    while _lower_bound(all_keys, size) < best and batches > 0:
+        batches -= 1
+        risen = (all_keys[0, 0] - begun[0]) * spent[1], (all_keys[1, 0] - begun[1]) * spent[0]
+        side = 0 if spent[0] == 0 or (spent[1] > 0 and risen[0] >= risen[1]) else 1
         other = 1 - side
-        u, bound[side] = items[side, 0], keys[side, 0]
-        size[side] = take(keys[side], items[side], place[side], size[side])
-        if bound[side] >= best:
-            break
-        if place[other, u] == TAKEN:
-            continue
-        rest = abs(from_landmark[u] - at_source) if side == 0 else to_target[u]
-        if cost[side, u] + bound[other] - rest >= best:
-            continue
-        for slot in range(first_slot[u], first_slot[u + 1]):
-            v = neighbour[slot]
-            if place[0, v] == TAKEN or place[1, v] == TAKEN or to_target[v] == np.inf:
+        keys, items, place = all_keys[side], all_items[side], places[side]
+        for _ in range(_BATCH):
+            if size[side] == 0 or keys[0] >= best:
+                break
+            u = items[0]
+            at_u = cost[side, u]
+            size[side] = take(keys, items, place, size[side])
+            if at_u == -math.inf:
                 continue
-            edge = edge_of[slot]
-            ahead = to_target[v] if side == 0 else abs(from_landmark[v] - at_source)
-            through = cost[side, u] + base[edge]
-            if through >= cost[side, v] or through + ahead >= best:
+            spent[side] += 1
+            cost[side, u] = cost[other, u] = -math.inf
+            behind = abs(from_landmark[u] - at_source) if side == 0 else to_target[u]
+            if at_u + all_keys[other, 0] - behind >= best:
                 continue
-            look(
-                v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
-                solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, looked, factors, touched,
-                clearance,
-            )  # fmt: skip
-            if clearance[v] < margin and v != source and v != target:
-                continue
-            if touched[u] or touched[v]:
-                through = cost[side, u] + edge_weight(fixed, shares, factors, edge, u, v)
-            if through < cost[side, v] and through + ahead < best:
-                cost[side, v] = through
-                predecessor[side, v] = u
-                arrival[side, v] = edge
-                size[side] = put(keys[side], items[side], place[side], size[side], v, through + ahead)
+            for slot in range(first_slot[u], first_slot[u + 1]):
+                v, edge = neighbour[slot], edge_of[slot]
+                before, through = cost[side, v], at_u + base[edge]
+                if through >= before:
+                    continue
+                left = abs(from_landmark[v] - at_source) if side == 1 else to_target[v]
+                if through + left >= best:
+                    continue
+                # Asked here as well: only to pass so many parameters takes as long as all else that is done for v.
+                if not looked[v]:
+                    look(
+                        v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
+                        solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, looked, factors,
+                        touched, clearance,
+                    )  # fmt: skip
+                closed = clearance[v] < margin and v != source and v != target
+                if closed:
+                    through = -math.inf
+                elif touched[u] or touched[v]:
+                    through = at_u + edge_weight(fixed, shares, factors, edge, u, v)
+                if through >= before or through + left >= best:
+                    continue
+                if before == math.inf and cost[other, v] == math.inf:
+                    written[count[0]] = v
+                    count[0] += 1
+                if closed:
+                    cost[side, v] = cost[other, v] = -math.inf
+                    continue
+                cost[side, v], predecessor[side, v], arrival[side, v] = through, u, edge
+                size[side] = put(keys, items, place, size[side], v, through + left)
                 if through + cost[other, v] < best:
                     best, meeting = through + cost[other, v], v
-    return best, meeting, predecessor, arrival
+    return best, meeting, min(best, _lower_bound(all_keys, size))
+
+
+@numba.njit(cache=True, nogil=True)
+def _lower_bound(keys: np.ndarray, size: np.ndarray) -> float:
+    """The larger of the smallest keys of two heaps; inf where one of them is empty."""
+    return max(keys[0, 0], keys[1, 0]) if size[0] > 0 and size[1] > 0 else math.inf
+
+
+@numba.njit(cache=True, nogil=True)
+def _trace(meeting: int, source: int, target: int, memory: SearchMemory) -> int:
+    """Write the way through a node to the memory, from source to target; returns its number of edges."""
+    before = 0
+    u = meeting
+    while u != source:
+        u = memory.predecessor[0, u]
+        before += 1
+    u = meeting
+    memory.nodes[before] = meeting
+    for i in range(before, 0, -1):
+        memory.edges[i - 1], u = memory.arrival[0, u], memory.predecessor[0, u]
+        memory.nodes[i - 1] = u
+    u, count = meeting, before
+    while u != target:
+        memory.edges[count], u = memory.arrival[1, u], memory.predecessor[1, u]
+        count += 1
+        memory.nodes[count] = u
+    return count
 
 
 _NOTHING = np.empty(0, dtype=np.int32)
@@ -235,6 +334,28 @@ def shortest_path(
     return np.array(nodes[::-1], dtype=np.int32), np.array(edges[::-1], dtype=np.int32), float(cost[target])
 
 
+class ShortestPath(NamedTuple):
+    """What a search has found: nodes (p,), edges (p - 1,) and the cost; none, and inf, where there is no path.
+
+    Attributes
+    ----------
+    bound : no path costs less. It is the cost itself, or without a path the cap, but for searches that ran out of time.
+    """
+
+    nodes: np.ndarray
+    edges: np.ndarray
+    cost: float
+    bound: float
+
+    @property
+    def gap(self) -> float:
+        """How much more than the cheapest path this one costs at most, over that path's cost: cost <= (1 + gap) best.
+
+        0 where the search came to its end, and where a path without a length was found.
+        """
+        return self.cost / self.bound - 1.0 if self.cost > self.bound else 0.0
+
+
 def shortest_path_from_both_ends(
     adjacency: Adjacency,
     base: np.ndarray,
@@ -247,8 +368,11 @@ def shortest_path_from_both_ends(
     source: int,
     target: int,
     cap: float = math.inf,
-) -> tuple[np.ndarray, np.ndarray, float]:
+    deadline: Deadline = NEVER,
+) -> ShortestPath:
     """`shortest_path` by bidirectional A*: the same cost, and fewer nodes reached where obstacles stand on the path.
+
+    What the cheapest path without obstacles costs among them is known first: the search looks for what is cheaper.
 
     Parameters
     ----------
@@ -256,20 +380,28 @@ def shortest_path_from_both_ends(
     from_landmark : (n,) obstacle-free cost to some node that the source can reach, the nearer to it the better: by the
         triangle inequality the source is no nearer to a node than the difference of their costs.
     cap : only paths that are cheaper count.
+    deadline : when it has passed the best path so far is the answer, with the bound that is proved by then.
     """
     if not math.isfinite(to_target[source]):
-        return _NOTHING, _NOTHING, math.inf
-    look_at(np.array([source, target]), reshaping)
-    cost, meeting, predecessor, arrival = _search_from_both_ends(
-        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, margin, to_target,
-        from_landmark, source, target, cap,
-    )  # fmt: skip
-    if meeting < 0:
-        return _NOTHING, _NOTHING, math.inf
-    there, edges_there = _traced(predecessor[0], arrival[0], meeting, source)
-    back, edges_back = _traced(predecessor[1], arrival[1], meeting, target)
-    nodes = np.array([*there[::-1], *back[1:]], dtype=np.int32)
-    return nodes, np.array([*edges_there[::-1], *edges_back], dtype=np.int32), float(cost)
+        return ShortestPath(_NOTHING, _NOTHING, math.inf, math.inf)
+    graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, margin
+    with lent_memory(adjacency) as memory:
+        best, count = _field_way(*graph, to_target, source, target, memory.nodes, memory.edges)
+        found = best < cap
+        best, meeting, bound = min(best, cap), -1, to_target[source]
+        _begin(to_target, from_landmark, source, target, memory)
+        batches = _UNLIMITED if deadline.at == math.inf else _BATCHES
+        while bound < best:
+            best, meeting, bound = _go_on(
+                *graph, to_target, from_landmark, source, target, best, meeting, batches, memory
+            )
+            if deadline.passed:
+                break
+        if meeting >= 0:
+            found, count = True, _trace(meeting, source, target, memory)
+        if not found:
+            return ShortestPath(_NOTHING, _NOTHING, math.inf, bound)
+        return ShortestPath(memory.nodes[: count + 1].copy(), memory.edges[:count].copy(), best, bound)
 
 
 def _traced(predecessor: np.ndarray, arrival: np.ndarray, node: int, end: int) -> tuple[list[int], list[int]]:

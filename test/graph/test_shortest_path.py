@@ -107,7 +107,7 @@ def test_from_both_ends_the_cost_is_the_same(seed, shape, neighbours):
                 unseen = scene.among(reshaping.centres, reshaping.radii)
                 graph = scene.adjacency, scene.base, scene.fixed, scene.shares, unseen, margin
                 ends = to_target, cost_field(scene.adjacency, scene.base, near), source, target
-                nodes, edges, cost = shortest_path_from_both_ends(*graph, *ends)
+                nodes, edges, cost, _ = shortest_path_from_both_ends(*graph, *ends)
                 assert cost == pytest.approx(expected, rel=1e-9)
                 if not np.isfinite(cost):
                     continue
@@ -175,7 +175,7 @@ def test_a_path_from_a_node_to_itself_is_that_node():
     assert (nodes.tolist(), len(edges), cost) == ([4], 0, 0.0)
     field = cost_field(scene.adjacency, scene.base, 4)
     graph = scene.adjacency, scene.base, scene.fixed, scene.shares, scene.reshaped(0), 0.0
-    nodes, edges, cost = shortest_path_from_both_ends(*graph, field, field, 4, 4)
+    nodes, edges, cost, _ = shortest_path_from_both_ends(*graph, field, field, 4, 4)
     assert (nodes.tolist(), len(edges), cost) == ([4], 0, 0.0)
 
 
