@@ -29,7 +29,7 @@ from geodesic_motion_ros.nodes.usage import usage, wants_help
 # A Python thread waits this long [s] for another one to let go of the interpreter. The default, 5 ms, is
 # half a control period.
 _SWITCH_INTERVAL = 0.00005
-_NICENESS = -10
+_NICENESS, _LAST = -10, 19
 
 
 class LoopingNode(Node, ABC):
@@ -116,6 +116,7 @@ def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | Non
         request.starting = False
         if node is not None:
             node.stop()
+            _share_one_core()
             node.destroy_node()
         rclpy.try_shutdown()
 
@@ -136,6 +137,20 @@ def _go_first() -> None:
     """
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
+
+
+def _share_one_core() -> None:
+    """Keep all threads of this process on one core from now on, and let this one go last.
+
+    While a participant is destroyed, Fast DDS 2.14 waits for its discovery callbacks in a loop that lets go of their
+    lock for an instant only (`DomainParticipant::set_listener` without a timeout). Where nodes end together, a callback
+    on another core may wait for that lock for good; on the same core it gets its turn.
+    """
+    core = {min(os.sched_getaffinity(0))}
+    for thread in os.listdir("/proc/self/task"):
+        with suppress(ProcessLookupError):
+            os.sched_setaffinity(int(thread), core)
+    os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LAST)
 
 
 def _spin(node: LoopingNode, request: StopRequest) -> None:

@@ -55,3 +55,33 @@ def test_only_an_interrupt_excuses_what_compiled_code_raises_while_starting(numb
     done = subprocess.run([sys.executable, "-c", COMPILED.format(number=number)], capture_output=True, text=True)
     assert done.returncode == code, done.stderr
     assert ("SystemError" in done.stderr) == (code == 1)
+
+
+# Takes a node down whose only deed is to tell on how many cores the threads of its process may run by then.
+TAKEN_DOWN = """
+import os, threading
+from geodesic_motion_ros.nodes import running
+
+class Node(running.LoopingNode):
+    def _build(self):
+        threading.Thread(target=threading.Event().wait, daemon=True).start()
+
+    def start(self):
+        self.failure.set()
+
+    def stop(self):
+        pass
+
+    def destroy_node(self):
+        threads = [int(name) for name in os.listdir("/proc/self/task")]
+        print(len(threads) > 1, len(set().union(*map(os.sched_getaffinity, threads))))
+        super().destroy_node()
+
+running.run_node("twin", lambda: Node("idle"), [])
+"""
+
+
+def test_a_node_is_taken_down_by_threads_that_share_one_core() -> None:
+    """Fast DDS may wait for good for a callback that runs on another core."""
+    done = subprocess.run([sys.executable, "-c", TAKEN_DOWN], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["True 1"], done.stderr
