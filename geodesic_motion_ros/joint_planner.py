@@ -532,7 +532,7 @@ class JointSpacePlanner:
                 return JointPlan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
             kept_off = min(multiple * settings.obstacle_margin, 0.5 * ends)
             if kept_off not in ways:
-                ways[kept_off] = cheapest_way(self.graph, query, start, reshaping, kept_off)
+                ways[kept_off] = cheapest_way(self.graph, query, start, reshaping, kept_off, deadline)
             way = ways[kept_off]
             if isinstance(way, Verdict):
                 return JointPlan(None, state.time, verdict if verdict.reason else way)
@@ -587,7 +587,7 @@ class JointSpacePlanner:
         certificate = self._certify(reference, obstacles)
         objection = self._certifier.objection(certificate, margin) if self.settings.avoidance else None
         verdict = way_verdict(
-            self.skill, self.graph, query, self.graph.decoder.uncertainty(latent), way.energy,
+            self.skill, self.graph, query, self.graph.decoder.uncertainty(latent), way,
             float(np.min(certificate.clearance)), correction,
             None if objection is None else f"on the best way {objection}",
         )  # fmt: skip

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
@@ -35,11 +36,15 @@ class WayQuery(Protocol):
 
 @dataclass(frozen=True)
 class LatentWay:
-    """A way through the graph: its nodes (p,), the latent polyline (m, d), and the largest energy of one edge."""
+    """A way through the graph: its nodes (p,), the latent polyline (m, d), the largest energy of one edge, and the gap.
+
+    gap : as `Verdict.cost_gap`.
+    """
 
     nodes: np.ndarray
     polyline: np.ndarray
     energy: float
+    gap: float
 
 
 def shown_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float:
@@ -52,30 +57,40 @@ def shown_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float
 
 
 def cheapest_way(
-    graph: LatentGraph, query: WayQuery, start: np.ndarray, reshaping: Reshaping, margin: float
+    graph: LatentGraph,
+    query: WayQuery,
+    start: np.ndarray,
+    reshaping: Reshaping,
+    margin: float,
+    deadline: Deadline = NEVER,
 ) -> LatentWay | Verdict:
     """The cheapest way from a latent point (d,) to the goal's node that keeps a margin [m], or why there is none.
 
     Ways that cost more than the query's limit are none: they would lead all along obstacles, or far around them. The
-    goal was found free before: its node lies under it but for rounding, and is not looked at again.
+    goal was found free before: its node lies under it but for rounding, and is not looked at again. Once the deadline
+    has passed it is the cheapest way found by then, or DEADLINE_MISSED.
     """
     source = _entry(graph, query, start, reshaping, margin)
     if source is None:
         reason = "obstacles leave no free node near the start"
         return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
-    nodes, edges, cost, _ = shortest_path_from_both_ends(
+    found = shortest_path_from_both_ends(
         graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, reshaping, margin,
-        query.to_goal, query.from_start, source, query.goal_node, query.cost_limit,
+        query.to_goal, query.from_start, source, query.goal_node, query.cost_limit, deadline,
     )  # fmt: skip
-    if not math.isfinite(cost):
+    if not math.isfinite(found.cost):
+        if found.bound < query.cost_limit:
+            share = found.bound / query.cost_limit
+            reason = f"out of time before a way was found: the search had come to {share:.0%} of what one may cost"
+            return Verdict(VerdictCode.DEADLINE_MISSED, reason, **query.misfits)
         reason = "obstacles block every way to the goal that was demonstrated"
         return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
-    energy = float(np.max(query.graph.energies(edges), initial=0.0))
-    points = graph.latent[nodes]
+    energy = float(np.max(query.graph.energies(found.edges), initial=0.0))
+    points = graph.latent[found.nodes]
     # The first node may lie behind the start.
     if len(points) > 1 and (points[1] - points[0]) @ (start - points[0]) > 0.0:
         points = points[1:]
-    return LatentWay(nodes, np.concatenate([start[None], points]), energy)
+    return LatentWay(found.nodes, np.concatenate([start[None], points]), energy, found.gap)
 
 
 def _entry(
@@ -96,12 +111,12 @@ def way_verdict(
     graph: LatentGraph,
     query: WayQuery,
     sigma: np.ndarray,
-    energy: float,
+    way: LatentWay,
     clearance: float,
     end_correction: float,
     objection: str | None,
 ) -> Verdict:
-    """Judge a way by its sigma (n, D), its largest energy of one edge, and what its certificate objects to.
+    """Judge a way by its sigma (n, D), the largest energy of one edge, and what its certificate objects to.
 
     clearance, end_correction : as of `Verdict`.
     """
@@ -110,14 +125,15 @@ def way_verdict(
         reason = objection
     elif not in_support:
         reason = "the best path leaves the part of the latent space that demonstrations support"
-    elif energy > graph.energy_limit:
+    elif way.energy > graph.energy_limit:
         reason = (
-            f"the best path has an edge of energy {energy:.3g}, demonstrations stay below "
+            f"the best path has an edge of energy {way.energy:.3g}, demonstrations stay below "
             f"{graph.energy_limit:.3g}: it crosses where nobody moved"
         )
     else:
         reason = ""
     return Verdict(
         VerdictCode.NO_FEASIBLE_PATH if reason else VerdictCode.OK, reason, clearance=clearance,
-        energy_per_edge=energy, in_support=in_support, end_correction=end_correction, **query.misfits,
+        energy_per_edge=way.energy, cost_gap=way.gap, in_support=in_support, end_correction=end_correction,
+        **query.misfits,
     )  # fmt: skip

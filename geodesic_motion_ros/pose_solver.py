@@ -143,7 +143,7 @@ class PoseSolver:
         for multiple in MARGIN_MULTIPLES:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
             margin = min(multiple * settings.obstacle_margin, 0.5 * ends)
-            found = cheapest_way(self.graph, query, start_latent, reshaping, margin)
+            found = cheapest_way(self.graph, query, start_latent, reshaping, margin, deadline)
             if isinstance(found, Verdict):
                 return Plan(None, found)
             for widths in _SMOOTHING_WIDTHS:
@@ -217,7 +217,7 @@ class PoseSolver:
         objection = None
         if settings.avoidance and nearest <= 0.0:
             objection = f"the best path would touch an obstacle (clearance {1000 * nearest:.1f} mm)"
-        verdict = way_verdict(self.skill, self.graph, query, decoded.sigma, way.energy, nearest, correction, objection)
+        verdict = way_verdict(self.skill, self.graph, query, decoded.sigma, way, nearest, correction, objection)
         if not verdict.ok:
             return Plan(None, verdict)
         return Plan(timed_reference(curve, latent, clearance, settings.limits, motion.speed), verdict)

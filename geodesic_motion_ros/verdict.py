@@ -33,6 +33,8 @@ class Verdict:
     clearance : smallest distance [m] from the tool spheres to any obstacle along the reference, already reduced
         by the certificate's allowance between samples; inf without obstacles, nan without a path.
     energy_per_edge : largest squared Riemannian length of one edge of the path; nan without a path.
+    cost_gap : how much more than the cheapest path through the graph this one costs at most, as a share of that; 0 but
+        where the deadline ended the search.
     in_support : whether the whole path stays where the decoder can be trusted.
     start_offset, goal_offset : distance [m] that the learned start and goal are carried to meet the asked poses.
     start_offset_angle, goal_offset_angle : the same for the orientation [rad].
@@ -46,6 +48,7 @@ class Verdict:
     reason: str = ""
     clearance: float = math.nan
     energy_per_edge: float = math.nan
+    cost_gap: float = 0.0
     in_support: bool = False
     start_offset: float = math.nan
     goal_offset: float = math.nan

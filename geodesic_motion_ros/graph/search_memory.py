@@ -24,7 +24,6 @@ class SearchMemory(NamedTuple):
     Attributes
     ----------
     cost : (2, n) of the cheapest way known to a node; inf where none is known, -inf where no better one is looked for.
-    ahead : (2, n) what is left from there at least, where there is a cost.
     predecessor, arrival : (2, n) int32 the node before, and the edge to it, where there is a cost.
     keys, items, place : (2, n) heaps of nodes, see `heap.py`; size : (2,) int64 how many they hold.
     begun : (2,) the first key; spent : (2,) int64 how many nodes were taken.
@@ -33,7 +32,6 @@ class SearchMemory(NamedTuple):
     """
 
     cost: np.ndarray
-    ahead: np.ndarray
     predecessor: np.ndarray
     arrival: np.ndarray
     keys: np.ndarray
@@ -53,7 +51,6 @@ class SearchMemory(NamedTuple):
         sides = (2, nodes)
         return cls(
             cost=np.full(sides, math.inf),
-            ahead=np.empty(sides),
             predecessor=np.empty(sides, dtype=np.int32),
             arrival=np.empty(sides, dtype=np.int32),
             keys=np.empty(sides),

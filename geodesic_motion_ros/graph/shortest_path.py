@@ -122,6 +122,7 @@ def _field_way(
 
     The way is written to nodes (n,) and edges (n,). Its cost is summed as the field was: from the target on.
     """
+    look_at(np.array([source, target]), reshaping)
     nodes[0], count = source, 0
     while nodes[count] != target:
         u, least, best = nodes[count], math.inf, -1
@@ -150,7 +151,7 @@ def _begin(to_target: np.ndarray, from_landmark: np.ndarray, source: int, target
     """Both ends wait to be taken."""
     for side, end in enumerate((source, target)):
         ahead = to_target[source] if side == 0 else abs(from_landmark[target] - from_landmark[source])
-        memory.cost[side, end], memory.ahead[side, end], memory.begun[side] = 0.0, ahead, ahead
+        memory.cost[side, end], memory.begun[side] = 0.0, ahead
         put(memory.keys[side], memory.items[side], memory.place[side], 0, end, ahead)
         memory.size[side], memory.written[side] = 1, end
     memory.count[0] = 2
@@ -192,7 +193,7 @@ def _go_on(
         centres, radii, solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, looked,
         factors, touched, clearance,
     ) = reshaping  # fmt: skip
-    cost, ahead, predecessor, arrival, all_keys, all_items, places, size, begun, spent, written, count, _, _ = memory
+    cost, predecessor, arrival, all_keys, all_items, places, size, begun, spent, written, count, _, _ = memory
     at_source = from_landmark[source]
     while _lower_bound(all_keys, size) < best and batches > 0:
         batches -= 1

@@ -110,6 +110,7 @@ class PlannerOutputs:
             "reason": verdict.reason,
             "clearance": verdict.clearance,
             "energy_per_edge": verdict.energy_per_edge,
+            "cost_gap": verdict.cost_gap,
             "in_support": verdict.in_support,
             **{name: getattr(verdict, name) for name in _END_FIGURES},
             "goal_code": output.goal_verdict.code.name,
