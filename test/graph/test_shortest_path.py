@@ -1,10 +1,17 @@
 """A* with the obstacle-free field against scipy's Dijkstra on the fully reweighted graph."""
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial.transform import Rotation
 
+from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.graph import shortest_path as searches
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
@@ -16,6 +23,7 @@ from geodesic_motion_ros.graph.shortest_path import (
     shortest_path_from_both_ends,
 )
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.solids import solid_rows
 
 
 class Scene:
@@ -42,8 +50,29 @@ class Scene:
         return self.among(centres, self.random.uniform(0.05, 0.3, count))
 
     def among(self, centres: np.ndarray, radii: np.ndarray) -> Reshaping:
-        return Reshaping.of(
-            NodeBody.of_tool(self.points, self.radii), Obstacles.of_spheres(centres, radii), 1e3, 0.5, 0.1
+        return self.among_all(Obstacles.of_spheres(centres, radii))
+
+    def among_all(self, obstacles: Obstacles) -> Reshaping:
+        return Reshaping.of(NodeBody.of_tool(self.points, self.radii), obstacles, 1e3, 0.5, 0.1)
+
+    def obstacles(self, spheres: int, solids: int, cloud: int) -> Obstacles:
+        """So many of each kind on random nodes; the cloud has so many points."""
+        centres, boxes, points = (
+            self.points[self.random.integers(len(self.points), size=count), 0] for count in (spheres, solids, cloud)
+        )
+        rows = solid_rows(
+            boxes, Rotation.random(solids, random_state=self.random).as_matrix(),
+            self.random.uniform(0.0, 0.2, (solids, 3)), self.random.uniform(0.02, 0.1, solids),
+        )  # fmt: skip
+        return replace(
+            Obstacles.of_spheres(centres, self.random.uniform(0.02, 0.2, spheres)), solids=rows,
+            solid_velocities=np.zeros((solids, 3)), cloud=DistanceField.of(points, 0.02, 0.02, 0.05),
+        )  # fmt: skip
+
+    def from_both_ends(self, reshaping: Reshaping, margin: float, source: int, target: int):
+        fields = (cost_field(self.adjacency, self.base, end) for end in (target, source))
+        return shortest_path_from_both_ends(
+            self.adjacency, self.base, self.fixed, self.shares, reshaping, margin, *fields, source, target
         )
 
     def oracle(self, reshaping: Reshaping, margin: float, source: int, target: int) -> float:
@@ -66,6 +95,7 @@ class Scene:
         )  # fmt: skip
 
 
+NO_SPHERES = np.empty((0, 3)), np.empty(0)
 SHAPES = [((25, 25), 8), ((25, 25), 16), ((9, 9, 9), 26), ((5, 5, 5, 5), 80)]
 
 
@@ -123,6 +153,80 @@ def test_from_both_ends_the_cost_is_the_same(seed, shape, neighbours):
                 assert again == pytest.approx(cost, rel=1e-12)
 
 
+@pytest.mark.parametrize(("shape", "neighbours"), [((25, 25), 16), ((9, 9, 9), 26), ((5, 5, 5, 5), 80)])
+def test_among_obstacles_of_all_kinds_the_cost_is_that_of_dijkstra(shape, neighbours):
+    """A thousand scenes in all."""
+    lengthened = 0
+    for seed in range(34):
+        scene = Scene(seed, shape, neighbours)
+        source, target = scene.random.choice(len(scene.points), 2, replace=False)
+        for _ in range(10):
+            obstacles = scene.obstacles(*scene.random.integers(0, 4, size=3))
+            margin = float(scene.random.choice([0.0, 0.02]))
+            found = scene.from_both_ends(scene.among_all(obstacles), margin, source, target)
+            expected = scene.oracle(scene.among_all(obstacles), margin, source, target)
+            assert found.cost == pytest.approx(expected, rel=1e-9)
+            free = scene.oracle(scene.reshaped(0), margin, source, target)
+            lengthened += free < expected < np.inf
+    assert lengthened > 50
+
+
+def test_when_all_obstacles_have_gone_the_path_is_what_it_was_to_the_last_bit():
+    scene = Scene(1, (30, 30), 16)
+    source, target = 3, len(scene.points) - 3
+    before = scene.from_both_ends(scene.reshaped(0), 0.0, source, target)
+    for _ in range(40):
+        obstacles = scene.obstacles(*scene.random.integers(0, 3, size=3))
+        scene.from_both_ends(scene.among_all(obstacles), 0.01, *scene.random.choice(len(scene.points), 2))
+    reshaping = scene.reshaped(0)
+    after = scene.from_both_ends(reshaping, 0.0, source, target)
+    np.testing.assert_array_equal(after.nodes, before.nodes)
+    np.testing.assert_array_equal(after.edges, before.edges)
+    assert after.cost == before.cost
+    look_at(np.arange(len(scene.points)), reshaping)
+    np.testing.assert_array_equal(reshaping.factors, 1.0)
+    assert not np.any(reshaping.touched)
+
+
+def test_the_order_of_obstacles_does_not_matter_and_one_far_away_changes_nothing():
+    scene = Scene(4, (30, 30), 16)
+    source, target = 3, len(scene.points) - 3
+    centres = scene.points[scene.random.integers(len(scene.points), size=5), 0]
+    radii = scene.random.uniform(0.05, 0.15, 5)
+    one = scene.from_both_ends(scene.among(centres, radii), 0.0, source, target)
+    other = scene.from_both_ends(scene.among(centres[::-1], radii[::-1]), 0.0, source, target)
+    far = np.concatenate([centres, [[9.0, 9.0, 9.0]]]), np.append(radii, 0.1)
+    same = scene.from_both_ends(scene.among(*far), 0.0, source, target)
+    assert other.cost == pytest.approx(one.cost, rel=1e-12)
+    assert same.cost == one.cost
+    np.testing.assert_array_equal(same.nodes, one.nodes)
+
+
+def test_with_its_axes_exchanged_a_graph_has_the_exchanged_path():
+    scene = Scene(6, (25, 25), 8)
+    reshaping = scene.reshaped(3)
+    source, target = 3, len(scene.points) - 3
+    found = scene.from_both_ends(reshaping, 0.0, source, target)
+    order = scene.random.permutation(len(scene.points))
+    number = np.argsort(order)
+    exchanged = Scene(6, (25, 25), 8)
+    exchanged.points, exchanged.edges = scene.points[order], number[scene.edges]
+    exchanged.adjacency = Adjacency.from_edges(exchanged.edges, len(order))
+    among = exchanged.among(reshaping.centres, reshaping.radii)
+    again = exchanged.from_both_ends(among, 0.0, number[source], number[target])
+    assert again.cost == pytest.approx(found.cost, rel=1e-12)
+    np.testing.assert_array_equal(order[again.nodes], found.nodes)
+
+
+def test_searches_at_the_same_time_do_not_disturb_each_other():
+    scene = Scene(2, (60, 60), 16)
+    ends = [tuple(scene.random.choice(len(scene.points), 2, replace=False)) for _ in range(60)]
+    alone = [scene.from_both_ends(scene.reshaped(0), 0.0, *pair).cost for pair in ends]
+    with ThreadPoolExecutor(4) as pool:
+        costs = list(pool.map(lambda pair: scene.from_both_ends(scene.among(*NO_SPHERES), 0.0, *pair).cost, ends))
+    assert costs == alone
+
+
 def test_from_both_ends_an_enclosed_goal_is_found_out_soon():
     scene = Scene(0, (60, 60), 8)
     target = len(scene.points) // 2
@@ -132,6 +236,55 @@ def test_from_both_ends_an_enclosed_goal_is_found_out_soon():
     graph = scene.adjacency, scene.base, scene.fixed, scene.shares, wall, 0.0
     assert np.isinf(shortest_path_from_both_ends(*graph, *fields, 0, target)[2])
     assert np.count_nonzero(wall.looked) < 0.1 * len(wall.looked)
+
+
+class Countdown(Deadline):
+    """Has passed when it was asked so many times."""
+
+    def __init__(self, times: int) -> None:
+        super().__init__(0.0)
+        object.__setattr__(self, "left", times)
+
+    @property
+    def passed(self) -> bool:
+        object.__setattr__(self, "left", self.left - 1)
+        return self.left <= 0
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(("shape", "neighbours"), [((60, 60), 16), ((14, 14, 14), 26)])
+def test_stopped_at_any_time_the_answer_is_a_path_with_a_true_gap_or_none_with_a_true_bound(
+    seed, shape, neighbours, monkeypatch
+):
+    scene = Scene(seed, shape, neighbours)
+    monkeypatch.setattr(searches, "_BATCHES", 1)
+    source, target = 3, len(scene.points) - 3
+    reshaping = scene.reshaped(4)
+    fields = (cost_field(scene.adjacency, scene.base, end) for end in (target, source))
+    search = (scene.adjacency, scene.base, scene.fixed, scene.shares, reshaping, 0.0, *fields, source, target)
+    whole = shortest_path_from_both_ends(*search)
+    assert whole.bound == whole.cost
+    assert whole.gap == 0.0
+    bound, cost, times = 0.0, np.inf, 0
+    while bound < whole.cost:
+        times += 1
+        found = shortest_path_from_both_ends(*search, deadline=Countdown(times))
+        assert bound <= found.bound <= whole.cost * (1.0 + 1e-12)
+        assert whole.cost * (1.0 - 1e-12) <= found.cost <= cost
+        bound, cost = found.bound, found.cost
+        if np.isinf(cost):
+            assert len(found.nodes) == 0
+            continue
+        assert (found.nodes[0], found.nodes[-1]) == (source, target)
+        assert np.all(reshaping.clearance[found.nodes[1:-1]] >= 0.0)
+        along = [
+            edge_weight(scene.fixed, scene.shares, reshaping.factors, e, u, v)
+            for e, u, v in zip(found.edges, found.nodes[:-1], found.nodes[1:], strict=True)
+        ]
+        assert sum(along) == pytest.approx(cost, rel=1e-12)
+        assert cost <= (1.0 + found.gap) * whole.cost * (1.0 + 1e-12)
+    assert cost == whole.cost
+    np.testing.assert_array_equal(found.nodes, whole.nodes)
 
 
 def test_the_obstacle_free_field_is_a_consistent_heuristic_under_obstacles():
