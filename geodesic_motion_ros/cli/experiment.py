@@ -35,7 +35,8 @@ goals      simulated demonstrations between places that vary: held-out ones pred
 modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
 volume     one whole-arm skill learned without and with the volume term of the paper's evidence lower bound
-rate       planner and twin as two processes, ten obstacles: ticks a second while the goal stays, and while it moves
+rate       planner and twin as two processes: ticks a second while the goal stays, while it moves, while a sphere moves;
+           with a skill of joint space also the time from an obstacle's message to the trajectory that answers it
 
 Table, figure and JSON go to out/experiments/NAME/. avoidance, crossing, goals and modes train skills, each once: they
 are kept in out/experiments/skills and taken from there when data, settings and training code are the same. goals and
@@ -50,7 +51,7 @@ examples:
   geodesic-motion experiment modes --save two_ways.npz
   geodesic-motion experiment whole-arm --moving-scenes 500 --processes 2
   geodesic-motion experiment volume --demos joints.npz
-  geodesic-motion experiment rate --goals-hz 10
+  geodesic-motion experiment rate --skill panda_reach_to_grasp --rates 100,250,500
 """
 
 
@@ -123,15 +124,17 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     volume = names.add_parser("volume", help="the volume term off and on", formatter_class=HelpFormatter)
     volume.add_argument("--demos", type=Path, required=True, metavar="FILE", help="recorded joints, as `demonstrate`'s")
     volume.add_argument("--robot", default="panda", help="whose joints were recorded")
-    volume.add_argument("--weights", type=_weights, default="0,1", metavar="W,W", help="of the volume term")
+    volume.add_argument("--weights", type=_numbers, default="0,1", metavar="W,W", help="of the volume term")
     volume.add_argument("--steps", type=int, help="of the training; JointTrainingSettings' default without it")
     volume.set_defaults(run=_volume)
 
-    rate = names.add_parser("rate", help="ticks a second while the goal moves", formatter_class=HelpFormatter)
+    rate = names.add_parser("rate", help="ticks a second of the running nodes", formatter_class=HelpFormatter)
     rate.add_argument("--skill", default="panda_pouring", metavar="SKILL", help="its folder, or a shipped name")
+    rate.add_argument("--rates", type=_numbers, default="100", metavar="HZ,HZ", help="of the planner")
     rate.add_argument("--seconds", type=float, default=8.0, help="length of each stretch")
     rate.add_argument("--goals-hz", type=float, default=10.0, help="new goals a second")
-    rate.add_argument("--obstacles", type=int, default=10, help="spheres near the way")
+    rate.add_argument("--obstacles", type=int, default=10, help="spheres beside the way")
+    rate.add_argument("--spheres", type=int, default=100, help="that appear in the way, to time answers; 0: none")
     rate.set_defaults(run=_rate)
     for experiment in (geodesics, avoidance, crossing, goals, modes, whole_arm, volume, rate):
         experiment.add_argument(
@@ -152,13 +155,19 @@ def _geodesics(arguments: argparse.Namespace) -> None:
 
 
 def _rate(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.nodes.goal_rate import measure_goal_rate, table
+    from geodesic_motion_ros.nodes import node_rate, reaction_time
+    from geodesic_motion_ros.skill import Skill
 
-    folder = _folder(arguments)
-    rows = measure_goal_rate(
-        arguments.skill, folder, arguments.seconds, arguments.goals_hz, arguments.obstacles
+    folder, rates = _folder(arguments), arguments.rates
+    rows = node_rate.measure_rates(
+        arguments.skill, folder, rates, arguments.seconds, arguments.goals_hz, arguments.obstacles
     )
-    _hand_over(arguments, folder, table(rows), {"rows": [asdict(row) for row in rows]})
+    text, told = node_rate.table(rows), {"rows": [asdict(row) for row in rows]}
+    if arguments.spheres > 0 and Skill.load(arguments.skill).space == "joint":
+        reactions = reaction_time.measure_reaction(arguments.skill, folder, rates, arguments.spheres)
+        text += "\n\n" + reaction_time.table(reactions)
+        told["reactions"] = [asdict(row) for row in reactions]
+    _hand_over(arguments, folder, text, told)
 
 
 def _avoidance(arguments: argparse.Namespace) -> None:
@@ -245,8 +254,8 @@ def _volume(arguments: argparse.Namespace) -> None:
     _hand_over(arguments, folder, report.table(), report.as_dict())
 
 
-def _weights(text: str) -> tuple[float, ...]:
-    return tuple(float(weight) for weight in text.split(","))
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(float(number) for number in text.split(","))
 
 
 def _parts(text: str) -> tuple[str, ...]:

@@ -1,0 +1,152 @@
+"""How the planner keeps its rate: planner and twin as two processes, at one rate after the other.
+
+Three stretches in each: the goal stays; the goal jumps on a small circle many times a second, each time a new query,
+for which the graph is transported anew and its obstacle-free field found again; a sphere moves to and fro through the
+way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.nodes.planner_stream import PlannerStream, Spheres
+from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import text_table
+
+#: Radius of the circle on which the goal jumps, and of the obstacles; how far those keep from the undisturbed way [m].
+CIRCLE, OBSTACLE, BESIDE = 0.010, 0.03, 0.20
+#: Of the sphere that moves: its radius, how far it goes to either side of the way's middle [m], and its period [s].
+MOVING_RADIUS, REACH, ROUND = 0.05, 0.25, 4.0
+
+
+@dataclass(frozen=True)
+class RateRow:
+    """What one stretch of the stream has shown: rates in Hz, durations in ms."""
+
+    asked: float
+    name: str
+    rate: float
+    tick_p50: float
+    tick_p99: float
+    misses: int
+    goals: int
+    ok_percent: float
+
+
+def measure_rates(
+    skill: str,
+    folder: Path,
+    rates: Sequence[float] = (100.0,),
+    seconds: float = 8.0,
+    goals_hz: float = 10.0,
+    obstacles: int = 10,
+    domain: int = 83,
+) -> list[RateRow]:
+    """Let a planner move a twin, and read its rate off its own status.
+
+    Parameters
+    ----------
+    rates : of the planner [Hz], one after the other. seconds : length of each stretch.
+    goals_hz : new goals a second in the second stretch. obstacles : how many stand beside the way in the first two.
+    folder : parameter files and logs of the nodes go there.
+
+    Raises
+    ------
+    ParameterError : a number that is not positive. DemoError : a node ends or does not answer.
+    """
+    if not (seconds > 0.0 and goals_hz > 0.0 and obstacles >= 0 and rates and min(rates) > 0.0):
+        raise ParameterError(
+            f"seconds {seconds}, goals_hz {goals_hz}, obstacles {obstacles}, rates {list(rates)}: must be positive"
+        )
+    way = _tool_way(Skill.load(skill))
+    beside = _beside(way, obstacles)
+    stretches: list[tuple[str, float, Spheres]] = [
+        ("goal stays", 0.0, beside),
+        (f"goal moves {goals_hz:g} times a second", goals_hz, beside),
+        ("a sphere moves through the way", 0.0, _through(way)),
+    ]
+    rows = []
+    for rate in rates:
+        for name, hertz, spheres in stretches:
+            with PlannerStream(skill, folder / f"{rate:g}_hz" / name.replace(" ", "_"), rate, domain) as stream:
+                stream.spheres = spheres
+                rows.append(_stretch(stream, rate, name, seconds, hertz))
+    return rows
+
+
+def table(rows: list[RateRow]) -> str:
+    """The rows as plain text."""
+    head = ["asked Hz", "", "rate Hz", "tick p50 ms", "p99 ms", "misses", "goals", "OK %"]
+    cells = [
+        [row.asked, row.name, row.rate, row.tick_p50, row.tick_p99, row.misses, row.goals, row.ok_percent]
+        for row in rows
+    ]
+    return text_table(head, cells, digits=1)
+
+
+def _stretch(stream: PlannerStream, asked: float, name: str, seconds: float, goals_hz: float) -> RateRow:
+    """Send the goal, or a stream of goals, and sum the ticks up from the first on that has one."""
+    pose, goals = stream.skill.goal_pose, 0
+
+    def send() -> None:
+        nonlocal goals
+        angle = 2.4 * goals
+        shift = CIRCLE * np.array([math.cos(angle), math.sin(angle), 0.0]) if goals else np.zeros(3)
+        stream.send_goal(pose[:3] + shift, pose[3:])
+        goals += 1
+
+    send()
+    stream.wait(lambda: stream.code != "NO_GOAL", seconds)
+    stream.ticks.clear()
+    if goals_hz > 0.0:
+        stream.node.create_timer(1.0 / goals_hz, send)
+    stream.spend(seconds)
+    first, last = stream.ticks[0], stream.ticks[-1]
+    p50, p99 = np.percentile([tick.duration for tick in stream.ticks], [50.0, 99.0])
+    rate = (last.number - first.number) / (last.time - first.time)
+    fine = 100.0 * float(np.mean([tick.code == "OK" for tick in stream.ticks]))
+    return RateRow(asked, name, rate, float(p50), float(p99), last.misses - first.misses, goals, fine)
+
+
+def _tool_way(skill: Skill) -> np.ndarray:
+    """Places (n, 3) [m] of the tool on the undisturbed way."""
+    ends = *np.split(skill.start_pose, [3]), *np.split(skill.goal_pose, [3])
+    if skill.space == "joint":
+        planner = JointSpacePlanner(skill)
+        reference = planner.plan(*ends).reference
+        assert reference is not None  # between the skill's own ends
+        return end_effector_poses(reference.positions, planner.robot.chain)[0]
+    path = ReactivePlanner(skill).plan(*ends).reference
+    assert path is not None
+    return path.positions
+
+
+def _beside(way: np.ndarray, count: int) -> Spheres:
+    """Obstacles that are felt along the way and do not block it."""
+    random = np.random.default_rng(0)
+    centres: list[np.ndarray] = []
+    while len(centres) < count:
+        aside = random.normal(size=3)
+        centre = way[random.integers(len(way))] + BESIDE * aside / np.linalg.norm(aside)
+        if np.linalg.norm(way - centre, axis=1).min() > 0.9 * BESIDE:
+            centres.append(centre)
+    standing = np.array(centres).reshape(-1, 3), np.full(count, OBSTACLE)
+    return lambda _: standing
+
+
+def _through(way: np.ndarray) -> Spheres:
+    """One sphere that goes to and fro across the middle of the way, level and at right angles to it."""
+    middle = len(way) // 2
+    along = way[min(middle + 1, len(way) - 1)] - way[middle - 1]
+    across = np.array([-along[1], along[0], 0.0]) / np.hypot(along[0], along[1])
+    radius = np.array([MOVING_RADIUS])
+    return lambda time: (way[middle] + REACH * math.cos(2.0 * math.pi * time / ROUND) * across[None], radius)

@@ -1,0 +1,132 @@
+"""A planner that moves a twin, both processes of their own, seen from outside: goals and spheres in, status out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from rclpy.experimental import EventsExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from visualization_msgs.msg import MarkerArray
+
+from geodesic_motion_ros.nodes.demo_run import DemoError, Processes, isolated_environment
+from geodesic_motion_ros.nodes.messages import MarkerScene, pose_message, sphere_marker
+from geodesic_motion_ros.skill import Skill
+
+#: Times a second that spheres are told; seconds to wait for the nodes.
+OBSTACLES_HZ, PATIENCE = 30.0, 60.0
+_SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+_GREY = (0.5, 0.5, 0.5, 1.0)
+
+#: Centres (o, 3) and radii (o,) [m] of spheres at a time [s].
+Spheres = Callable[[float], tuple[np.ndarray, np.ndarray]]
+
+
+def no_spheres(_: float) -> tuple[np.ndarray, np.ndarray]:
+    """Nothing is in the way."""
+    return np.empty((0, 3)), np.empty(0)
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What a status has told: when it came [s], the tick's number, the duration of the one before [ms], all misses."""
+
+    time: float
+    number: int
+    duration: float
+    misses: int
+    code: str
+
+
+class PlannerStream:
+    """Starts a planner at a rate [Hz] and a twin, and talks to them until it is left.
+
+    Attributes
+    ----------
+    spheres : what is told of obstacles, `OBSTACLES_HZ` times a second; each is known by its number from
+        `first_number` on.
+    ticks : the planner's, since they were last cleared. code : its newest verdict.
+
+    Raises
+    ------
+    DemoError : a node has ended, or what is waited for does not happen.
+    """
+
+    def __init__(self, skill: str, folder: Path, rate: float, domain: int) -> None:
+        self.skill = Skill.load(skill)
+        self.spheres: Spheres = no_spheres
+        self.first_number = 0
+        self.ticks: list[Tick] = []
+        self.code = ""
+        self._name, self._rate = skill, rate
+        self._processes = Processes(folder, isolated_environment(domain))
+        self._scene = MarkerScene(self.skill.base_frame)
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.create_node("planner_stream", context=self._context)
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._goals = self.node.create_publisher(PoseStamped, "goal_pose", QoSProfile(depth=1))
+        self._obstacles = self.node.create_publisher(MarkerArray, "obstacles", _SENSOR)
+        self.node.create_subscription(DiagnosticArray, "planner/status", self._on_status, QoSProfile(depth=50))
+        self.node.create_timer(1.0 / OBSTACLES_HZ, self.tell_spheres)
+
+    def __enter__(self) -> PlannerStream:
+        try:
+            self._processes.start("twin", {"skill": self._name})
+            self._processes.start("planner", {"skill": self._name, "rate": self._rate, "latent_view_rate": 0.0})
+            self.wait(lambda: self.code == "NO_GOAL" and self._goals.get_subscription_count(), PATIENCE)
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._processes.__exit__()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+    def wait(self, condition: Callable[[], object], patience: float) -> None:
+        """Wait until a condition is true, at most so long [s]."""
+        deadline = self.now() + patience
+        while not condition():
+            self._executor.spin_once(timeout_sec=0.05)
+            self._processes.check()
+            if self.now() > deadline:
+                raise DemoError(f"waited {patience:g} s in vain; the planner says: {self.code or 'nothing'}")
+
+    def spend(self, seconds: float) -> None:
+        """Go on for so long [s]."""
+        begin = self.now()
+        self.wait(lambda: self.now() - begin >= seconds, seconds + PATIENCE)
+
+    def send_goal(self, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Ask for a pose of the tool, (3,) [m] and (4,) in the skill's base frame."""
+        stamp = self.node.get_clock().now().to_msg()
+        self._goals.publish(pose_message(position, quaternion, self.skill.base_frame, stamp))
+
+    def tell_spheres(self) -> None:
+        """Tell where the spheres are now."""
+        stamp, frame = self.node.get_clock().now().to_msg(), self.skill.base_frame
+        markers = [
+            sphere_marker("stream", number, centre, radius, _GREY, frame, stamp)
+            for number, (centre, radius) in enumerate(zip(*self.spheres(self.now()), strict=True), self.first_number)
+        ]
+        self._obstacles.publish(self._scene.update(markers, stamp))
+
+    def now(self) -> float:
+        """The time [s] by the ROS clock."""
+        return 1e-9 * self.node.get_clock().now().nanoseconds
+
+    def _on_status(self, message: DiagnosticArray) -> None:
+        values = {pair.key: pair.value for pair in message.status[0].values}
+        self.code = values["code"]
+        duration, misses = float(values["last_tick_ms"]), int(values["deadline_misses"])
+        self.ticks.append(Tick(self.now(), int(values["tick"]), duration, misses, self.code))
