@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.arm_queries import body_spheres
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.nodes.planner_stream import PlannerStream, Spheres
 from geodesic_motion_ros.planner import ReactivePlanner
@@ -22,8 +23,11 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 
-#: Radius of the circle on which the goal jumps, and of the obstacles; how far those keep from the undisturbed way [m].
-CIRCLE, OBSTACLE, BESIDE = 0.010, 0.03, 0.20
+#: Radius of the circle on which the goal jumps, and of the obstacles; how far from the tool's undisturbed way these
+#: stand, and how much room they leave [m].
+CIRCLE, OBSTACLE, BESIDE, ROOM = 0.010, 0.03, 0.20, 0.05
+#: A ball around the tool's origin that stands for the hand [m].
+HAND = 0.10
 #: Of the sphere that moves: its radius, how far it goes to either side of the way's middle [m], and its period [s].
 MOVING_RADIUS, REACH, ROUND = 0.05, 0.25, 4.0
 
@@ -40,6 +44,30 @@ class RateRow:
     misses: int
     goals: int
     ok_percent: float
+
+
+@dataclass(frozen=True)
+class _Way:
+    """The undisturbed way: places of the tool (n, 3), and balls (m, 3), (m,) that cover what moves along it [m]."""
+
+    tool: np.ndarray
+    balls: np.ndarray
+    radii: np.ndarray
+
+    @classmethod
+    def of(cls, skill: Skill) -> _Way:
+        """Between the skill's own ends."""
+        ends = *np.split(skill.start_pose, [3]), *np.split(skill.goal_pose, [3])
+        if skill.space == "joint":
+            arm = JointSpacePlanner(skill)
+            motion = arm.plan(*ends).reference
+            assert motion is not None
+            balls = body_spheres(arm, motion.positions)
+            radii = np.tile(arm.collision.radii[arm.collision.moving], len(balls))
+            return cls(end_effector_poses(motion.positions, arm.robot.chain)[0], balls.reshape(-1, 3), radii)
+        path = ReactivePlanner(skill).plan(*ends).reference
+        assert path is not None
+        return cls(path.positions, path.positions, np.full(len(path.positions), HAND))
 
 
 def measure_rates(
@@ -67,12 +95,12 @@ def measure_rates(
         raise ParameterError(
             f"seconds {seconds}, goals_hz {goals_hz}, obstacles {obstacles}, rates {list(rates)}: must be positive"
         )
-    way = _tool_way(Skill.load(skill))
+    way = _Way.of(Skill.load(skill))
     beside = _beside(way, obstacles)
     stretches: list[tuple[str, float, Spheres]] = [
         ("goal stays", 0.0, beside),
         (f"goal moves {goals_hz:g} times a second", goals_hz, beside),
-        ("a sphere moves through the way", 0.0, _through(way)),
+        ("a sphere moves through the way", 0.0, _through(way.tool)),
     ]
     rows = []
     for rate in rates:
@@ -117,27 +145,14 @@ def _stretch(stream: PlannerStream, asked: float, name: str, seconds: float, goa
     return RateRow(asked, name, rate, float(p50), float(p99), last.misses - first.misses, goals, fine)
 
 
-def _tool_way(skill: Skill) -> np.ndarray:
-    """Places (n, 3) [m] of the tool on the undisturbed way."""
-    ends = *np.split(skill.start_pose, [3]), *np.split(skill.goal_pose, [3])
-    if skill.space == "joint":
-        planner = JointSpacePlanner(skill)
-        reference = planner.plan(*ends).reference
-        assert reference is not None  # between the skill's own ends
-        return end_effector_poses(reference.positions, planner.robot.chain)[0]
-    path = ReactivePlanner(skill).plan(*ends).reference
-    assert path is not None
-    return path.positions
-
-
-def _beside(way: np.ndarray, count: int) -> Spheres:
+def _beside(way: _Way, count: int) -> Spheres:
     """Obstacles that are felt along the way and do not block it."""
     random = np.random.default_rng(0)
     centres: list[np.ndarray] = []
     while len(centres) < count:
         aside = random.normal(size=3)
-        centre = way[random.integers(len(way))] + BESIDE * aside / np.linalg.norm(aside)
-        if np.linalg.norm(way - centre, axis=1).min() > 0.9 * BESIDE:
+        centre = way.tool[random.integers(len(way.tool))] + BESIDE * aside / np.linalg.norm(aside)
+        if np.min(np.linalg.norm(way.balls - centre, axis=1) - way.radii) > OBSTACLE + ROOM:
             centres.append(centre)
     standing = np.array(centres).reshape(-1, 3), np.full(count, OBSTACLE)
     return lambda _: standing
