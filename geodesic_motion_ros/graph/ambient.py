@@ -29,6 +29,14 @@ _SHIFT = math.exp(-0.5 * CUTOFF**2)
 
 
 @numba.njit(cache=True, nogil=True)
+def gaussian(squared: float, width: float, strength: float) -> float:
+    """What a sphere adds to the ambient factor at a squared distance [m^2] from its centre, for a width [m]."""
+    if squared >= (CUTOFF * width) ** 2:
+        return 0.0
+    return strength * (math.exp(-0.5 * squared / (width * width)) - _SHIFT) / (1.0 - _SHIFT)
+
+
+@numba.njit(cache=True, nogil=True)
 def ambient_factor(
     x: float,
     y: float,
@@ -52,9 +60,7 @@ def ambient_factor(
     for o in range(len(radii)):
         width = width_ratio * (radii[o] + point_radius)
         dx, dy, dz = x - centres[o, 0], y - centres[o, 1], z - centres[o, 2]
-        squared = dx * dx + dy * dy + dz * dz
-        if squared < (CUTOFF * width) ** 2:
-            factor += strength * (math.exp(-0.5 * squared / (width * width)) - _SHIFT) / (1.0 - _SHIFT)
+        factor += gaussian(dx * dx + dy * dy + dz * dz, width, strength)
     return factor
 
 

@@ -68,14 +68,15 @@ class LatentGrid:
         return number
 
     def edges(self, number: np.ndarray, neighbours: int) -> np.ndarray:
-        """Undirected edges (m, 2) between the nodes of a `numbering`."""
+        """Undirected edges (m, 2) between the nodes of a `numbering`, sorted: those of a node stand together."""
         pairs = []
         for offset in stencil(len(self.shape), neighbours):
             here = tuple(slice(max(0, -o), n - max(0, o)) for o, n in zip(offset, self.shape, strict=True))
             there = tuple(slice(max(0, o), n + min(0, o)) for o, n in zip(offset, self.shape, strict=True))
             pair = np.stack([number[here].reshape(-1), number[there].reshape(-1)], axis=1)
             pairs.append(pair[np.all(pair >= 0, axis=1)])
-        return np.concatenate(pairs)
+        edges = np.concatenate(pairs)
+        return edges[np.lexsort((edges[:, 1], edges[:, 0]))]
 
 
 @dataclass(frozen=True)

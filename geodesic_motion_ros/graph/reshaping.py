@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.distance_field import field_distance
-from geodesic_motion_ros.graph.ambient import CUTOFF, ambient_factor, cloud_factor, solid_factor
+from geodesic_motion_ros.graph.ambient import CUTOFF, cloud_factor, gaussian, solid_factor
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.solids import bounding_radii, solid_distance, thicknesses
@@ -35,6 +35,8 @@ class Reshaping(NamedTuple):
     within : clearances from here on are not told apart [m].
     gaps : distance [m] of the cells (x, y, z) of a grid over the body's box from obstacles, at least; scale : cells per
         metre.
+    heads, listed, following : the spheres near a cell (x, y, z) are listed[e] for e = heads[x, y, z], then for
+        following[e], and so on until e is -1.
     looked : (n,) nodes for which the following is known already.
     factors : (n, K) ambient factors of the body points; touched : (n,) whether any of them exceeds 1.
     clearance : (n,) [m] of the body, negative inside an obstacle, inf from `within` on.
@@ -52,6 +54,9 @@ class Reshaping(NamedTuple):
     within: float
     gaps: np.ndarray
     scale: float
+    heads: np.ndarray
+    listed: np.ndarray
+    following: np.ndarray
     looked: np.ndarray
     factors: np.ndarray
     touched: np.ndarray
@@ -80,12 +85,14 @@ class Reshaping(NamedTuple):
         cell = max(_CELL, float(np.max(sides)) / _MOST_CELLS)
         reach = max(excess, within + float(np.max(body.link_radii, initial=0.0)))
         shape = np.floor(sides / cell).astype(np.int64) + 1
-        gaps = _gaps(body.lower, shape, cell, centres, radii, solids, bounding_radii(solids), reach)
+        gaps, heads, listed, following = _gaps(
+            body.lower, shape, cell, centres, radii, solids, bounding_radii(solids), reach
+        )
         if squares.size:
             _lower_gaps(gaps, body.lower, cell, squares, placing)
         return cls(
             body, centres, radii, solids, squares, placing, float(strength), float(width_ratio), excess, float(within),
-            gaps, 1.0 / cell, np.zeros(nodes, dtype=np.bool_), np.empty((nodes, points)),
+            gaps, 1.0 / cell, heads, listed, following, np.zeros(nodes, dtype=np.bool_), np.empty((nodes, points)),
             np.empty(nodes, dtype=np.bool_), np.empty(nodes),
         )  # fmt: skip
 
@@ -100,14 +107,20 @@ def _gaps(
     solids: np.ndarray,
     sizes: np.ndarray,
     reach: float,
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Lower bounds of the distance [m] of cells from obstacles; `reach` where none is nearer.
 
-    sizes : (b,) radii of spheres around the solids [m].
+    Also heads, listed and following of a `Reshaping`, with the spheres that are nearer than `reach`. sizes : (b,) radii
+    of spheres around the solids [m].
     """
     result = np.full((shape[0], shape[1], shape[2]), reach)
+    heads, most, count = np.full((shape[0], shape[1], shape[2]), -1, dtype=np.int32), 0, 0
     half = 0.5 * math.sqrt(3.0) * cell
     first, last = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
+    for o in range(len(radii)):
+        _cells_around(centres[o], radii[o] + reach + half, lower, shape, cell, first, last)
+        most += max(0, last[0] - first[0]) * max(0, last[1] - first[1]) * max(0, last[2] - first[2])
+    listed, following = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
     for o in range(len(radii)):
         _cells_around(centres[o], radii[o] + reach + half, lower, shape, cell, first, last)
         for i in range(first[0], last[0]):
@@ -117,7 +130,10 @@ def _gaps(
                 for k in range(first[2], last[2]):
                     dz = lower[2] + (k + 0.5) * cell - centres[o, 2]
                     gap = math.sqrt(dx * dx + dy * dy + dz * dz) - half - radii[o]
-                    result[i, j, k] = min(result[i, j, k], gap)
+                    if gap < reach:
+                        result[i, j, k] = min(result[i, j, k], gap)
+                        listed[count], following[count], heads[i, j, k] = o, heads[i, j, k], count
+                        count += 1
     for b in range(len(solids)):
         _cells_around(solids[b], sizes[b] + reach + half, lower, shape, cell, first, last)
         for i in range(first[0], last[0]):
@@ -127,7 +143,7 @@ def _gaps(
                 for k in range(first[2], last[2]):
                     gap = solid_distance(x, y, lower[2] + (k + 0.5) * cell, solids, b) - half
                     result[i, j, k] = min(result[i, j, k], gap)
-    return result
+    return result, heads, listed, following
 
 
 @numba.njit(cache=True, nogil=True)
@@ -159,13 +175,6 @@ def _cells_around(
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def _gap(x: float, y: float, z: float, lower: np.ndarray, scale: float, gaps: np.ndarray) -> float:
-    """Of the cell that holds a point of the body's box."""
-    # Unsigned: compiled code need not look for negative indices.
-    return gaps[np.uint32((x - lower[0]) * scale), np.uint32((y - lower[1]) * scale), np.uint32((z - lower[2]) * scale)]
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
 def look(
     node: int,
     points: np.ndarray,
@@ -187,6 +196,9 @@ def look(
     within: float,
     gaps: np.ndarray,
     scale: float,
+    heads: np.ndarray,
+    listed: np.ndarray,
+    following: np.ndarray,
     looked: np.ndarray,
     factors: np.ndarray,
     touched: np.ndarray,
@@ -200,11 +212,20 @@ def look(
     if not looked[node]:
         looked[node] = True
         touched[node] = False
+        x0, y0, z0 = lower[0], lower[1], lower[2]
         for k in range(points.shape[1]):
             x, y, z = points[node, k, 0], points[node, k, 1], points[node, k, 2]
             factors[node, k] = 1.0
-            if _gap(x, y, z, lower, scale, gaps) < excess:
-                factors[node, k] = ambient_factor(x, y, z, point_radii[k], centres, radii, strength, width_ratio)
+            # Unsigned: compiled code need not look for negative indices.
+            i, j, h = np.uint32((x - x0) * scale), np.uint32((y - y0) * scale), np.uint32((z - z0) * scale)
+            if gaps[i, j, h] < excess:
+                entry = heads[i, j, h]
+                while entry >= 0:
+                    o = listed[entry]
+                    dx, dy, dz = x - centres[o, 0], y - centres[o, 1], z - centres[o, 2]
+                    width = width_ratio * (radii[o] + point_radii[k])
+                    factors[node, k] += gaussian(dx * dx + dy * dy + dz * dz, width, strength)
+                    entry = following[entry]
                 if len(solids) > 0:
                     factors[node, k] += solid_factor(x, y, z, point_radii[k], solids, strength, width_ratio)
                 if squares.size > 0:
@@ -213,9 +234,13 @@ def look(
         nearest = math.inf
         for g in range(links.shape[1]):
             x, y, z = links[node, g, 0], links[node, g, 1], links[node, g, 2]
-            if _gap(x, y, z, lower, scale, gaps) >= link_radii[g] + within:
+            i, j, h = np.uint32((x - x0) * scale), np.uint32((y - y0) * scale), np.uint32((z - z0) * scale)
+            if gaps[i, j, h] >= link_radii[g] + within:
                 continue
-            for o in range(len(radii)):
+            entry = heads[i, j, h]
+            while entry >= 0:
+                o = listed[entry]
+                entry = following[entry]
                 dx, dy, dz = x - centres[o, 0], y - centres[o, 1], z - centres[o, 2]
                 reach = link_radii[g] + radii[o] + min(within, nearest)
                 if reach <= 0.0 or dx * dx + dy * dy + dz * dz >= reach * reach:
@@ -250,11 +275,12 @@ def look_at(nodes: np.ndarray, reshaping: Reshaping) -> None:
     """Work out what obstacles do to some nodes (k,)."""
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-        centres, radii, solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, looked, factors,
-        touched, clearance,
+        centres, radii, solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, heads, listed,
+        following, looked, factors, touched, clearance,
     ) = reshaping  # fmt: skip
     for node in nodes:
         look(
             node, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii, solids,
-            squares, placing, strength, width_ratio, excess, within, gaps, scale, looked, factors, touched, clearance,
+            squares, placing, strength, width_ratio, excess, within, gaps, scale, heads, listed, following, looked,
+            factors, touched, clearance,
         )  # fmt: skip
