@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.grid import Adjacency
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
@@ -66,10 +67,16 @@ class SearchProblem:
 
 @dataclass(frozen=True)
 class Answer:
-    """The cheapest way's nodes (p,) and cost; no nodes and inf without one."""
+    """The cheapest way's nodes (p,) and cost; no nodes and inf without one.
+
+    Attributes
+    ----------
+    bound : no way costs less; where time ran out, less than the cost and the limit. nan where that was not asked for.
+    """
 
     nodes: np.ndarray
     cost: float
+    bound: float = math.nan
 
 
 def mark(problem: SearchProblem, obstacles: Obstacles) -> Reshaping:
@@ -79,15 +86,15 @@ def mark(problem: SearchProblem, obstacles: Obstacles) -> Reshaping:
     return Reshaping.of(problem.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio, within)
 
 
-def search(problem: SearchProblem, reshaping: Reshaping, limited: bool = True) -> Answer:
+def search(problem: SearchProblem, reshaping: Reshaping, limited: bool = True, deadline: Deadline = NEVER) -> Answer:
     """The cheapest way; with `limited`, as the planner searches, none that costs more than the limit."""
     graph = problem.graph
     found = shortest_path_from_both_ends(
         problem.adjacency, graph.base, graph.fixed, graph.shares, reshaping, problem.settings.obstacle_margin,
         problem.to_goal, problem.from_start, problem.source, problem.target,
-        problem.cost_limit if limited else math.inf,
+        problem.cost_limit if limited else math.inf, deadline,
     )  # fmt: skip
-    return Answer(found.nodes, found.cost)
+    return Answer(found.nodes, found.cost, found.bound)
 
 
 def search_plainly(problem: SearchProblem, obstacles: Obstacles) -> Answer:

@@ -13,10 +13,12 @@ tick grows with nodes, obstacles and body points. About five minutes, a few GB o
 
 scenes   none_near (ten spheres that the way does not feel), one_r005 and one_r010 (one sphere of 5, 10 cm in the middle
          of the way), goal_enclosed, start_enclosed, ten_on_path, wall_gap, cloud_10k (a table top of 10,000 points)
-columns  a tick is: mark the obstacles, search, name the way. p50, p99, max: wall time [ms]; cpu: median of the thread's
-         processor time [ms]; looked: nodes for which it was worked out what obstacles do; none: share of the ticks in
-         which obstacles block every way that the planner would take; error: largest relative difference of the cost
-         from scipy's Dijkstra on the graph with all edges weighed anew; <10ms: share of the ticks
+columns  a tick is: mark the obstacles, search, name the way. p50, p99: wall time [ms]; cpu, cpu99: the same of the
+         thread's processor time; looked: nodes for which it was worked out what obstacles do; none: share of the
+         ticks in which obstacles block every way that the planner would take; error: largest relative difference of the
+         cost from scipy's Dijkstra on the graph with all edges weighed anew
+         with a deadline of 10 ms of processor time: <10ms: share of the ticks within; found: with a way; none: with
+         the proof that there is none; open: with neither; gap: by how much of it a way may be dearer than the cheapest
 peers    exact (the same search where no cost is too large), dijkstra (this package's, all nodes worked out before),
          scipy, igraph, networkit, networkx: how many times the processor time they take for the same tick. Libraries
          get the edges' weights from the same numpy code; networkx copies its graph for every tick. Those that are not

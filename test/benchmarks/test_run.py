@@ -41,7 +41,11 @@ def test_every_scene_has_its_figures(of_skill: bool, content: dict) -> None:
     for figures in scenes.values():
         assert set(figures["tick_ms"]) == set(figures["cpu_ms"]) == PERCENTILES
         assert 0.0 < figures["tick_ms"]["p50"] <= figures["tick_ms"]["p99"] <= figures["tick_ms"]["max"]
-        assert 0.0 <= figures["answered_by_deadline"] <= 1.0
+        in_time, refused = figures["deadline"]["in_time"], figures["deadline"]["refused"]
+        assert 0.0 <= in_time <= 1.0
+        assert refused == pytest.approx(figures["no_way"])
+        assert figures["deadline"]["undecided"] == pytest.approx(0.0)
+        assert figures["deadline"]["gap_max"] == (None if refused == 1.0 else 0.0)
         assert figures["expanded_p50"] > 0
         assert figures["ticks"] == TINY.ticks
         assert set(figures["peers"]) == {"exact", "dijkstra", *(peer.module for peer in installed()[0])}
