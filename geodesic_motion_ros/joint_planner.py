@@ -19,6 +19,7 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.graph.refinement import refined
 from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
@@ -37,6 +38,8 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 #: the latent path and of the configurations decoded from it. Keeping further off helps more often than cutting less.
 _ATTEMPTS = ((1.0, 2.0), (4.0, 2.0), (4.0, 1.0))
 _LARGEST_MULTIPLE = max(multiple for multiple, _ in _ATTEMPTS)
+#: Refined ways have no corners of the grid: they are smoothed by this width alone.
+_REFINED_WIDTH = 1.0
 Attempts = tuple[tuple[float, float], ...]
 #: Samples of the curve per grid step.
 _SAMPLES_PER_STEP = 1.0
@@ -540,7 +543,7 @@ class JointSpacePlanner:
             if this in tried:
                 continue
             tried.add(this)
-            plan = self._certified(query, state, way, obstacles, margin, width)
+            plan = self._refined_and_certified(query, state, way, reshaping, kept_off, obstacles, margin, width)
             if plan.reference is not None:
                 return plan
             verdict = plan.verdict
@@ -564,6 +567,25 @@ class JointSpacePlanner:
                 return Verdict(code, reason, clearance=clearance, **query.misfits)
             nearest.append(clearance)
         return min(nearest)
+
+    def _refined_and_certified(
+        self,
+        query: JointQuery,
+        state: _State,
+        way: LatentWay,
+        reshaping: Reshaping,
+        kept_off: float,
+        obstacles: Obstacles,
+        margin: float,
+        width: float,
+    ) -> JointPlan:
+        """`_certified` for the way refined to a continuous one, and where that is refused for the way itself."""
+        if self.settings.refine:
+            curve = refined(query.field, reshaping, kept_off, way.polyline)
+            plan = self._certified(query, state, replace(way, polyline=curve), obstacles, margin, _REFINED_WIDTH)
+            if plan.reference is not None:
+                return plan
+        return self._certified(query, state, way, obstacles, margin, width)
 
     def _certified(
         self,

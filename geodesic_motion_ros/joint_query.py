@@ -14,12 +14,14 @@ import numpy as np
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.graph.configuration_graph import CarriedConfigurations, ConfigurationGraph
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
+from geodesic_motion_ros.graph.metric_field import MetricField
 from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
+from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import corrections_at
 from geodesic_motion_ros.latent_way import shown_cost
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
-from geodesic_motion_ros.query import AlongRidges, Pose
+from geodesic_motion_ros.query import Pose
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
@@ -31,6 +33,9 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 _SAME_TASK = 0.05
 #: A goal pose is looked for from so many of the nearest nodes where the manifold has no poles.
 _NEAREST_POSES = 3
+#: How a query uses the skill's ridges: corrections along them (K, S, eta) [rad], conformal factors of the nodes (n,),
+#: and the ridges themselves; None and None where they are not used.
+AlongRidges = tuple[np.ndarray, np.ndarray | None, Ridges | None]
 
 
 @dataclass(frozen=True)
@@ -80,6 +85,7 @@ class JointQuery:
     ----------
     start, goal : (eta,) the asked configurations [rad].
     body : the arm at every node.
+    field : the metric between the nodes.
     """
 
     start: np.ndarray
@@ -89,6 +95,7 @@ class JointQuery:
     body: NodeBody
     offsets: JointOffsets
     graph: CarriedConfigurations
+    field: MetricField
     to_goal: np.ndarray
     from_start: np.ndarray
     cost_limit: float
@@ -300,16 +307,16 @@ class JointQueryBuilder:
         sheet = self._skill.canonical
         if self._ridges is None or sheet is None:
             # No ridge is used, but the graph counts the shares of the skill's.
-            return np.zeros((self._graph.ridge_count, 2, len(start_offset))), None
+            return np.zeros((self._graph.ridge_count, 2, len(start_offset))), None, None
         weights = sheet.weights(start_offset, goal_offset, conditioned)
         ridges = self._ridges.moved_to(np.einsum("kn,nsd->ksd", weights, self._skill.codes))
         corrections = sheet.corrections(self._graph.decoder, ridges, weights)
-        return corrections, ridges.conformal_factors(self._graph.latent, self._settings.ridge_strength)
+        return corrections, ridges.conformal_factors(self._graph.latent, self._settings.ridge_strength), ridges
 
     def _between(
         self, here: _End, there: _End, task_start: np.ndarray, along_ridges: AlongRidges
     ) -> JointQuery:
-        corrections, conformal = along_ridges
+        corrections, conformal, ridges = along_ridges
         progress, shares = self._graph.progress_map(np.stack([here.latent, there.latent]))
         shown = np.stack([here.shown, there.shown]) + corrections_at(corrections, progress, shares)
         asked, along = np.stack([here.asked, there.asked]), (float(progress[0]), float(progress[1]))
@@ -327,6 +334,7 @@ class JointQueryBuilder:
             body=body,
             offsets=offsets,
             graph=graph,
+            field=self._graph.field(ridges, self._settings.ridge_strength),
             to_goal=to_goal,
             from_start=cost_field(self._graph.adjacency, graph.base, here.node),
             cost_limit=self._settings.cost_cap * max(self._shown_cost, float(to_goal[here.node])),

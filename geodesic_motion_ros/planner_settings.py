@@ -112,6 +112,7 @@ class JointPlannerSettings(SearchSettings):
     latency : a new reference takes over so long after its planning began [s].
     prediction : obstacles are expected to move on linearly for so long [s], and to stand then. It must be longer than a
         stop takes, latency included, which is 0.5 s: what comes into sight later cannot be stopped for.
+    refine : make the graph's shortest paths continuous ones, which know no directions of a grid.
     """
 
     body_radius: float = 0.08
@@ -120,5 +121,6 @@ class JointPlannerSettings(SearchSettings):
     acceleration_scale: float = 0.2
     latency: float = 0.03
     prediction: float = 0.8
+    refine: bool = True
 
     may_be_zero: ClassVar[tuple[str, ...]] = (*SearchSettings.may_be_zero, "prediction")

@@ -9,8 +9,11 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from geodesic_motion_ros import joint_planner
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.graph.metric_field import curve_length
+from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_planner import JointPlan, JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.obstacles import Obstacles
@@ -171,9 +174,32 @@ def test_obstacles_of_every_kind_are_hit_on_the_old_way_and_passed_on_the_new(st
     assert least(plan.reference) < plan.verdict.clearance + 0.03 or kind == "cloud"
 
 
+def test_a_refined_way_is_shorter_and_one_that_is_refused_gives_way_to_the_graphs(
+    reach_skill, planner, start, goal, monkeypatch
+) -> None:
+    planner.take_obstacles(Obstacles.none())
+    choice = planner._queries.goal_by_configuration(goal)
+    query = planner._queries.build(start, choice)
+    free = Reshaping.of(query.body, Obstacles.none(), 0.0, 0.5, 0.02)
+
+    def length(plan: JointPlan) -> float:
+        assert plan.verdict.ok, plan.verdict.reason
+        return curve_length(query.field, free, plan.reference.latent)
+
+    plain = JointSpacePlanner(reach_skill, replace(COARSE, refine=False)).plan_configurations(start, choice)
+    assert length(planner.plan_configurations(start, choice)) < length(plain)
+
+    def astray(field, reshaping, margin, path):
+        return path + np.sin(np.linspace(0.0, np.pi, len(path)))[:, None]
+
+    monkeypatch.setattr(joint_planner, "refined", astray)
+    assert length(planner.plan_configurations(start, choice)) == length(plain)
+
+
 def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start, goal, monkeypatch) -> None:
     """Only the last attempt is let through: with time it is made at once, without it in a later tick."""
     planner, certified = stream.planner, stream.planner._certified
+    monkeypatch.setattr(planner, "settings", replace(planner.settings, refine=False))
 
     def picky(query, state, way, obstacles, margin, width):
         plan = certified(query, state, way, obstacles, margin, width)

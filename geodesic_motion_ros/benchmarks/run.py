@@ -23,6 +23,7 @@ from typing import Any, TypeVar
 import numpy as np
 from tqdm import tqdm
 
+from geodesic_motion_ros.benchmarks.bias import BiasFigures, bias_table, skill_bias, synthetic_bias
 from geodesic_motion_ros.benchmarks.engine import SearchProblem, looked_at, mark, search, search_plainly
 from geodesic_motion_ros.benchmarks.hurried import DEADLINE_MS, HurriedTicks
 from geodesic_motion_ros.benchmarks.peers import EdgeWeights, Networkx, Peer, Scipy, installed
@@ -49,6 +50,7 @@ class BenchSettings:
     ticks, peer_ticks, networkx_ticks : of every scene.
     scaling_ticks : of every row of the scaling table, which varies `grids`, the number of `obstacles`, and that of body
         `points` on the grid `points_shape`.
+    pairs : of ends between which the grid's bias is measured on each graph.
     """
 
     shape: tuple[int, ...] = (50, 50, 50)
@@ -60,6 +62,7 @@ class BenchSettings:
     obstacles: tuple[int, ...] = (0, 1, 2, 5, 10, 20, 50)
     points: tuple[int, ...] = (1, 2, 4, 8, 16, 32)
     points_shape: tuple[int, ...] = (30, 30, 30)
+    pairs: int = 30
 
     @classmethod
     def quick(cls) -> BenchSettings:
@@ -67,6 +70,7 @@ class BenchSettings:
         return cls(
             shape=(25,) * 3, ticks=60, peer_ticks=2, scaling_ticks=30, grids=((100,) * 2, (30,) * 3, (12,) * 4),
             obstacles=(0, 10, 50), points=(2, 8, 32), points_shape=(20,) * 3,
+            pairs=3,
         )  # fmt: skip
 
 
@@ -214,6 +218,7 @@ class BenchReport:
     synthetic: GraphFigures
     skill: GraphFigures
     stages: dict[str, Stopwatch]
+    bias: list[BiasFigures]
     scaling: list[ScalingRow]
     missing: list[str]
     machine: dict[str, Any]
@@ -229,12 +234,14 @@ class BenchReport:
         }
         return {
             **self.synthetic.as_dict(), "skill": self.skill.as_dict(), "stages": stages, "scaling": scaling,
+            "bias": {row.name: row.as_dict() for row in self.bias},
             "missing_peers": self.missing, "machine": self.machine,
         }  # fmt: skip
 
     def table(self) -> str:
         """All tables as plain text."""
-        parts = [self._machine_line(), self.synthetic.table(), self.skill.table(), self._stages(), self._scaling()]
+        parts = [self._machine_line(), self.synthetic.table(), self.skill.table(), self._stages()]
+        parts += [bias_table(self.bias), self._scaling()]
         if self.missing:
             parts.append(f"not installed: {', '.join(self.missing)}; the extra `bench` brings them")
         return "\n\n".join(parts)
@@ -295,11 +302,12 @@ def measure(skill: Skill, settings: BenchSettings, show_progress: bool = True) -
     before = os.getloadavg()[0]
     peers, missing = installed()
     rows = len(settings.grids) + len(settings.obstacles) + len(settings.points)
-    with tqdm(total=2 * len(NAMES) + 2 + rows, unit="row", disable=not show_progress) as bar:
+    with tqdm(total=2 * len(NAMES) + 4 + rows, unit="row", disable=not show_progress) as bar:
         bench = SkillBench(skill)
         of_skill = _measure_graph(bench.problem, settings, peers, bar)
         stages = _measure_stages(bench, settings.ticks, bar)
         large = synthetic_problem(settings.shape)
+        bias = _measure_bias(skill, bench, settings, bar)
         synthetic = _measure_graph(large, settings, peers, bar)
         scaling = _measure_scaling(large, settings, bar)
     versions = {"Python": platform.python_version()}
@@ -308,7 +316,7 @@ def measure(skill: Skill, settings: BenchSettings, show_progress: bool = True) -
         "cores": os.cpu_count(), "processor": platform.processor() or platform.machine(),
         "load": [before, os.getloadavg()[0]], "versions": versions,
     }  # fmt: skip
-    return BenchReport(synthetic, of_skill, stages, scaling, missing, machine)
+    return BenchReport(synthetic, of_skill, stages, bias, scaling, missing, machine)
 
 
 def _measure_graph(
@@ -389,6 +397,15 @@ def _measure_stages(bench: SkillBench, ticks: int, bar: tqdm) -> dict[str, Stopw
         tick = bench.ticks(scene, ticks)
     bar.update()
     return {**stages, "tick": tick}
+
+
+def _measure_bias(skill: Skill, bench: SkillBench, settings: BenchSettings, bar: tqdm) -> list[BiasFigures]:
+    bar.set_description("bias")
+    of_skill = skill_bias(skill, bench, settings.pairs)
+    bar.update()
+    synthetic = synthetic_bias(settings.shape, settings.pairs)
+    bar.update()
+    return [of_skill, synthetic]
 
 
 def _measure_scaling(large: SearchProblem, settings: BenchSettings, bar: tqdm) -> list[ScalingRow]:

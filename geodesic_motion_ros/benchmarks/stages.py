@@ -2,6 +2,7 @@
 
 mark         what the search needs to know of the obstacles, and of where they will be within the prediction
 search       the cheapest way through the latent graph
+refine       that way made a continuous one
 curve        resample and smooth it, decode it, carry it to start and goal, smooth it there
 time law     the reference along it, from rest
 certificate  its clearance from the moving obstacles and from itself
@@ -20,10 +21,11 @@ from geodesic_motion_ros.benchmarks.engine import SearchProblem, mark
 from geodesic_motion_ros.benchmarks.scenes import PERIOD, RATE, Scene
 from geodesic_motion_ros.benchmarks.stopwatch import Stopwatch
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.graph.refinement import refined
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_query import JointQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
-from geodesic_motion_ros.latent_way import LatentWay, cheapest_way
+from geodesic_motion_ros.latent_way import cheapest_way
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict
@@ -37,13 +39,13 @@ class SkillBench:
 
     Attributes
     ----------
-    problem : that search.
+    planner, query, problem : the planner, its query, and that search.
     """
 
     def __init__(self, skill: Skill) -> None:
         if skill.space != "joint":
             raise ParameterError(f"skill '{skill.name}' is of task space: the stages are those of a joint-space skill")
-        self._planner = planner = JointSpacePlanner(skill)
+        self.planner = planner = JointSpacePlanner(skill)
         ends = planner.graph.decoder.configurations(skill.codes[0, [0, -1]])
         self._start, self._goal = np.clip(ends, planner.limits.lower, planner.limits.upper)
         model = planner.collision
@@ -55,7 +57,7 @@ class SkillBench:
         query = choice if isinstance(choice, Verdict) else queries.build(self._start, choice)
         if isinstance(query, Verdict):
             raise ParameterError(f"skill '{skill.name}' has no way along its first demonstration: {query.reason}")
-        self._query = query
+        self.query = query
         source = next(
             int(node) for node in planner.graph.nodes_near(query.start_latent, 3) if np.isfinite(query.to_goal[node])
         )
@@ -67,9 +69,9 @@ class SkillBench:
 
     def stages(self, scene: Scene, ticks: int) -> dict[str, Stopwatch]:
         """Every stage of planning from rest; those after the search run where there is a way."""
-        planner, query = self._planner, self._query
+        planner, query = self.planner, self.query
         message = _message_of()
-        names = ("mark", "search", "curve", "time law", "certificate", *(("message",) if message else ()))
+        names = ("mark", "search", "refine", "curve", "time law", "certificate", *(("message",) if message else ()))
         watches = {name: Stopwatch() for name in names}
         for tick in range(ticks):
             obstacles = scene.at(tick)
@@ -81,8 +83,10 @@ class SkillBench:
                 )
             if isinstance(way, Verdict):
                 continue
+            with watches["refine"]:
+                curve = refined(query.field, reshaping, planner.settings.obstacle_margin, way.polyline)
             with watches["curve"]:
-                path, latent = self._curve(way)
+                path, latent = self._curve(curve)
             with watches["time law"]:
                 reference = timed_joint_reference(path, latent, planner.limits)
             if reference is None:
@@ -94,16 +98,16 @@ class SkillBench:
                     message(planner.robot.joint_names, reference)
         return watches
 
-    def _curve(self, way: LatentWay) -> tuple[np.ndarray, np.ndarray]:
-        """Configurations (m, eta) along a way, and their latent points (m, d)."""
-        graph = self._planner.graph
-        latent = smooth_latent(resample_latent(way.polyline, float(np.min(graph.grid.spacing))), _WIDTH)
-        carried = self._query.offsets.carried(graph.decoder.configurations(latent), *graph.progress_map(latent))
+    def _curve(self, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Configurations (m, eta) along a latent polyline (p, d), and their latent points (m, d)."""
+        graph = self.planner.graph
+        latent = smooth_latent(resample_latent(way, float(np.min(graph.grid.spacing))), _WIDTH)
+        carried = self.query.offsets.carried(graph.decoder.configurations(latent), *graph.progress_map(latent))
         return smooth_latent(carried, _WIDTH), latent
 
     def ticks(self, scene: Scene, ticks: int) -> Stopwatch:
         """The planner's own ticks; the motion begins anew each time the sphere has come round."""
-        planner, watch = self._planner, Stopwatch()
+        planner, watch = self.planner, Stopwatch()
         for tick in range(ticks):
             now = tick / RATE
             if tick % PERIOD == 0:

@@ -16,8 +16,10 @@ from scipy.spatial import cKDTree
 from geodesic_motion_ros.benchmarks.engine import SearchProblem
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
+from geodesic_motion_ros.graph.metric_field import MetricField, packed_tensors
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.perceptron import Perceptron
+from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.planner_settings import SearchSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints, place_body_points, points_along_links
@@ -41,14 +43,10 @@ def synthetic_problem(shape: tuple[int, ...], points: int = 8, seed: int = 0) ->
 
     The same for the same seed.
     """
-    random = np.random.default_rng(seed)
     robot, dimension = Robot.panda(), len(shape)
-    grid = LatentGrid(-np.ones(dimension), np.ones(dimension), shape)
+    grid = synthetic_grid(shape)
     latent = grid.nodes()
-    tubes = _tubes(dimension, random)
-    outputs = _decoder(dimension, len(robot.ready), random).outputs(latent)
-    middle, half = 0.5 * (robot.upper + robot.lower), 0.5 * (robot.upper - robot.lower)
-    configurations = middle + RANGE * half * np.tanh(outputs)
+    tubes, configurations = _decoded(latent, robot, seed)
     chosen = _along_arm(robot, points)
     placed = place_body_points(configurations, chosen.frames, chosen.offsets, robot.chain)
     edges = grid.edges(np.arange(len(latent)).reshape(shape), NEIGHBOURS[dimension])
@@ -58,6 +56,41 @@ def synthetic_problem(shape: tuple[int, ...], points: int = 8, seed: int = 0) ->
     source, target = (int(np.argmin(np.sum((latent - tubes[0][end]) ** 2, axis=1))) for end in (0, -1))
     name = "x".join(map(str, shape))
     return SearchProblem.between(name, adjacency, graph, body, points - 1, source, target, SearchSettings())
+
+
+def synthetic_field(shape: tuple[int, ...], points: int = 8, seed: int = 0) -> MetricField:
+    """The metric of `synthetic_problem` between its nodes; the tubes are its ridges."""
+    robot, grid = Robot.panda(), synthetic_grid(shape)
+    tubes, configurations = _decoded(grid.nodes(), robot, seed)
+    chosen = _along_arm(robot, points)
+    placed = place_body_points(configurations, chosen.frames, chosen.offsets, robot.chain)
+    moved = _slopes(placed, shape) / math.sqrt(points)
+    turned = JointMetricSettings.joint_weight * _slopes(configurations, shape)
+    tensors = packed_tensors(moved.swapaxes(-1, -2) @ moved, turned.swapaxes(-1, -2) @ turned)
+    centres = np.stack(tubes)
+    precisions = np.broadcast_to(np.eye(len(shape)) / WIDTH**2, (*centres.shape, len(shape)))
+    ridges = Ridges(centres, precisions, np.zeros(TUBES))
+    return MetricField.of(grid, np.arange(math.prod(shape)).reshape(shape), tensors, ridges, 1.0, 2.0 * math.log(WALL))
+
+
+def _slopes(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Central differences per step of the grid, (n, ..., d), of values (n, ...) at its nodes."""
+    differences = np.gradient(values.reshape(*shape, *values.shape[1:]), axis=tuple(range(len(shape))))
+    return np.stack(differences, axis=-1).reshape(*values.shape, len(shape))
+
+
+def synthetic_grid(shape: tuple[int, ...]) -> LatentGrid:
+    """The box [-1, 1]^d."""
+    return LatentGrid(-np.ones(len(shape)), np.ones(len(shape)), shape)
+
+
+def _decoded(latent: np.ndarray, robot: Robot, seed: int) -> tuple[list[np.ndarray], np.ndarray]:
+    """The tubes' centre lines, and configurations (n, eta) [rad] of latent points (n, d)."""
+    random, dimension = np.random.default_rng(seed), latent.shape[1]
+    tubes = _tubes(dimension, random)
+    outputs = _decoder(dimension, len(robot.ready), random).outputs(latent)
+    middle, half = 0.5 * (robot.upper + robot.lower), 0.5 * (robot.upper - robot.lower)
+    return tubes, middle + RANGE * half * np.tanh(outputs)
 
 
 def _decoder(dimension: int, joints: int, random: np.random.Generator) -> _RandomDecoder:

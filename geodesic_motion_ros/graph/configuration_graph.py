@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -24,6 +25,7 @@ from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.graph.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
+from geodesic_motion_ros.graph.metric_field import MetricField, packed_tensors
 from geodesic_motion_ros.graph.progress import ProgressMap
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
@@ -34,6 +36,9 @@ from geodesic_motion_ros.robot.body_points import (
     points_along_links,
 )
 from geodesic_motion_ros.robot.kinematics import Robot
+
+#: Derivatives of the decoder are differences over this share of a grid step to either side.
+_NUDGE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -92,6 +97,29 @@ class ConfigurationGraph(LatentGraph):
             base=np.sqrt(fixed + shares.sum(axis=1)),
             configurations=configurations,
         )
+
+    def field(self, ridges: Ridges | None, strength: float) -> MetricField:
+        """The metric between the nodes, with the conformal factor of ridges, None for 1.
+
+        Its tensors are those of the nodes where they are: transport moves neighbours by nearly the same.
+        """
+        return MetricField.of(self.grid, self._number, self._tensors, ridges, strength)
+
+    @cached_property
+    def _tensors(self) -> np.ndarray:
+        """Metric tensors of the nodes (n, 1 + K, T), in units of the spacing, as of `MetricField`."""
+        turned, spread = [], []
+        for axis in np.diag(self.grid.spacing):
+            ahead, behind = self.latent + _NUDGE * axis, self.latent - _NUDGE * axis
+            turned.append(self.decoder.configurations(ahead) - self.decoder.configurations(behind))
+            spread.append(self.decoder.uncertainty(ahead) - self.decoder.uncertainty(behind))
+        slopes = np.stack([*turned, *spread], axis=2) / (2.0 * _NUDGE)
+        slopes[:, :, len(turned) :] *= self.metric.sigma_weight
+        jacobians = body_point_jacobians(self.configurations, self.body.frames, self.body.offsets, self.robot.chain)
+        shares = np.stack(
+            [_pulled_back(jacobians[:, k] @ slopes) / len(self.body) for k in range(len(self.body))], axis=1
+        )
+        return packed_tensors(shares, self.metric.joint_weight**2 * _pulled_back(slopes))
 
     def nearest_node(self, configuration: np.ndarray, component: int, sigma_limit: float) -> int | None:
         """Node of a connected piece closest to a configuration (eta,); None where none is trusted.
@@ -198,6 +226,12 @@ def _along_edges(decoder: JointSpaceDecoder, latent: np.ndarray, edges: np.ndarr
 def _supported(edges: np.ndarray, sigma_chain: np.ndarray, sigma_limit: float) -> tuple[np.ndarray, np.ndarray]:
     usable = np.all(rms_sigma(sigma_chain) <= sigma_limit, axis=1)
     return edges[usable], sigma_chain[usable]
+
+
+def _pulled_back(slopes: np.ndarray) -> np.ndarray:
+    """J^T J + S^T S (n, d, d) of derivatives (n, r, 2 d) of what is decoded, J, and of its sigma, S."""
+    d = slopes.shape[2] // 2
+    return sum(part.transpose(0, 2, 1) @ part for part in (slopes[:, :, :d], slopes[:, :, d:]))
 
 
 @numba.njit(cache=True, nogil=True)

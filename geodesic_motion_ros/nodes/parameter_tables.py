@@ -144,6 +144,11 @@ PLANNER = (
         0.5,
     ),
     Parameter(
+        "refine",
+        True,
+        "Joint-space skills: make paths on the latent grid continuous ones, which know no directions of a grid",
+    ),
+    Parameter(
         "state_timeout",
         0.1,
         "A joint state older than this stops the motion",

@@ -30,7 +30,7 @@ _SEARCH = (
     "query_conditioning",
 )  # fmt: skip
 _TASK = ("maximum_offset", "maximum_offset_angle", "speed", "angular_speed", "acceleration")
-_JOINT = ("maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "prediction", "body_radius")
+_JOINT = ("maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "prediction", "body_radius", "refine")
 
 
 class SkillKind(ABC):

@@ -16,7 +16,7 @@ from geodesic_motion_ros.skill import Skill
 
 TINY = BenchSettings(
     shape=(8, 8, 8), ticks=6, peer_ticks=2, scaling_ticks=2, grids=((8, 8), (8, 8, 8)), obstacles=(0, 3), points=(2,),
-    points_shape=(6, 6, 6),
+    points_shape=(6, 6, 6), pairs=2,
 )  # fmt: skip
 PERCENTILES = {"p50", "p99", "max"}
 
@@ -69,7 +69,7 @@ def test_a_wrong_cost_shows() -> None:
 
 
 def test_stages_and_scaling_have_rows_of_their_own(content: dict) -> None:
-    assert {"mark", "search", "curve", "time law", "certificate", "tick"} <= set(content["stages"])
+    assert {"mark", "search", "refine", "curve", "time law", "certificate", "tick"} <= set(content["stages"])
     for stage in content["stages"].values():
         assert set(stage["ms"]) == set(stage["cpu_ms"]) == PERCENTILES
         assert stage["runs"] == TINY.ticks
@@ -79,6 +79,16 @@ def test_stages_and_scaling_have_rows_of_their_own(content: dict) -> None:
     }  # fmt: skip
     assert [row["nodes"] for row in rows["grid"]] == [64, 512]
     assert rows["obstacles"][1]["spheres"] == 3
+
+
+def test_no_path_is_shorter_than_the_best_known_geodesic_and_refined_ones_come_nearer(content: dict) -> None:
+    assert set(content["bias"]) == {"panda_reach_to_grasp", "8x8x8"}
+    for row in content["bias"].values():
+        over = row["over_best_known"]
+        assert row["pairs"] == TINY.pairs
+        assert all(1.0 <= over[curve]["p50"] <= over[curve]["max"] for curve in ("graph", "smoothed", "refined"))
+        assert over["refined"]["p50"] < over["graph"]["p50"]
+        assert set(row["refine_cpu_ms"]) == PERCENTILES
 
 
 def test_tables_fit_a_terminal(report: BenchReport) -> None:

@@ -88,6 +88,22 @@ def test_a_conformal_factor_stretches_squared_lengths_and_leaves_energies(reach_
     np.testing.assert_array_equal(twice.configurations, graph.configurations)
 
 
+def test_the_field_between_the_nodes_is_the_pull_back_metric_at_them(reach_skill) -> None:
+    metric = JointMetricSettings()
+    graph = small_graph(reach_skill, reach_skill.codes[0, 50], 0.02, metric)
+    tensors = pulled_back_metric(graph.decoder, metric, graph.latent).numpy()
+    field = graph.field(None, 1.0)
+    rows, columns = np.triu_indices(3)
+    unit = graph.grid.spacing[:, None] * graph.grid.spacing
+    np.testing.assert_allclose(
+        field.tensors[:, 0], (tensors * unit)[:, rows, columns], rtol=1e-5, atol=1e-6 * np.abs(tensors * unit).max()
+    )
+    # What no obstacle stretches is left when the body points' shares are taken away: it is a metric too.
+    rest = np.empty((len(tensors), 3, 3))
+    rest[:, rows, columns] = rest[:, columns, rows] = field.tensors[:, 0] - field.tensors[:, 1:].sum(axis=1)
+    assert np.all(np.linalg.eigvalsh(rest) > 0.0)
+
+
 def test_nodes_and_edges_stay_inside_the_support(reach_skill) -> None:
     graph = reach_skill.graph((30, 30, 30))
     assert graph.sigma.max() <= reach_skill.sigma_limit
