@@ -1,9 +1,9 @@
 """JointSpacePlanner: goal, obstacles and the time -> joint reference and verdict, once per tick. Knows nothing of ROS.
 
 The planner owns the stream: it knows the reference that is being played, and therefore the state of motion in which a
-new one takes over, a moment (`latency`) from now, at one of the old one's knots. A new reference repeats the old one
-until there, and is continuous with it in position, velocity and acceleration; every reference ends at rest. It is
-certified for the whole arm, against obstacles that move on linearly for a while, before it is handed out.
+new one takes over, a moment (`latency`) from now. A new reference repeats the old one until there, and is continuous
+with it in position, velocity and acceleration; every reference ends at rest. It is certified for the whole arm, against
+obstacles that move on linearly for a while, before it is handed out.
 
 While nothing changes the reference stays. Otherwise the search is repeated, and the new way taken where it is a gain.
 Where no way is left that can be certified the arm stops along the way it was going.
@@ -51,6 +51,8 @@ _CLOSE = 0.03
 _PERIOD_CLOSE, _PERIOD_FAR = 0.03, 0.1
 #: Of times [s].
 _ROUNDING = 1e-6
+#: Knots are no nearer to each other [s].
+_SHORTEST_INTERVAL = 1e-3
 #: Ways among obstacles that move are certified with this multiple of the obstacle margin, for nothing moves exactly as
 #: expected; less than that share of it must not be left of what was promised, or of that margin.
 _MOVING_MULTIPLE, _LEFT_OF_PROMISE = 2.0, 0.5
@@ -97,10 +99,8 @@ class _Played:
         return self.begin + self.reference.duration
 
     def switch(self, earliest: float) -> float:
-        """The first knot at or after a time [s]; that time itself where the arm stands by then."""
-        knots = self.begin + self.reference.times
-        at = int(np.searchsorted(knots, earliest))
-        return float(knots[at]) if at < len(knots) else earliest
+        """When another one takes over, at or after a time [s]: no nearer to the knot before than may be."""
+        return earliest if earliest >= self.end else max(earliest, self.knot_before(earliest) + _SHORTEST_INTERVAL)
 
     def knot_before(self, time: float) -> float:
         """The last knot at or before a time [s]; that time itself where the arm stands by then."""

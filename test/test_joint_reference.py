@@ -206,12 +206,26 @@ def test_replanning_an_unchanged_path_at_every_knot_costs_no_time():
     assert max(delays) < 0.1
 
 
-def test_knots_are_a_period_apart():
+def test_knots_are_a_few_periods_apart():
     path = random_path(np.random.default_rng(0))
     for period in (0.01, 0.02):
         reference = timed_joint_reference(path, np.zeros((100, 1)), LIMITS, period=period)
-        np.testing.assert_allclose(np.diff(reference.times), period)
+        periods = np.diff(reference.times) / period
+        np.testing.assert_allclose(periods, np.round(periods), atol=1e-6)
+        assert set(np.round(periods)) <= {1, 2, 3, 4}
         assert_plays_within_limits(reference)
+
+
+def test_knots_are_left_out_where_the_motion_stays_the_same(monkeypatch):
+    for seed in range(6):
+        path = random_path(np.random.default_rng(seed))
+        thin = timed(path)
+        with monkeypatch.context() as patch:
+            patch.setattr("geodesic_motion_ros.joint_reference._THINNINGS", 0)
+            dense = timed(path)
+        assert len(thin.times) < 0.7 * len(dense.times)
+        at = np.linspace(0.0, dense.duration, 3000)
+        np.testing.assert_allclose(thin.samples(at)[0], dense.samples(at)[0], atol=3e-5)
 
 
 def test_without_the_state_of_motion_a_replan_would_jump():
@@ -338,12 +352,16 @@ def test_jerk_may_be_limited_much_harder():
         assert np.all(bridge_to_rest(*reference.sample(0.5), soft).strain(soft) <= 1.0 + 1e-6)
 
 
-@pytest.mark.parametrize(("since", "until"), [(20, 23), (20, 20), (-4, -1), (-3, 5), (3, 6), (4, 4)])
-def test_an_old_reference_is_repeated_up_to_the_knot_where_a_new_one_takes_over(since, until):
-    """Knots from the old one's begin, or (where it is over by then, or soon) from its end."""
+@pytest.mark.parametrize(
+    ("since", "until"),
+    [(20, 23), (20, 20), (20, 22.4), (20, 22.03), (-4, -1), (-4, -1.5), (-3, 5), (3, 6), (4, 4)],
+)
+def test_an_old_reference_is_repeated_until_a_new_one_takes_over(since, until):
+    """Periods from the old one's begin, or (where it is over by then, or soon) from its end; also between knots."""
     old = timed(random_path(np.random.default_rng(0)))
-    last = len(old.times) - 1
-    begin, switch = (PERIOD * (number if number >= 20 else last + number) for number in (since, until))
+    begin, switch = (PERIOD * number if number >= 20 else old.duration + PERIOD * number for number in (since, until))
+    if begin < old.duration:
+        begin = old.times[np.searchsorted(old.times, begin + 1e-9) - 1]
     state = old.sample(switch)
     new = bridge_to_rest(*state, LIMITS) if switch < old.duration else timed(np.linspace(state[0], ROBOT.ready, 50))
     new = replace(new, latent=np.zeros((len(new.times), 2)))
