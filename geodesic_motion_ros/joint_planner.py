@@ -521,7 +521,7 @@ class JointSpacePlanner:
             return JointPlan(None, state.time, ends)
         reshaping = Reshaping.of(
             query.body, avoided.swept(settings.prediction), settings.ambient_strength, settings.ambient_width_ratio,
-            _LARGEST_MULTIPLE * settings.obstacle_margin,
+            _LARGEST_MULTIPLE * settings.obstacle_margin, settings.ambient_law,
         )  # fmt: skip
         start = query.start_latent if state.latent is None else state.latent
         # Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.

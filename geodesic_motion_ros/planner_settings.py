@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.graph.ambient import LAWS, AmbientLaw
 from geodesic_motion_ros.motion_curve import MotionLimits
 
 
@@ -20,6 +21,7 @@ class SearchSettings:
     ----------
     obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
     ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + body radius), of the soft metric.
+    ambient_law : how it grows towards obstacles: gaussian, completed, or hard: not at all (`graph/ambient.py`).
     ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
     cost_cap : ways that cost more than so many times what a demonstration costs without obstacles count as blocked.
     query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.
@@ -30,6 +32,7 @@ class SearchSettings:
     obstacle_margin: float = 0.005
     ambient_strength: float = 1000.0
     ambient_width_ratio: float = 0.5
+    ambient_law: AmbientLaw = "gaussian"
     ridge_strength: float = 1.0
     cost_cap: float = 20.0
     query_conditioning: bool = True
@@ -41,6 +44,8 @@ class SearchSettings:
     may_be_zero: ClassVar[tuple[str, ...]] = ("obstacle_margin", "ambient_strength", "ridge_strength")
 
     def __post_init__(self) -> None:
+        if self.ambient_law not in LAWS:
+            raise PlanningError(f"setting ambient_law is '{self.ambient_law}', must be one of {', '.join(LAWS)}")
         for setting in fields(self):
             value = getattr(self, setting.name)
             # A whole number is a number too; the grid judges its own settings.

@@ -137,7 +137,7 @@ class PoseSolver:
             return ends
         reshaping = Reshaping.of(
             query.body, avoided, settings.ambient_strength, settings.ambient_width_ratio,
-            max(MARGIN_MULTIPLES) * settings.obstacle_margin,
+            max(MARGIN_MULTIPLES) * settings.obstacle_margin, settings.ambient_law,
         )  # fmt: skip
         plan: Plan | None = None
         for multiple in MARGIN_MULTIPLES:

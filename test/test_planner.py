@@ -456,6 +456,7 @@ def test_bad_obstacles_are_refused_as_a_whole_and_named(planner, centres, radii,
         ({"speed": -1}, "speed"),
         ({"obstacle_margin": -1}, "finite and 0 or positive"),
         ({"ambient_strength": np.nan}, "ambient_strength"),
+        ({"ambient_law": "soft"}, "one of gaussian, completed, hard"),
         ({"tool_points": ((0.0, 0.0),)}, "triples"),
     ],
 )

@@ -83,7 +83,9 @@ def mark(problem: SearchProblem, obstacles: Obstacles) -> Reshaping:
     """What the search needs to know of obstacles where they are."""
     settings = problem.settings
     within = 4.0 * settings.obstacle_margin
-    return Reshaping.of(problem.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio, within)
+    return Reshaping.of(
+        problem.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio, within, settings.ambient_law
+    )
 
 
 def search(problem: SearchProblem, reshaping: Reshaping, limited: bool = True, deadline: Deadline = NEVER) -> Answer:
@@ -95,6 +97,16 @@ def search(problem: SearchProblem, reshaping: Reshaping, limited: bool = True, d
         problem.cost_limit if limited else math.inf, deadline,
     )  # fmt: skip
     return Answer(found.nodes, found.cost, found.bound)
+
+
+def search_one_way(problem: SearchProblem, obstacles: Obstacles) -> Answer:
+    """A* from the source, with the obstacle-free field as heuristic and without a limit."""
+    graph, reshaping = problem.graph, mark(problem, obstacles)
+    nodes, _, cost = shortest_path(
+        problem.adjacency, graph.base, graph.fixed, graph.shares, reshaping, problem.settings.obstacle_margin,
+        problem.to_goal, problem.source, problem.target,
+    )  # fmt: skip
+    return Answer(nodes, cost)
 
 
 def search_plainly(problem: SearchProblem, obstacles: Obstacles) -> Answer:

@@ -7,6 +7,15 @@ add. The Gaussian never ends, so it is shifted to reach zero, continuously, at C
 
 Beyond the cut m is exactly 1: an obstacle that leaves also leaves no trace in the weights.
 
+Near an obstacle this hill has a top: a way through it costs much, and no more. The *completed* metric has none,
+
+    m(p) = 1 + zeta sum_o max(0, r^2 / d^2 - r^2 / D^2),   d = |p - o| - r,   D = CUTOFF s - r,
+
+infinite from the surface on. Lengths go with sqrt(m), so that the surface is infinitely far away, as boundaries of a
+complete Riemannian manifold are, and removing the nodes inside is what remains of it on a graph. 1 / d^2 never ends
+either; it is shifted to reach zero, continuously, where the Gaussian does. The *hard* law is m = 1: obstacles only
+remove nodes.
+
 A solid takes its place with its thickness R, the radius of the largest sphere inside it, for the radius, and with its
 signed distance d from the point for |p - o| - R: |p - o| becomes d + R. For a solid that is a sphere it is the same. So
 does all of a point cloud, with the thickness that it was given.
@@ -15,6 +24,7 @@ does all of a point cloud, with the thickness that it was given.
 from __future__ import annotations
 
 import math
+from typing import Literal, get_args
 
 import numba
 import numpy as np
@@ -27,6 +37,9 @@ from geodesic_motion_ros.solids import solid_distance, solid_distances
 CUTOFF = 3.0
 _SHIFT = math.exp(-0.5 * CUTOFF**2)
 
+AmbientLaw = Literal["gaussian", "completed", "hard"]
+LAWS: tuple[AmbientLaw, ...] = get_args(AmbientLaw)
+
 
 @numba.njit(cache=True, nogil=True)
 def gaussian(squared: float, width: float, strength: float) -> float:
@@ -34,6 +47,20 @@ def gaussian(squared: float, width: float, strength: float) -> float:
     if squared >= (CUTOFF * width) ** 2:
         return 0.0
     return strength * (math.exp(-0.5 * squared / (width * width)) - _SHIFT) / (1.0 - _SHIFT)
+
+
+@numba.njit(cache=True, nogil=True)
+def completion(distance: float, radius: float, width: float, strength: float) -> float:
+    """What an obstacle of a radius adds to the completed factor at a distance from its surface; all lengths in [m].
+
+    width : of the Gaussian in its place.
+    """
+    if distance <= 0.0:
+        return math.inf
+    reach = CUTOFF * width - radius
+    if distance >= reach:
+        return 0.0
+    return strength * ((radius / distance) ** 2 - (radius / reach) ** 2)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -46,6 +73,7 @@ def ambient_factor(
     radii: np.ndarray,
     strength: float,
     width_ratio: float,
+    completed: bool = False,
 ) -> float:
     """Ambient factor m >= 1 of a body point (x, y, z) [m].
 
@@ -54,13 +82,17 @@ def ambient_factor(
     point_radius : of the sphere that the point carries [m].
     centres, radii : (o, 3), (o,) obstacles [m]. The Gaussian's width is s = width_ratio (radius + point radius):
         the obstacle grown by the body, as seen by the body's centre.
-    strength : zeta.
+    strength : zeta. completed : by the completed law.
     """
     factor = 1.0
     for o in range(len(radii)):
         width = width_ratio * (radii[o] + point_radius)
         dx, dy, dz = x - centres[o, 0], y - centres[o, 1], z - centres[o, 2]
-        factor += gaussian(dx * dx + dy * dy + dz * dz, width, strength)
+        squared = dx * dx + dy * dy + dz * dz
+        if completed:
+            factor += completion(math.sqrt(squared) - radii[o], radii[o], width, strength)
+        else:
+            factor += gaussian(squared, width, strength)
     return factor
 
 
@@ -73,6 +105,7 @@ def solid_factor(
     solids: np.ndarray,
     strength: float,
     width_ratio: float,
+    completed: bool = False,
 ) -> float:
     """What solids (b, 16), rows as of `solids.py`, add to the ambient factor of a body point (x, y, z) [m].
 
@@ -82,8 +115,11 @@ def solid_factor(
     for b in range(len(solids)):
         thickness = min(solids[b, 3], solids[b, 4], solids[b, 5]) + solids[b, 6]
         width = width_ratio * (thickness + point_radius)
-        away = solid_distance(x, y, z, solids, b) + thickness
-        if away < CUTOFF * width:
+        distance = solid_distance(x, y, z, solids, b)
+        away = distance + thickness
+        if completed:
+            added += completion(distance, thickness, width, strength)
+        elif away < CUTOFF * width:
             added += strength * (math.exp(-0.5 * away * away / (width * width)) - _SHIFT) / (1.0 - _SHIFT)
     return added
 
@@ -98,15 +134,19 @@ def cloud_factor(
     placing: np.ndarray,
     strength: float,
     width_ratio: float,
+    completed: bool = False,
 ) -> float:
     """What a point cloud, the parts of a `DistanceField`, adds to the ambient factor of a body point (x, y, z) [m].
 
-    The rest as in `ambient_factor`. The Gaussian is cut where the field ends, if that is nearer than CUTOFF widths.
+    The rest as in `ambient_factor`. Both laws are cut where the field ends, if that is nearer than CUTOFF widths.
     """
     edge, surface, thickness = placing[12], placing[13], placing[14]
     width = width_ratio * (thickness + point_radius)
     cut = min(CUTOFF * width, REACH - edge - surface + thickness)
-    away = max(0.0, field_distance(x, y, z, squares, placing) + thickness)
+    distance = field_distance(x, y, z, squares, placing)
+    if completed:
+        return completion(distance, thickness, cut / CUTOFF, strength)
+    away = max(0.0, distance + thickness)
     if away >= cut:
         return 0.0
     shift = math.exp(-0.5 * (cut / width) ** 2)

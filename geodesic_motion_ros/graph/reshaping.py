@@ -14,13 +14,15 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.distance_field import field_distance
-from geodesic_motion_ros.graph.ambient import CUTOFF, cloud_factor, gaussian, solid_factor
+from geodesic_motion_ros.graph.ambient import CUTOFF, AmbientLaw, cloud_factor, completion, gaussian, solid_factor
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.solids import bounding_radii, solid_distance, thicknesses
 
 #: Side of a cell of the workspace [m]; larger where there would be more cells along one side than so many.
 _CELL, _MOST_CELLS = 0.06, 64
+#: Factors are at most this: no way is ever the cheapest through it, and what does not move there still costs nothing.
+_LARGEST = 1e12
 
 
 class Reshaping(NamedTuple):
@@ -30,7 +32,7 @@ class Reshaping(NamedTuple):
     ----------
     centres, radii : (o, 3), (o,) [m] the spheres that any node can feel; solids : (b, 16) the solids (`solids.py`);
         squares, placing : of the cloud's `DistanceField`.
-    strength, width_ratio : of the ambient metric, see `ambient.ambient_factor`.
+    strength, width_ratio, completed : of the ambient metric, see `ambient.ambient_factor`; without one strength is 0.
     excess : no body point feels an obstacle whose surface is farther than this [m].
     within : clearances from here on are not told apart [m].
     gaps : distance [m] of the cells (x, y, z) of a grid over the body's box from obstacles, at least; scale : cells per
@@ -50,6 +52,7 @@ class Reshaping(NamedTuple):
     placing: np.ndarray
     strength: float
     width_ratio: float
+    completed: bool
     excess: float
     within: float
     gaps: np.ndarray
@@ -63,7 +66,15 @@ class Reshaping(NamedTuple):
     clearance: np.ndarray
 
     @classmethod
-    def of(cls, body: NodeBody, obstacles: Obstacles, strength: float, width_ratio: float, within: float) -> Reshaping:
+    def of(
+        cls,
+        body: NodeBody,
+        obstacles: Obstacles,
+        strength: float,
+        width_ratio: float,
+        within: float,
+        law: AmbientLaw = "gaussian",
+    ) -> Reshaping:
         """A body among obstacles, which stand where they are."""
         nodes, points = body.points.shape[:2]
         thickest = float(np.max(body.point_radii, initial=0.0))
@@ -91,9 +102,10 @@ class Reshaping(NamedTuple):
         if squares.size:
             _lower_gaps(gaps, body.lower, cell, squares, placing)
         return cls(
-            body, centres, radii, solids, squares, placing, float(strength), float(width_ratio), excess, float(within),
-            gaps, 1.0 / cell, heads, listed, following, np.zeros(nodes, dtype=np.bool_), np.empty((nodes, points)),
-            np.empty(nodes, dtype=np.bool_), np.empty(nodes),
+            body, centres, radii, solids, squares, placing, 0.0 if law == "hard" else float(strength),
+            float(width_ratio), law == "completed", excess, float(within), gaps, 1.0 / cell, heads, listed, following,
+            np.zeros(nodes, dtype=np.bool_), np.empty((nodes, points)), np.empty(nodes, dtype=np.bool_),
+            np.empty(nodes),
         )  # fmt: skip
 
 
@@ -192,6 +204,7 @@ def look(
     placing: np.ndarray,
     strength: float,
     width_ratio: float,
+    completed: bool,
     excess: float,
     within: float,
     gaps: np.ndarray,
@@ -224,12 +237,21 @@ def look(
                     o = listed[entry]
                     dx, dy, dz = x - centres[o, 0], y - centres[o, 1], z - centres[o, 2]
                     width = width_ratio * (radii[o] + point_radii[k])
-                    factors[node, k] += gaussian(dx * dx + dy * dy + dz * dz, width, strength)
+                    squared = dx * dx + dy * dy + dz * dz
+                    if completed:
+                        factors[node, k] += completion(math.sqrt(squared) - radii[o], radii[o], width, strength)
+                    else:
+                        factors[node, k] += gaussian(squared, width, strength)
                     entry = following[entry]
                 if len(solids) > 0:
-                    factors[node, k] += solid_factor(x, y, z, point_radii[k], solids, strength, width_ratio)
+                    factors[node, k] += solid_factor(
+                        x, y, z, point_radii[k], solids, strength, width_ratio, completed
+                    )
                 if squares.size > 0:
-                    factors[node, k] += cloud_factor(x, y, z, point_radii[k], squares, placing, strength, width_ratio)
+                    factors[node, k] += cloud_factor(
+                        x, y, z, point_radii[k], squares, placing, strength, width_ratio, completed
+                    )
+                factors[node, k] = min(factors[node, k], _LARGEST)
                 touched[node] = touched[node] or factors[node, k] > 1.0
         nearest = math.inf
         for g in range(links.shape[1]):
@@ -275,12 +297,12 @@ def look_at(nodes: np.ndarray, reshaping: Reshaping) -> None:
     """Work out what obstacles do to some nodes (k,)."""
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-        centres, radii, solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, heads, listed,
-        following, looked, factors, touched, clearance,
+        centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
+        listed, following, looked, factors, touched, clearance,
     ) = reshaping  # fmt: skip
     for node in nodes:
         look(
             node, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii, solids,
-            squares, placing, strength, width_ratio, excess, within, gaps, scale, heads, listed, following, looked,
-            factors, touched, clearance,
+            squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads, listed,
+            following, looked, factors, touched, clearance,
         )  # fmt: skip

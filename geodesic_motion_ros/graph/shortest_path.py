@@ -66,8 +66,8 @@ def _search(
     if reshaping is not None:
         (
             (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-            centres, radii, solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, heads, listed,
-            following, looked, factors, touched, clearance,
+            centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale,
+            heads, listed, following, looked, factors, touched, clearance,
         ) = reshaping  # fmt: skip
     cost[source] = 0.0
     size = put(keys, items, place, 0, source, heuristic[source])
@@ -87,8 +87,8 @@ def _search(
             if reshaping is not None:
                 look(
                     v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
-                    solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, heads, listed,
-                    following, looked, factors, touched, clearance,
+                    solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
+                    listed, following, looked, factors, touched, clearance,
                 )  # fmt: skip
                 if clearance[v] < margin and v != target:
                     continue
@@ -190,7 +190,7 @@ def _go_on(
     """
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-        centres, radii, solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, heads,
+        centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
         listed, following, looked, factors, touched, clearance,
     ) = reshaping  # fmt: skip
     cost, predecessor, arrival, all_keys, all_items, places, size, begun, spent, written, count, _, _ = memory
@@ -226,8 +226,8 @@ def _go_on(
                 if not looked[v]:
                     look(
                         v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
-                        solids, squares, placing, strength, width_ratio, excess, within, gaps, scale, heads, listed,
-                        following, looked, factors, touched, clearance,
+                        solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
+                        listed, following, looked, factors, touched, clearance,
                     )  # fmt: skip
                 closed = clearance[v] < margin and v != source and v != target
                 if closed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from geodesic_motion_ros.graph.ambient import LAWS
 from geodesic_motion_ros.nodes.parameters import Parameter
 from geodesic_motion_ros.robot.kinematics import PANDA_READY
 
@@ -44,6 +45,12 @@ PLANNER = (
         "",
         0.01,
         10.0,
+    ),
+    Parameter(
+        "ambient_law",
+        "gaussian",
+        "How the metric grows towards obstacles: a gaussian hill, completed: without end, hard: not at all",
+        choices=LAWS,
     ),
     Parameter(
         "cost_cap",

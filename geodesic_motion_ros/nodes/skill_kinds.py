@@ -26,8 +26,8 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict
 
 _SEARCH = (
-    "avoidance", "obstacle_margin", "ambient_strength", "ambient_width_ratio", "cost_cap", "ridge_strength",
-    "query_conditioning",
+    "avoidance", "obstacle_margin", "ambient_strength", "ambient_width_ratio", "ambient_law", "cost_cap",
+    "ridge_strength", "query_conditioning",
 )  # fmt: skip
 _TASK = ("maximum_offset", "maximum_offset_angle", "speed", "angular_speed", "acceleration")
 _JOINT = ("maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "prediction", "body_radius", "refine")

@@ -12,6 +12,7 @@ from geodesic_motion_ros.graph.ambient import (
     ambient_factor,
     clearances,
     cloud_factor,
+    completion,
     obstacle_clearances,
     solid_factor,
 )
@@ -165,3 +166,53 @@ def test_clearance_is_the_smallest_of_all_kinds():
     together = replace(solids, centres=ball, radii=spheres.radii, velocities=np.zeros((1, 3)), cloud=cloud.cloud)
     np.testing.assert_array_equal(obstacle_clearances(where, POINT_RADII, together, 0.05), np.min(each, axis=0))
     assert all(0 < np.count_nonzero(np.isfinite(found)) < len(where) for found in each)
+
+
+def _kinds(strength: float) -> dict:
+    """The completed factor of what is 0.2 m thick around the origin, at places (n, 3), for a body of 5 cm."""
+    slab = solid_rows(np.zeros((1, 3)), np.eye(3)[None], np.array([[0.2, 0.3, 2.0]]), np.zeros(1))
+    return {
+        "sphere": lambda x: ambient_factor(*x, 0.05, np.zeros((1, 3)), np.array([0.2]), strength, 0.5, True),
+        "solid": lambda x: 1.0 + solid_factor(*x, 0.05, slab, strength, 0.5, True),
+    }
+
+
+@pytest.mark.parametrize("kind", ["sphere", "solid"])
+def test_the_completed_factor_falls_from_infinity_at_the_surface_to_one(kind):
+    factor = _kinds(1e3)[kind]
+    away = np.linspace(-0.15, 0.4, 2201)
+    found = np.array([factor((0.2 + d, 0.0, 0.0)) for d in away])
+    assert np.all(np.isinf(found[away <= -1e-9]))
+    outside = away > 1e-9
+    assert np.all(np.isfinite(found[outside]))
+    assert np.all(found[outside] >= 1.0)
+    assert np.all(np.diff(found[outside]) <= 0.0)
+    reach = CUTOFF * 0.5 * 0.25 - 0.2
+    assert np.all(found[away >= reach] == 1.0)
+    near = outside & (away < reach - 1e-9)
+    expected = 1.0 + 1e3 * ((0.2 / away[near]) ** 2 - (0.2 / reach) ** 2)
+    np.testing.assert_allclose(found[near], expected, rtol=1e-6, atol=1e-6)
+
+
+def test_the_completed_surface_is_infinitely_far_away():
+    """The length of the way to it, the integral of sqrt(m), grows by as much with every halving of what is left."""
+
+    def length(first: float, last: float) -> float:
+        at = np.geomspace(last, first, 4001)
+        middles = 0.5 * (at[1:] + at[:-1])
+        return float(sum(np.sqrt([completion(d, 0.2, 0.125, 1e3) for d in middles]) * np.diff(at)))
+
+    halvings = [length(0.02 / 2**i, 0.02 / 2 ** (i + 1)) for i in range(12)]
+    np.testing.assert_allclose(halvings, np.sqrt(1e3) * 0.2 * np.log(2.0), rtol=0.01)
+
+
+def test_the_completed_factor_of_a_cloud_is_continuous_and_falls():
+    field = DistanceField.of(np.zeros((1, 3)), 0.02, 0.02, 0.05)
+    way = np.linspace(0.0, 0.6, 3001)[:, None] * [1.0, 0.0, 0.0]
+    found = np.array([1.0 + cloud_factor(*x, 0.05, *field, 1e3, 0.5, True) for x in way])
+    assert np.isinf(found[0])
+    assert found[-1] == 1.0
+    assert np.all(found >= 1.0)
+    finite = found[np.isfinite(found) & (found < 1e4)]
+    assert np.all(np.diff(finite) <= 1e-9)
+    assert np.max(np.abs(np.diff(np.sqrt(finite)))) < 5.0

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.graph import shortest_path as searches
+from geodesic_motion_ros.graph.ambient import LAWS, AmbientLaw
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
@@ -54,8 +55,8 @@ class Scene:
     def among(self, centres: np.ndarray, radii: np.ndarray) -> Reshaping:
         return self.among_all(Obstacles.of_spheres(centres, radii))
 
-    def among_all(self, obstacles: Obstacles) -> Reshaping:
-        return Reshaping.of(NodeBody.of_tool(self.points, self.radii), obstacles, 1e3, 0.5, 0.1)
+    def among_all(self, obstacles: Obstacles, law: AmbientLaw = "gaussian") -> Reshaping:
+        return Reshaping.of(NodeBody.of_tool(self.points, self.radii), obstacles, 1e3, 0.5, 0.1, law)
 
     def obstacles(self, spheres: int, solids: int, cloud: int) -> Obstacles:
         """So many of each kind on random nodes; the cloud has so many points."""
@@ -134,6 +135,23 @@ def test_the_cost_is_that_of_dijkstra(seed, shape, neighbours):
                     ]
                     assert sum(along) == pytest.approx(cost, rel=1e-12)
             assert costs == pytest.approx([scene.oracle(reshaping, margin, source, target)] * 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(("shape", "neighbours"), SHAPES)
+def test_the_heuristic_is_exact_under_every_law(shape, neighbours, seed, law):
+    scene = Scene(seed, shape, neighbours)
+    obstacles = scene.obstacles(3, 1, 20)
+    source, target = scene.random.choice(len(scene.points), 2, replace=False)
+    # Without the removal of nodes the law alone keeps ways off.
+    for margin in (-np.inf, 0.05):
+        costs = [
+            scene.solve(scene.among_all(obstacles, law), margin, source, target, heuristic)[2]
+            for heuristic in (True, False)
+        ]
+        expected = scene.oracle(scene.among_all(obstacles, law), margin, source, target)
+        assert costs == pytest.approx([expected] * 2, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(10))
