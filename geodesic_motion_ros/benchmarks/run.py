@@ -24,7 +24,7 @@ import numpy as np
 from tqdm import tqdm
 
 from geodesic_motion_ros.benchmarks.bias import BiasFigures, bias_table, skill_bias, synthetic_bias
-from geodesic_motion_ros.benchmarks.engine import SearchProblem, looked_at, mark, search, search_plainly
+from geodesic_motion_ros.benchmarks.engine import SearchProblem, looked_at, mark, search, search_one_way, search_plainly
 from geodesic_motion_ros.benchmarks.hurried import DEADLINE_MS, HurriedTicks
 from geodesic_motion_ros.benchmarks.peers import EdgeWeights, Networkx, Peer, Scipy, installed
 from geodesic_motion_ros.benchmarks.scenes import NAMES, Scene, scenes_of, spheres_on_way
@@ -34,8 +34,8 @@ from geodesic_motion_ros.benchmarks.synthetic import synthetic_problem
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table, write_json
 
-#: Among the peers: our own search without a limit to the cost, and our own Dijkstra.
-_EXACT, _DIJKSTRA = "exact", "dijkstra"
+#: Among the peers: our own search without a limit to the cost, our own A* from one end, and our own Dijkstra.
+_EXACT, _ASTAR, _DIJKSTRA = "exact", "A*", "dijkstra"
 
 Input, Output = TypeVar("Input"), TypeVar("Output")
 
@@ -339,8 +339,10 @@ def _measure_scene(
     shown = np.linspace(0, settings.ticks - 1, settings.peer_ticks).astype(int)
     moments = [scene.at(int(tick)) for tick in shown]
     exact, exact_answers = _repeated(lambda one: search(problem, mark(problem, one), limited=False), moments)
+    one_way, _ = _repeated(lambda one: search_one_way(problem, one), moments)
     plain, _ = _repeated(lambda one: search_plainly(problem, one), moments)
-    figures = {name: PeerFigures(one.wall, one.cpu, one.wall) for name, one in ((_EXACT, exact), (_DIJKSTRA, plain))}
+    own = {_EXACT: exact, _ASTAR: one_way, _DIJKSTRA: plain}
+    figures = {name: PeerFigures(one.wall, one.cpu, one.wall) for name, one in own.items()}
     weighing, lengths = _repeated(weights.under, moments)
     error = 0.0
     for peer in peers:

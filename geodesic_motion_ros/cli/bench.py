@@ -19,10 +19,11 @@ columns  a tick is: mark the obstacles, search, name the way. p50, p99: wall tim
          cost from scipy's Dijkstra on the graph with all edges weighed anew
          with a deadline of 10 ms of processor time: <10ms: share of the ticks within; found: with a way; none: with
          the proof that there is none; open: with neither; gap: by how much of it a way may be dearer than the cheapest
-peers    exact (the same search where no cost is too large), dijkstra (this package's, all nodes worked out before),
-         scipy, igraph, networkit, networkx: how many times the processor time they take for the same tick. Libraries
-         get the edges' weights from the same numpy code; networkx copies its graph for every tick. Those that are not
-         installed are left out: pip install 'geodesic_motion_ros[bench]'
+peers    exact (the same search where no cost is too large), A* (this package's, from one end), dijkstra (the same
+         without a heuristic, all nodes worked out before), scipy, igraph, networkit, networkx: how many times the
+         processor time they take for the same tick. Libraries get the edges' weights from the same numpy code; networkx
+         copies its graph for every tick. Those that are not installed are left out:
+         pip install 'geodesic_motion_ros[bench]'
 
 A loaded machine lengthens wall times; cpu and the ratios hold.
 """

@@ -48,7 +48,7 @@ def test_every_scene_has_its_figures(of_skill: bool, content: dict) -> None:
         assert figures["deadline"]["gap_max"] == (None if refused == 1.0 else 0.0)
         assert figures["expanded_p50"] > 0
         assert figures["ticks"] == TINY.ticks
-        assert set(figures["peers"]) == {"exact", "dijkstra", *(peer.module for peer in installed()[0])}
+        assert set(figures["peers"]) == {"exact", "A*", "dijkstra", *(peer.module for peer in installed()[0])}
         for name, peer in figures["peers"].items():
             assert peer["tick_ms_p50"] >= peer["search_ms_p50"] > 0.0
             assert peer["ratio"] > 0.0
