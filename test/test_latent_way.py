@@ -1,0 +1,46 @@
+"""The cheapest way through a skill's graph when time runs out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.benchmarks.engine import mark
+from geodesic_motion_ros.benchmarks.scenes import spheres_on_way
+from geodesic_motion_ros.benchmarks.stages import SkillBench
+from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.graph import shortest_path
+from geodesic_motion_ros.latent_way import LatentWay, cheapest_way
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.verdict import VerdictCode
+
+PASSED = Deadline(-np.inf)
+
+
+@pytest.fixture(scope="module")
+def bench(reach_skill) -> SkillBench:
+    return SkillBench(reach_skill)
+
+
+def way(bench: SkillBench, obstacles: Obstacles, *deadline: Deadline):
+    reshaping = mark(bench.problem, obstacles)
+    return cheapest_way(bench.planner.graph, bench.query, bench.query.start_latent, reshaping, 0.005, *deadline)
+
+
+def test_out_of_time_before_a_way_is_found_the_verdict_says_so(bench, monkeypatch) -> None:
+    monkeypatch.setattr(shortest_path, "_BATCHES", 1)
+    blocked = spheres_on_way(bench.problem, 1).at(0)
+    whole = way(bench, blocked)
+    assert isinstance(whole, LatentWay)
+    assert whole.gap == 0.0
+    missed = way(bench, blocked, PASSED)
+    assert missed.code is VerdictCode.DEADLINE_MISSED
+    assert "out of time" in missed.reason
+
+
+def test_a_free_way_needs_no_time(bench, monkeypatch) -> None:
+    monkeypatch.setattr(shortest_path, "_BATCHES", 1)
+    found = way(bench, Obstacles.none(), PASSED)
+    assert isinstance(found, LatentWay)
+    assert found.gap == 0.0
+    np.testing.assert_array_equal(found.nodes, way(bench, Obstacles.none()).nodes)
