@@ -34,6 +34,7 @@ crossing   what it costs to change between the clusters of q and -q, and whether
 goals      simulated demonstrations between places that vary: held-out ones predicted from start and goal
 modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
+obstacle-laws  the same scenes of spheres on the arm's way under a gaussian, a completed and a hard ambient metric
 volume     one whole-arm skill learned without and with the volume term of the paper's evidence lower bound
 rate       planner and twin as two processes: ticks a second while the goal stays, while it moves, while a sphere moves;
            with a skill of joint space also the time from an obstacle's message to the trajectory that answers it
@@ -50,6 +51,7 @@ examples:
   geodesic-motion experiment goals --shown 20
   geodesic-motion experiment modes --save two_ways.npz
   geodesic-motion experiment whole-arm --moving-scenes 500 --processes 2
+  geodesic-motion experiment obstacle-laws --scenes 200
   geodesic-motion experiment volume --demos joints.npz
   geodesic-motion experiment rate --skill panda_reach_to_grasp --rates 100,250,500
 """
@@ -121,6 +123,14 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     whole_arm.add_argument("--processes", type=int, default=1, help="that play scenes of moving spheres")
     whole_arm.set_defaults(run=_whole_arm)
 
+    laws = names.add_parser("obstacle-laws", help="three ambient metrics compared", formatter_class=HelpFormatter)
+    laws.add_argument(
+        "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
+    )  # fmt: skip
+    laws.add_argument("--scenes", type=int, default=120, help="of one or two spheres on the way, or near it")
+    laws.add_argument("--seed", type=int, default=0, help="of the scenes")
+    laws.set_defaults(run=_obstacle_laws)
+
     volume = names.add_parser("volume", help="the volume term off and on", formatter_class=HelpFormatter)
     volume.add_argument("--demos", type=Path, required=True, metavar="FILE", help="recorded joints, as `demonstrate`'s")
     volume.add_argument("--robot", default="panda", help="whose joints were recorded")
@@ -136,7 +146,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     rate.add_argument("--obstacles", type=int, default=10, help="spheres beside the way")
     rate.add_argument("--spheres", type=int, default=100, help="that appear in the way, to time answers; 0: none")
     rate.set_defaults(run=_rate)
-    for experiment in (geodesics, avoidance, crossing, goals, modes, whole_arm, volume, rate):
+    for experiment in (geodesics, avoidance, crossing, goals, modes, whole_arm, laws, volume, rate):
         experiment.add_argument(
             "--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results"
         )
@@ -230,6 +240,17 @@ def _whole_arm(arguments: argparse.Namespace) -> None:
     folder = _folder(arguments)
     report = measure_whole_arm(skill, settings)
     draw_whole_arm(report, folder)
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _obstacle_laws(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.obstacle_laws import compare_laws, draw_laws
+    from geodesic_motion_ros.skill import Skill
+
+    skill = Skill.load(arguments.skill)
+    folder = _folder(arguments)
+    report = compare_laws(skill, arguments.scenes, arguments.seed)
+    draw_laws(report, folder / "obstacle_laws.png")
     _hand_over(arguments, folder, report.table(), report.as_dict())
 
 
