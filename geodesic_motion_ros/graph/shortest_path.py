@@ -234,7 +234,8 @@ def _go_on(
                     through = -math.inf
                 elif touched[u] or touched[v]:
                     through = at_u + edge_weight(fixed, shares, factors, edge, u, v)
-                if through >= before or through + left >= best:
+                # Where an obstacle is infinitely strong and a body point does not move there is no number to compare.
+                if not (through < before and through + left < best):
                     continue
                 if before == math.inf and cost[other, v] == math.inf:
                     written[count[0]] = v
@@ -352,9 +353,11 @@ class ShortestPath(NamedTuple):
     def gap(self) -> float:
         """How much more than the cheapest path this one costs at most, over that path's cost: cost <= (1 + gap) best.
 
-        0 where the search came to its end, and where a path without a length was found.
+        0 where the search came to its end.
         """
-        return self.cost / self.bound - 1.0 if self.cost > self.bound else 0.0
+        if self.cost <= self.bound:
+            return 0.0
+        return self.cost / self.bound - 1.0 if self.bound > 0.0 else math.inf
 
 
 def shortest_path_from_both_ends(
@@ -389,7 +392,7 @@ def shortest_path_from_both_ends(
     with lent_memory(adjacency) as memory:
         best, count = _field_way(*graph, to_target, source, target, memory.nodes, memory.edges)
         found = best < cap
-        best, meeting, bound = min(best, cap), -1, to_target[source]
+        best, meeting, bound = best if found else cap, -1, to_target[source]
         _begin(to_target, from_landmark, source, target, memory)
         batches = _UNLIMITED if deadline.at == math.inf else _BATCHES
         while bound < best:
