@@ -26,7 +26,7 @@ from geodesic_motion_ros.graph.search_memory import SearchMemory, lent_memory
 #: Nodes that one side takes before both are compared again.
 _BATCH = 64
 #: So many batches are about half a millisecond: then the time is looked at, where there is a deadline.
-_BATCHES, _UNLIMITED = 8, 1 << 62
+_BATCHES, _UNLIMITED = 4, 1 << 62
 
 
 @numba.njit(cache=True, nogil=True)
