@@ -24,7 +24,7 @@ from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference, timed_joint_reference
-from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
+from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, load_search, way_verdict
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.query import checked_pose
@@ -190,6 +190,8 @@ class JointSpacePlanner:
             self.tick(time)
         self.set_goal(self.skill.goal_pose[:3], self.skill.goal_pose[3:])
         self.tick(0.3)
+        if self._query is not None:
+            load_search(self.graph, self._query, self.settings)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
         self._obstacles = Obstacles.none()
         self._goal = self._query = self._played = self._played_before = self._followed = None

@@ -11,9 +11,16 @@ import numpy as np
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
+from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
-from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path_from_both_ends
+from geodesic_motion_ros.graph.shortest_path import (
+    cost_field,
+    load_search_from_both_ends,
+    shortest_path_from_both_ends,
+)
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner_settings import SearchSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -27,6 +34,7 @@ class WayQuery(Protocol):
     """What the search needs of a `query.Query` or a `joint_query.JointQuery`."""
 
     graph: WeightedGraph
+    body: NodeBody
     to_goal: np.ndarray
     from_start: np.ndarray
     cost_limit: float
@@ -54,6 +62,18 @@ def shown_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float
     assert start is not None
     assert goal is not None
     return float(cost_field(graph.adjacency, base, goal)[start])
+
+
+def load_search(graph: LatentGraph, query: WayQuery, settings: SearchSettings) -> None:
+    """Load the compiled kernels of `cheapest_way`, whatever obstacles there will be."""
+    reshaping = Reshaping.of(
+        query.body, Obstacles.none(), settings.ambient_strength, settings.ambient_width_ratio,
+        settings.obstacle_margin, settings.ambient_law,
+    )  # fmt: skip
+    load_search_from_both_ends(
+        graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, reshaping, query.to_goal,
+        query.from_start, query.goal_node,
+    )  # fmt: skip
 
 
 def cheapest_way(

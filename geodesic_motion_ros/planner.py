@@ -16,6 +16,7 @@ import numpy as np
 
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
+from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import PlannerSettings
@@ -105,6 +106,8 @@ class ReactivePlanner:
             if plan.reference is not None:
                 follower.accept(plan.reference)
             follower.advance(0.1)
+        if self._query is not None:
+            load_search(self.graph, self._query, self.settings)
         self.stop(follower.position, follower.quaternion, follower.speed)
         self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
         self._goal = self._query = self._followed = None

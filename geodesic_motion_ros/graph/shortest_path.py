@@ -408,6 +408,29 @@ def shortest_path_from_both_ends(
         return ShortestPath(memory.nodes[: count + 1].copy(), memory.edges[:count].copy(), best, bound)
 
 
+def load_search_from_both_ends(
+    adjacency: Adjacency,
+    base: np.ndarray,
+    fixed: np.ndarray,
+    shares: np.ndarray,
+    reshaping: Reshaping,
+    to_target: np.ndarray,
+    from_landmark: np.ndarray,
+    node: int,
+) -> None:
+    """Load the kernels of `shortest_path_from_both_ends`, or compile them: from a node to itself.
+
+    A real search needs most of them only where obstacles make the free path dearer.
+    """
+    graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, -math.inf
+    look_at(np.array([node]), reshaping)
+    with lent_memory(adjacency) as memory:
+        best, _ = _field_way(*graph, to_target, node, node, memory.nodes, memory.edges)
+        _begin(to_target, from_landmark, node, node, memory)
+        _go_on(*graph, to_target, from_landmark, node, node, best, -1, _BATCHES, memory)
+        _trace(node, node, node, memory)
+
+
 def _traced(predecessor: np.ndarray, arrival: np.ndarray, node: int, end: int) -> tuple[list[int], list[int]]:
     """The nodes from one back to an end, and the edges between them."""
     nodes, edges = [node], []

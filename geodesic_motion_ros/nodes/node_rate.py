@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.arm_queries import body_spheres
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.nodes.planner_stream import PlannerStream, Spheres
 from geodesic_motion_ros.planner import ReactivePlanner
@@ -62,8 +61,9 @@ class _Way:
             arm = JointSpacePlanner(skill)
             motion = arm.plan(*ends).reference
             assert motion is not None
-            balls = body_spheres(arm, motion.positions)
-            radii = np.tile(arm.collision.radii[arm.collision.moving], len(balls))
+            moving = arm.collision.moving
+            balls = arm.collision.positions(arm.robot, motion.positions)[:, moving]
+            radii = np.tile(arm.collision.radii[moving], len(balls))
             return cls(end_effector_poses(motion.positions, arm.robot.chain)[0], balls.reshape(-1, 3), radii)
         path = ReactivePlanner(skill).plan(*ends).reference
         assert path is not None

@@ -1,0 +1,98 @@
+"""No kernel is loaded, or compiled for seconds, while an arm moves: a planner that stands has them all.
+
+Each planner runs in a process of its own, where nothing else has loaded kernels.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+COMMON = """
+import sys, time
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.skill import Skill
+
+def loaded():
+    modules = [module for name, module in sys.modules.items() if name.startswith("geodesic_motion_ros")]
+    kernels = {kernel for module in modules for kernel in vars(module).values() if isinstance(kernel, Dispatcher)}
+    return {(kernel.py_func.__name__, str(signature)) for kernel in kernels for signature in kernel.signatures}
+
+def scenes(places):
+    '''Obstacles of each kind that go along places (n, 3), spheres alone, ten of them, then none.'''
+    for number, place in enumerate(places):
+        time = 0.1 * number
+        yield time, Obstacles.one_of_each(place, np.array([0.05, 0.0, 0.0]), time)
+        around = place + 0.08 * np.random.default_rng(number).normal(size=(10, 3))
+        for centres in (around[:1], around):
+            still = np.zeros_like(centres)
+            yield time + 0.03 * len(centres) / 10, Obstacles.of_spheres(centres, np.full(len(centres), 0.04), still, time)
+        yield time + 0.06, Obstacles.none()
+
+def deadlines():
+    while True:
+        yield Deadline()
+        yield Deadline(time.monotonic() + 0.005)
+        yield Deadline(time.monotonic() - 1.0)
+"""
+
+JOINT = """
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+skill = Skill.load("panda_reach_to_grasp")
+planner = JointSpacePlanner(skill)
+before = loaded()
+means = [skill.canonical.configurations[skill.canonical.modes == mode].mean(axis=0) for mode in (0, 1)]
+codes = set()
+for way in means:
+    planner.stand_at(way[0], 0.0)
+    planner.set_goal_configuration(way[-1])
+    places = end_effector_poses(way[::12].copy(), planner.robot.chain)[0]
+    for (time_of, obstacles), deadline in zip(scenes(places), deadlines()):
+        planner.take_obstacles(obstacles)
+        codes.add(planner.tick(time_of, deadline).verdict.code.name)
+    planner.set_goal(skill.goal_pose[:3] + 0.01, skill.goal_pose[3:])
+    planner.tick(time_of + 0.1)
+    planner.stop(time_of + 0.2, Verdict(VerdictCode.NO_GOAL))
+planner.plan(skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:])
+print(len(before) > 40, sorted(codes), sorted(loaded() - before))
+"""
+
+TASK = """
+from geodesic_motion_ros.planner import ReactivePlanner
+
+skill = Skill.load("panda_pouring")
+planner = ReactivePlanner(skill)
+before = loaded()
+position, quaternion = skill.start_pose[:3], skill.start_pose[3:]
+goal = skill.goal_pose
+planner.set_goal(goal[:3], goal[3:])
+ends = position, quaternion, goal[:3], goal[3:]
+way = planner.plan(*ends).reference.positions
+codes = set()
+for (_, obstacles), deadline in zip(scenes(way[:: len(way) // 12]), deadlines()):
+    planner.take_obstacles(obstacles)
+    codes.add(planner.tick(position, quaternion, 0.05, deadline).verdict.code.name)
+planner.stop(position, quaternion, 0.05)
+planner.plan(*ends)
+print(len(before) > 40, sorted(codes), sorted(loaded() - before))
+"""
+
+
+@pytest.mark.parametrize("script", [JOINT, TASK], ids=["joint space", "task space"])
+def test_a_planner_that_stands_has_loaded_every_kernel_of_its_ticks(script: str) -> None:
+    done = subprocess.run([sys.executable, "-c", COMMON + script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    many, rest = done.stdout.strip().split(" ", 1)
+    assert many == "True"
+    # The scenes are not all free, nor all blocked.
+    assert "'OK'" in rest
+    assert "'NO_FEASIBLE_PATH'" in rest
+    assert rest.endswith(" []"), rest
