@@ -13,6 +13,9 @@ workers := --numprocesses=auto --maxprocesses=2 --dist=loadfile --no-loadscope-r
 
 python := .venv/bin/python
 ready := .venv/.ready
+# numba compiles a kernel anew when its own file changes, not when that of a kernel it calls does.
+kernels := .venv/.kernels
+sources := $(shell grep -rl numba geodesic_motion_ros --include='*.py')
 
 # .venv is a world of its own: another virtual environment, a sourced ROS installation and what ROS's wheels put
 # into the environment of their interpreter must not reach into it.
@@ -29,10 +32,10 @@ help: ## this list
 	@echo "  make test ARGS='-n 0'       one at a time, as --pdb needs it"
 	@echo "  make PYTHON=python3.10 ...  the Python of a new .venv (3.10, 3.11 or 3.12)"
 
-demo: $(ready) ## a Panda takes its elbow out of a moving obstacle's way: two minutes, headless; pictures in out/demo
+demo: $(kernels) ## a Panda takes its elbow out of a moving obstacle's way: two minutes, headless; pictures in out/demo
 	@MPLBACKEND=Agg $(python) -m geodesic_motion_ros demo $(ARGS) < /dev/null
 
-test: lint ## ruff, then the tests, two at a time where there are two cores
+test: lint $(kernels) ## ruff, then the tests, two at a time where there are two cores
 	@ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLBACKEND=Agg \
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
 	$(python) -m pytest $(workers) --durations=10 $(ARGS) < /dev/null
@@ -51,3 +54,7 @@ distclean: clean ## clean, and .venv too
 
 $(ready): requirements.txt setup.py
 	@.ci/setup $(PYTHON) < /dev/null
+
+$(kernels): $(ready) $(sources)
+	@find geodesic_motion_ros -name '*.nb[ic]' -delete
+	@touch $@

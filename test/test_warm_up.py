@@ -30,8 +30,8 @@ def scenes(places):
         yield time, Obstacles.one_of_each(place, np.array([0.05, 0.0, 0.0]), time)
         around = place + 0.08 * np.random.default_rng(number).normal(size=(10, 3))
         for centres in (around[:1], around):
-            still = np.zeros_like(centres)
-            yield time + 0.03 * len(centres) / 10, Obstacles.of_spheres(centres, np.full(len(centres), 0.04), still, time)
+            radii, still = np.full(len(centres), 0.04), np.zeros_like(centres)
+            yield time + 0.003 * len(centres), Obstacles.of_spheres(centres, radii, still, time)
         yield time + 0.06, Obstacles.none()
 
 def deadlines():
