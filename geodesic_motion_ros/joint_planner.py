@@ -12,6 +12,7 @@ Where no way is left that can be certified the arm stops along the way it was go
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,13 +35,23 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-#: What is tried until a curve is certified: multiples of the obstacle margin, and smoothing widths in grid steps, of
-#: the latent path and of the configurations decoded from it. Keeping further off helps more often than cutting less.
-_ATTEMPTS = ((1.0, 2.0), (4.0, 2.0), (4.0, 1.0))
-_LARGEST_MULTIPLE = max(multiple for multiple, _ in _ATTEMPTS)
-#: Refined ways have no corners of the grid: they are smoothed by this width alone.
-_REFINED_WIDTH = 1.0
-Attempts = tuple[tuple[float, float], ...]
+
+class _Attempt(NamedTuple):
+    """A multiple of the obstacle margin, whether the way is refined, and the width [grid steps] by which the latent path
+    and the configurations decoded from it are smoothed: refined ways have no corners of the grid.
+    """
+
+    multiple: float
+    refine: bool
+    width: float
+
+
+#: What is tried until a curve is certified. Keeping further off helps more often than cutting less.
+_ATTEMPTS = (
+    _Attempt(1.0, True, 1.0), _Attempt(1.0, False, 2.0), _Attempt(4.0, True, 1.0), _Attempt(4.0, False, 2.0),
+    _Attempt(4.0, False, 1.0),
+)  # fmt: skip
+_LARGEST_MULTIPLE = max(attempt.multiple for attempt in _ATTEMPTS)
 #: Samples of the curve per grid step.
 _SAMPLES_PER_STEP = 1.0
 #: A new way must take so much less time than the one being followed.
@@ -48,7 +59,7 @@ _WORTHWHILE = 1.05
 #: Obstacles nearer than this to the way being followed make every bit of clearance a gain [m].
 _CLOSE = 0.03
 #: While a way is free, better ones are looked for so often [s]: with obstacles near it, and without.
-_PERIOD_CLOSE, _PERIOD_FAR = 0.03, 0.1
+_PERIOD_CLOSE, _PERIOD_FAR = 0.05, 0.1
 #: Of times [s].
 _ROUNDING = 1e-6
 #: Knots are no nearer to each other [s].
@@ -174,6 +185,7 @@ class JointSpacePlanner:
         self._followed: _Followed | None = None
         # The query for which there was no way the last time, and the attempt that was made then.
         self._without_way: JointQuery | None = None
+        self._attempts = tuple(attempt for attempt in _ATTEMPTS if self.settings.refine or not attempt.refine)
         self._attempted = 0
         self._warm_up()
 
@@ -405,7 +417,7 @@ class JointSpacePlanner:
             return JointPlan(None, 0.0, query)
         still = np.zeros_like(start)
         state = _State(self._obstacles.time, start, still, still, query.start_latent)
-        return self._solve(query, state, self._obstacles)
+        return self._solve(query, state, self._obstacles, self._attempts)
 
     def _state_at_switch(self, played: _Played, followed: _Followed | None, now: float) -> _State:
         time = played.switch(now + self.settings.latency)
@@ -440,15 +452,15 @@ class JointSpacePlanner:
             return None
         return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
 
-    def _worthwhile_attempts(self, followed: _Followed | None) -> Attempts:
+    def _worthwhile_attempts(self, followed: _Followed | None) -> tuple[_Attempt, ...]:
         """All where a way has just been lost, or not been looked for yet. One where it is free, or there was none the
         last time: then another one in every tick."""
         if followed is not None:
-            return _ATTEMPTS[:1]
+            return self._attempts[:1]
         if self._query is not self._without_way:
-            return _ATTEMPTS
-        self._attempted = (self._attempted + 1) % len(_ATTEMPTS)
-        return _ATTEMPTS[self._attempted :][:1]
+            return self._attempts
+        self._attempted = (self._attempted + 1) % len(self._attempts)
+        return self._attempts[self._attempted :][:1]
 
     def _gains(self, plan: JointPlan, followed: _Followed, state: _State) -> bool:
         """Whether a new plan is safer than what is being played from a state on, or takes clearly less time."""
@@ -512,10 +524,10 @@ class JointSpacePlanner:
         query: JointQuery,
         state: _State,
         obstacles: Obstacles,
-        attempts: Attempts = _ATTEMPTS,
+        attempts: tuple[_Attempt, ...],
         deadline: Deadline = NEVER,
     ) -> JointPlan:
-        """Search, smooth, decode, time and certify until an attempt is certified, or the deadline has passed."""
+        """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed."""
         settings = self.settings
         avoided = obstacles if settings.avoidance else Obstacles.none()
         ends = self._end_clearance(query, state, avoided)
@@ -530,8 +542,8 @@ class JointSpacePlanner:
         margin = 0.0 if obstacles.stand else min(_MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         ways: dict[float, LatentWay | Verdict] = {}
-        tried: set[tuple[bytes, float]] = set()
-        for number, (multiple, width) in enumerate(attempts):
+        tried: set[tuple[bytes, bool, float]] = set()
+        for number, (multiple, refine, width) in enumerate(attempts):
             if number > 0 and deadline.passed:
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
                 return JointPlan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
@@ -541,11 +553,13 @@ class JointSpacePlanner:
             way = ways[kept_off]
             if isinstance(way, Verdict):
                 return JointPlan(None, state.time, verdict if verdict.reason else way)
-            this = way.nodes.tobytes(), width
+            this = way.nodes.tobytes(), refine, width
             if this in tried:
                 continue
             tried.add(this)
-            plan = self._refined_and_certified(query, state, way, reshaping, kept_off, obstacles, margin, width)
+            if refine:
+                way = replace(way, polyline=refined(query.field, reshaping, kept_off, way.polyline))
+            plan = self._certified(query, state, way, obstacles, margin, width)
             if plan.reference is not None:
                 return plan
             verdict = plan.verdict
@@ -569,25 +583,6 @@ class JointSpacePlanner:
                 return Verdict(code, reason, clearance=clearance, **query.misfits)
             nearest.append(clearance)
         return min(nearest)
-
-    def _refined_and_certified(
-        self,
-        query: JointQuery,
-        state: _State,
-        way: LatentWay,
-        reshaping: Reshaping,
-        kept_off: float,
-        obstacles: Obstacles,
-        margin: float,
-        width: float,
-    ) -> JointPlan:
-        """`_certified` for the way refined to a continuous one, and where that is refused for the way itself."""
-        if self.settings.refine:
-            curve = refined(query.field, reshaping, kept_off, way.polyline)
-            plan = self._certified(query, state, replace(way, polyline=curve), obstacles, margin, _REFINED_WIDTH)
-            if plan.reference is not None:
-                return plan
-        return self._certified(query, state, way, obstacles, margin, width)
 
     def _certified(
         self,

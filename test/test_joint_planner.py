@@ -199,7 +199,7 @@ def test_a_refined_way_is_shorter_and_one_that_is_refused_gives_way_to_the_graph
 def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start, goal, monkeypatch) -> None:
     """Only the last attempt is let through: with time it is made at once, without it in a later tick."""
     planner, certified = stream.planner, stream.planner._certified
-    monkeypatch.setattr(planner, "settings", replace(planner.settings, refine=False))
+    monkeypatch.setattr(planner, "_attempts", tuple(attempt for attempt in planner._attempts if not attempt.refine))
 
     def picky(query, state, way, obstacles, margin, width):
         plan = certified(query, state, way, obstacles, margin, width)
