@@ -37,8 +37,8 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
 class _Attempt(NamedTuple):
-    """A multiple of the obstacle margin, whether the way is refined, and the width [grid steps] by which the latent path
-    and the configurations decoded from it are smoothed: refined ways have no corners of the grid.
+    """A multiple of the obstacle margin, whether the way is refined, and the width in grid steps of the smoothing,
+    first in the latent space, then decoded: refined ways have no corners of the grid.
     """
 
     multiple: float
