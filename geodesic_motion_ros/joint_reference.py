@@ -19,10 +19,8 @@ from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_time_law import SmoothLaw, braking_rates, fastest_rates
 from geodesic_motion_ros.quintic import quintic_bounds, quintic_samples
 
-#: Time between knots [s], before those are left out again that the quintic over them misses by no more than this [rad].
-PERIOD, _THINNING = 0.02, 1e-5
-#: How often every other knot is tried to be left out.
-_THINNINGS = 2
+#: Time between knots [s].
+PERIOD = 0.02
 #: Half of the triangle of time over which laws are averaged [s]; more where jerk is limited harder than a Panda's.
 _SMOOTHING = 0.034
 #: The same for stops, tried one after the other: the sooner they begin the better, but one that begins while the arm
@@ -157,7 +155,7 @@ def timed_joint_reference(
     ----------
     path : (m, eta) joint positions [rad]; the first one is what is commanded now. latent : (m, d) their latent points.
     start_velocity, start_acceleration : (eta,) [rad/s], [rad/s^2] commanded now; at rest by default.
-    period : shortest time between knots [s].
+    period : time between knots [s].
 
     Returns
     -------
@@ -179,7 +177,7 @@ def timed_joint_reference(
         law, begin = _planned_law(curve, limits, slow, velocity, acceleration)
         attempt = _played(curve, law, begin, limits, state, period)
         if attempt.keeps(limits):
-            return _thinned(attempt, limits)
+            return attempt
         strain = attempt.strain(limits)
         if np.all(strain <= 1.0):
             # Only positions are outside, and slower ones would be too.
@@ -421,27 +419,6 @@ def _played(
     motion = curve.motion(passed) + quintic_samples(np.array([0.0, length]), *fading, times)
     motion[:, 0] = state
     return _ending_at_rest(times, *motion, _interpolated(passed[0], curve.knots, curve.latent))
-
-
-def _thinned(reference: JointReference, limits: JointLimits) -> JointReference:
-    """The motion with fewer knots, where that is the same but for roundings and keeps the limits: a shorter message."""
-    for _ in range(_THINNINGS):
-        odd = np.arange(1, len(reference.times) - 1, 2)
-        without = _without_knots(reference, odd)
-        missed = np.abs(without.samples(reference.times[odd])[0] - reference.positions[odd])
-        thinner = _without_knots(reference, odd[np.max(missed, axis=1) <= _THINNING])
-        if not thinner.keeps(limits):
-            break
-        reference = thinner
-    return reference
-
-
-def _without_knots(reference: JointReference, left_out: np.ndarray) -> JointReference:
-    fields = (reference.times, reference.positions, reference.velocities, reference.accelerations, reference.latent)
-    return JointReference(
-        *(np.delete(values, left_out, axis=0) for values in fields),
-        np.full(len(reference.times) - len(left_out) - 1, np.inf),
-    )
 
 
 def _correction_length(mismatch: np.ndarray, limits: JointLimits) -> float:
