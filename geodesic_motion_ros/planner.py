@@ -69,11 +69,26 @@ class _Followed:
     scene: Scene
 
 
+@dataclass(frozen=True)
+class PreparedGoal:
+    """A goal that is not refused, as it was given, and the graph carried to it in a task frame.
+
+    No query where it was not known where the stream is, or no way begins there.
+    """
+
+    pose: Pose
+    in_task_frame: bool
+    verdict: Verdict
+    frame: TaskFrame
+    query: Query | None
+
+
 class ReactivePlanner:
     """Plans on one skill: set a goal, set obstacles, tick.
 
-    `tick` serves one stream of poses; it, `stop`, and what sets or clears the goal are called by one thread. `plan`
-    answers on its own, from any thread. Obstacles are replaced as a whole, so every step sees one consistent set.
+    `tick` serves one stream of poses; it, `stop`, and what sets, takes or clears the goal are called by one thread.
+    `plan` and `prepared_goal` answer on their own, from any thread. Obstacles are replaced as a whole, so every step
+    sees one consistent set.
     """
 
     def __init__(self, skill: Skill, settings: PlannerSettings | None = None) -> None:
@@ -115,18 +130,49 @@ class ReactivePlanner:
     # ---------------------------------------------------------------- inputs
 
     def set_goal(self, position: np.ndarray, quaternion: np.ndarray, in_task_frame: bool = False) -> Verdict:
-        """Ask for a goal pose, (3,) [m] and (4,) in the base frame, or in the task frame, with which it then moves.
+        """Ask for a goal pose, (3,) [m] and (4,): `take_goal` what was prepared."""
+        return self.take_goal(self.prepared_goal(position, quaternion, in_task_frame))
 
-        The verdict is BAD_INPUT or GOAL_OUT_OF_SUPPORT where the goal is refused; then the old goal stays.
+    def prepared_goal(
+        self,
+        position: np.ndarray,
+        quaternion: np.ndarray,
+        in_task_frame: bool = False,
+        present: tuple[np.ndarray, np.ndarray, float] | None = None,
+    ) -> PreparedGoal | Verdict:
+        """All that takes time of asking for a goal pose: any thread may do it while another one ticks.
+
+        BAD_INPUT or GOAL_OUT_OF_SUPPORT where the goal is refused.
+
+        Parameters
+        ----------
+        position, quaternion : (3,) [m] and (4,) in the base frame, or in the task frame, with which it then moves.
+        present : commanded tool pose, (3,) [m] and (4,), and its speed [m/s]: from there the graph is carried. None:
+            the first tick does that, and takes longer.
         """
         pose, reason = checked_pose("goal", position, quaternion)
         if pose is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
+        # Whoever ticks may replace it meanwhile.
         frame = self._scene.frame
-        verdict = self._goal_verdict(pose if in_task_frame else _to_task(frame, pose), frame)
-        if verdict.ok:
-            self._goal, self._query = (pose, in_task_frame), None
-        return verdict
+        goal = pose if in_task_frame else _to_task(frame, pose)
+        verdict = self._goal_verdict(goal, frame)
+        if not verdict.ok:
+            return verdict
+        query = None
+        if present is not None:
+            query = self._next_query(_to_task(frame, Pose(*present[:2])), goal, present[2])
+        return PreparedGoal(pose, in_task_frame, verdict, frame, query if isinstance(query, Query) else None)
+
+    def take_goal(self, prepared: PreparedGoal | Verdict) -> Verdict:
+        """Make a prepared goal the one that ticks plan to. Where it was refused the old goal stays, and the refusal is
+        returned.
+        """
+        if isinstance(prepared, Verdict):
+            return prepared
+        self._goal = prepared.pose, prepared.in_task_frame
+        self._query = prepared.query if prepared.frame is self._scene.frame else None
+        return prepared.verdict
 
     def set_task_frame(self, position: np.ndarray, quaternion: np.ndarray) -> Verdict:
         """Say where the frame that the skill was shown in stands now: (3,) [m] and (4,) in the base frame.
@@ -342,9 +388,11 @@ class ReactivePlanner:
 
     def _next_query(self, start: Pose, goal: Pose, speed: float) -> Query | Verdict:
         """In motion from where the stream is on its reference, so that it goes on smoothly; anew at rest."""
-        if self._followed is not None and speed > 0.0:
-            latent = self._latent_on(self._followed.reference, start)
-            redirected = None if latent is None else self._queries.redirected(self._followed.query, start, latent, goal)
+        # Whoever ticks may replace it meanwhile.
+        followed = self._followed
+        if followed is not None and speed > 0.0:
+            latent = self._latent_on(followed.reference, start)
+            redirected = None if latent is None else self._queries.redirected(followed.query, start, latent, goal)
             if redirected is not None:
                 return redirected
         return self._queries.build(start, goal)

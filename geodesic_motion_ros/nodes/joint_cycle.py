@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from functools import partial
 
 import numpy as np
@@ -19,14 +19,13 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 REST_ANGLE = 0.01
 
 
-class JointCycle(StreamCycle[np.ndarray]):
+class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     """The stream of joint trajectories of one arm.
 
     Parameters
     ----------
-    state_timeout, resume_timeout, clock : as of `StreamCycle`.
+    state_timeout, resume_timeout, clock, background : as of `StreamCycle`.
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
-    background : prepares goals while cycles go on; None: a cycle does it, and takes longer.
     """
 
     def __init__(
@@ -38,11 +37,9 @@ class JointCycle(StreamCycle[np.ndarray]):
         clock: Callable[[], float] = time.monotonic,
         background: Executor | None = None,
     ) -> None:
-        super().__init__("joint_trajectory", state_timeout, resume_timeout, clock)
+        super().__init__("joint_trajectory", state_timeout, resume_timeout, clock, background)
         self.planner = planner
         self.tracking_tolerance = tracking_tolerance
-        self._background = background
-        self._asked_for: Future[PreparedGoal | Verdict] | None = None
         self._now = 0.0
         self._stood = False
         self._standing: JointPlan | None = None
@@ -82,23 +79,15 @@ class JointCycle(StreamCycle[np.ndarray]):
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
         )
 
-    def _set_goal(self, inputs: CycleInputs[np.ndarray]) -> Verdict | None:
-        planner, goal = self.planner, inputs.goal
-        by_joints = isinstance(goal, np.ndarray)
-        prepare = partial(planner.prepared_configuration, goal) if by_joints else partial(planner.prepared_goal, *goal)
-        if self._background is None:
-            return planner.take_goal(prepare())
-        self._asked_for = self._background.submit(prepare)
-        return None
+    def _preparation(self, inputs: CycleInputs[np.ndarray]) -> Callable[[], PreparedGoal | Verdict]:
+        if isinstance(inputs.goal, np.ndarray):
+            return partial(self.planner.prepared_configuration, inputs.goal)
+        return partial(self.planner.prepared_goal, *inputs.goal)
 
-    def _settled_goal(self) -> Verdict | None:
-        if self._asked_for is None or not self._asked_for.done():
-            return None
-        prepared, self._asked_for = self._asked_for.result(), None
+    def _take_prepared(self, prepared: PreparedGoal | Verdict) -> Verdict:
         return self.planner.take_goal(prepared)
 
     def _clear_goal(self) -> None:
-        self._asked_for = None
         self.planner.clear_goal()
 
     def _set_obstacles(self, inputs: CycleInputs[np.ndarray]) -> Verdict:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import Executor
+from functools import partial
 
 import numpy as np
 
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planner import PreparedGoal, ReactivePlanner
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.reference import ReferenceFollower, TaskSpaceReference
 from geodesic_motion_ros.verdict import Verdict
@@ -18,12 +20,12 @@ from geodesic_motion_ros.verdict import Verdict
 REST_DISTANCE, REST_ANGLE = 0.005, 0.02
 
 
-class PlanningCycle(StreamCycle[Pose]):
+class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
     """The stream of commanded poses of one arm.
 
     Parameters
     ----------
-    state_timeout, resume_timeout, clock : as of `StreamCycle`.
+    state_timeout, resume_timeout, clock, background : as of `StreamCycle`.
     tracking_tolerance, tracking_tolerance_angle : [m], [rad] largest distance between measured and
         commanded pose.
     """
@@ -36,8 +38,9 @@ class PlanningCycle(StreamCycle[Pose]):
         tracking_tolerance: float,
         tracking_tolerance_angle: float,
         clock: Callable[[], float] = time.monotonic,
+        background: Executor | None = None,
     ) -> None:
-        super().__init__("target_pose", state_timeout, resume_timeout, clock)
+        super().__init__("target_pose", state_timeout, resume_timeout, clock, background)
         self.planner = planner
         self.follower = ReferenceFollower(planner.settings.speed)
         self.tracking_tolerance = tracking_tolerance
@@ -69,10 +72,19 @@ class PlanningCycle(StreamCycle[Pose]):
             time_to_goal=math.nan if to_goal is None else to_goal.duration, speed=self.follower.speed,
         )  # fmt: skip
 
-    def _set_goal(self, inputs: CycleInputs[Pose]) -> Verdict:
-        if isinstance(inputs.goal, np.ndarray):
-            return self.planner.set_goal(*self.planner.robot.forward(inputs.goal))
-        return self.planner.set_goal(*inputs.goal, inputs.goal_in_task_frame)
+    def _preparation(self, inputs: CycleInputs[Pose]) -> Callable[[], PreparedGoal | Verdict]:
+        goal, in_task_frame = inputs.goal, inputs.goal_in_task_frame
+        if isinstance(goal, np.ndarray):
+            goal, in_task_frame = self.planner.robot.forward(goal), False
+        stream, present = self.follower, None
+        if stream.ready:
+            present = stream.position, stream.quaternion, stream.speed
+        elif inputs.measured is not None:
+            present = *inputs.measured, 0.0
+        return partial(self.planner.prepared_goal, *goal, in_task_frame, present)
+
+    def _take_prepared(self, prepared: PreparedGoal | Verdict) -> Verdict:
+        return self.planner.take_goal(prepared)
 
     def _clear_goal(self) -> None:
         self.planner.clear_goal()

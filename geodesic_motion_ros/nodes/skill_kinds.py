@@ -46,6 +46,9 @@ class SkillKind(ABC):
     cycle: StreamCycle
     command_topic: str
 
+    def __init__(self) -> None:
+        self._goals = ThreadPoolExecutor(1, thread_name_prefix="goals")
+
     @abstractmethod
     def place(self, joints: np.ndarray) -> Any:
         """Where measured joint positions (eta,) put the arm, as the cycle wants it."""
@@ -76,7 +79,7 @@ class SkillKind(ABC):
 
     def close(self) -> None:
         """End what it runs besides the node's threads."""
-        return
+        self._goals.shutdown(wait=True, cancel_futures=True)
 
 
 class TaskSpaceKind(SkillKind):
@@ -85,6 +88,7 @@ class TaskSpaceKind(SkillKind):
     command_topic = "target_pose"
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
+        super().__init__()
         self._points, self._radii = _tool(values)
         self.planner = ReactivePlanner(skill, task_settings(values))
         self.robot = self.planner.robot
@@ -94,6 +98,7 @@ class TaskSpaceKind(SkillKind):
             values["resume_timeout"],
             values["tracking_tolerance"],
             values["tracking_tolerance_angle"],
+            background=self._goals,
         )
 
     def place(self, joints: np.ndarray) -> Pose:
@@ -135,9 +140,9 @@ class JointSpaceKind(SkillKind):
     command_topic = "joint_trajectory"
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
+        super().__init__()
         self.planner = JointSpacePlanner(skill, joint_settings(values))
         self.robot = self.planner.robot
-        self._goals = ThreadPoolExecutor(1, thread_name_prefix="goals")
         self.cycle: JointCycle = JointCycle(
             self.planner, values["state_timeout"], values["resume_timeout"], values["tracking_tolerance_joint"],
             background=self._goals,
@@ -172,9 +177,6 @@ class JointSpaceKind(SkillKind):
         self.cycle.state_timeout = values["state_timeout"]
         self.cycle.resume_timeout = values["resume_timeout"]
         self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
-
-    def close(self) -> None:
-        self._goals.shutdown(wait=True, cancel_futures=True)
 
 
 def kind_of(skill: Skill, values: Mapping[str, Value]) -> SkillKind:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
@@ -18,6 +19,7 @@ import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.nodes.goal_preparation import GoalPreparation, Prepared
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -105,7 +107,7 @@ class _Lost:
     rested: float = 0.0
 
 
-class StreamCycle(ABC, Generic[Place]):
+class StreamCycle(ABC, Generic[Place, Prepared]):
     """The stream of commands of one arm.
 
     Parameters
@@ -115,6 +117,7 @@ class StreamCycle(ABC, Generic[Place]):
     resume_timeout : [s] when the state returns after less than this, the motion resumes; after more, the goal is
         dropped.
     clock : tells the time that `CycleInputs.steady` is of [s].
+    background : prepares goals while cycles go on; None: a cycle does it, and takes longer.
     """
 
     def __init__(
@@ -123,9 +126,11 @@ class StreamCycle(ABC, Generic[Place]):
         state_timeout: float,
         resume_timeout: float,
         clock: Callable[[], float] = time.monotonic,
+        background: Executor | None = None,
     ) -> None:
         self._command_topic = command_topic
         self._clock = clock
+        self._goals: GoalPreparation[Prepared | Verdict] = GoalPreparation(background)
         self.state_timeout = state_timeout
         self.resume_timeout = resume_timeout
         self._goal_number = 0
@@ -157,12 +162,12 @@ class StreamCycle(ABC, Generic[Place]):
         """Plan where the verdict is OK, stop otherwise, and move on."""
 
     @abstractmethod
-    def _set_goal(self, inputs: CycleInputs[Place]) -> Verdict | None:
-        """Ask for a new goal; None where `_settled_goal` will tell what became of it."""
+    def _preparation(self, inputs: CycleInputs[Place]) -> Callable[[], Prepared | Verdict]:
+        """What prepares the inputs' goal, or finds why it is refused; any thread may call it."""
 
-    def _settled_goal(self) -> Verdict | None:
-        """What became of a goal that was asked for earlier, once."""
-        return None
+    @abstractmethod
+    def _take_prepared(self, prepared: Prepared | Verdict) -> Verdict:
+        """Plan to a prepared goal from now on; a refused one leaves the goal before."""
 
     @abstractmethod
     def _clear_goal(self) -> None: ...
@@ -194,24 +199,27 @@ class StreamCycle(ABC, Generic[Place]):
     # ------------------------------------------------------------------------ inputs
 
     def _take_goal(self, inputs: CycleInputs[Place]) -> None:
-        if inputs.goal is None or inputs.goal_number == self._goal_number:
-            self._settle(self._settled_goal())
+        goal = inputs.goal
+        if goal is not None and inputs.goal_number != self._goal_number:
+            self._goal_number = inputs.goal_number
+            if isinstance(goal, Verdict):
+                self._goal_verdict = goal
+            else:
+                self._goals.ask(self._preparation(inputs))
+        prepared = self._goals.settled()
+        if prepared is None:
             return
-        self._goal_number = inputs.goal_number
-        refused = isinstance(inputs.goal, Verdict)
-        self._settle(inputs.goal if refused else self._set_goal(inputs))
-
-    def _settle(self, verdict: Verdict | None) -> None:
-        """Take note of what became of the newest goal; None: it is not known yet."""
-        if verdict is not None:
+        verdict = self._take_prepared(prepared)
+        self._has_goal = self._has_goal or verdict.ok
+        if not isinstance(goal, Verdict):
             self._goal_verdict = verdict
-            self._has_goal = self._has_goal or verdict.ok
 
     def _drop_goal(self, why: str) -> None:
         """Forget the goal: where something unexpected has happened, an arm must not set out again by itself."""
         if self._has_goal:
             self._has_goal = False
             self._goal_verdict = Verdict(VerdictCode.NO_GOAL, f"goal dropped: {why}; send the goal again")
+            self._goals.forget()
             self._clear_goal()
 
     def _take_obstacles(self, inputs: CycleInputs[Place]) -> Verdict:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
 from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
 from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
+from geodesic_motion_ros.query import QueryBuilder
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 PERIOD = 0.01
@@ -135,6 +138,37 @@ def test_the_same_goal_is_not_set_twice(cycle, inputs):
     cycle.planner.clear_goal()
     assert cycle.run(inputs, PERIOD).verdict.code is VerdictCode.NO_GOAL
     assert cycle.run(dataclasses.replace(inputs, goal_number=2), PERIOD).verdict.ok
+
+
+def test_no_cycle_carries_the_graph_to_goals_that_move(planner, inputs, goal, monkeypatch):
+    """A thread of its own does, and the stream goes on smoothly from goal to goal."""
+    carried_by = []
+    between = QueryBuilder._between
+
+    def recorded(builder: QueryBuilder, *ends: object) -> object:
+        carried_by.append(threading.current_thread())
+        return between(builder, *ends)
+
+    monkeypatch.setattr(QueryBuilder, "_between", recorded)
+    planner.clear_goal()
+    with ThreadPoolExecutor(1) as background:
+        cycle = PlanningCycle(planner, 0.1, 1.0, 0.05, 0.3, clock=lambda: 0.0, background=background)
+        steps, arm = [], inputs.measured
+        for number in range(1, 13):
+            shifted = goal[0] + 0.01 * np.array([np.cos(number), np.sin(number), 0.0])
+            asked = dataclasses.replace(inputs, goal=(shifted, goal[1]), goal_number=number)
+            for _ in range(10):
+                output = cycle.run(dataclasses.replace(asked, measured=arm), PERIOD)
+                background.submit(lambda: None).result()
+                steps.append(np.linalg.norm(output.commanded[0] - arm[0]))
+                arm = output.commanded[0].copy(), output.commanded[1].copy()
+            assert output.goal_verdict.ok
+            assert output.verdict.ok
+            np.testing.assert_allclose(output.reference.positions[-1], shifted, atol=1e-6)
+    assert len(carried_by) == 12
+    assert threading.current_thread() not in carried_by
+    assert np.max(np.abs(np.diff(steps))) < PERIOD**2 * 1.2 * planner.settings.acceleration
+    assert sum(steps) > 0.02
 
 
 def rest(cycle: PlanningCycle, inputs: CycleInputs) -> list[CycleOutput]:

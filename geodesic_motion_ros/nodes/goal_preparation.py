@@ -1,0 +1,43 @@
+"""Goals are prepared beside the control loop: to carry the graph to one takes longer than a cycle may."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from typing import Generic, TypeVar
+
+Prepared = TypeVar("Prepared")
+
+
+class GoalPreparation(Generic[Prepared]):
+    """Prepares one goal after the other; of those asked for meanwhile only the newest is next.
+
+    So goals that come faster than they are prepared neither queue up nor keep each other from ever being taken. One
+    thread asks.
+    """
+
+    def __init__(self, background: Executor | None) -> None:
+        """background : prepares them; None: `settled` does, and takes as long."""
+        self._background = background
+        self._running: Future[Prepared] | None = None
+        self._next: Callable[[], Prepared] | None = None
+
+    def ask(self, prepare: Callable[[], Prepared]) -> None:
+        """Prepare this goal after the one that is being prepared, in the place of any other."""
+        self._next = prepare
+
+    def forget(self) -> None:
+        """What has been asked for is not wanted any more."""
+        self._running = self._next = None
+
+    def settled(self) -> Prepared | None:
+        """A goal that has been prepared, once; None while there is none. Raises what its preparation raised."""
+        done = self._running if self._running is not None and self._running.done() else None
+        if done is not None:
+            self._running = None
+        if self._running is None and self._next is not None:
+            prepare, self._next = self._next, None
+            if self._background is None:
+                return prepare()
+            self._running = self._background.submit(prepare)
+        return None if done is None else done.result()
