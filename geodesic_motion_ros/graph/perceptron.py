@@ -1,4 +1,4 @@
-"""What decoder and encoder share: weights by name, checked where they are read, and two tanh layers in plain numpy."""
+"""What decoder and encoder share: weights by name, checked where they are read, and two tanh layers."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import ClassVar, TypeVar
 import numpy as np
 
 from geodesic_motion_ros.errors import SkillError
+from geodesic_motion_ros.graph.hyperbolic_tangent import tanh
 
 #: Points evaluated at once.
 _BLOCK = 1024
@@ -36,8 +37,8 @@ class Perceptron:
         if inputs.ndim == 2 and len(inputs) > _BLOCK:
             blocks = [self.outputs(inputs[begin : begin + _BLOCK]) for begin in range(0, len(inputs), _BLOCK)]
             return np.concatenate(blocks)
-        hidden = np.tanh(inputs @ self.W1.T + self.b1)
-        hidden = np.tanh(hidden @ self.W2.T + self.b2)
+        hidden = tanh(inputs @ self.W1.T + self.b1)
+        hidden = tanh(hidden @ self.W2.T + self.b2)
         return hidden @ self.W3.T + self.b3
 
     def arrays(self) -> dict[str, np.ndarray]:
