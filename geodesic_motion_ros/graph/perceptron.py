@@ -11,7 +11,7 @@ from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.hyperbolic_tangent import tanh
 
 #: Points evaluated at once.
-_BLOCK = 1024
+_BLOCK = 256
 
 Network = TypeVar("Network", bound="Perceptron")
 
