@@ -20,7 +20,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.distance_field import field_approach
-from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_reference import PERIOD, JointReference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
@@ -29,6 +29,39 @@ from geodesic_motion_ros.solids import bounding_radii, solid_approach
 
 #: Pairs of spheres are compared over so many intervals between knots at once.
 _BLOCK = 8
+
+
+@dataclass(frozen=True)
+class SweptArm:
+    """Where a reference takes the arm's S spheres between its n knots: what no obstacle has to do with.
+
+    Attributes
+    ----------
+    times : (n,) of the knots [s]. placed : (n, S, 3) sphere centres at the knots [m].
+    bulges : (n - 1, S) how far centres may leave the segments between them [m].
+    self_clearance, pair : (n - 1,) as of `Certificate`.
+    """
+
+    times: np.ndarray
+    placed: np.ndarray
+    bulges: np.ndarray
+    self_clearance: np.ndarray
+    pair: np.ndarray
+
+    def since(self, time: float) -> SweptArm:
+        """What is left from a time [s] on, with times counted from there.
+
+        It begins at the knot before, at a time that is not positive; beyond the end the arm stands for a period.
+        """
+        if time >= self.times[-1]:
+            still = np.array([0.0, PERIOD])
+            ends = np.repeat(self.placed[-1:], 2, axis=0)
+            return SweptArm(still, ends, np.zeros_like(self.bulges[-1:]), self.self_clearance[-1:], self.pair[-1:])
+        first = max(0, int(np.searchsorted(self.times, time, side="right")) - 1)
+        return SweptArm(
+            self.times[first:] - time, self.placed[first:], self.bulges[first:], self.self_clearance[first:],
+            self.pair[first:],
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -68,17 +101,21 @@ class ArmCertifier:
         self._levers = lever_bounds(robot, self._frames, self._offsets)
         self._moving = np.flatnonzero(np.any(self._levers > 0.0, axis=0))
 
-    def certify(
-        self,
-        reference: JointReference,
-        obstacles: Obstacles,
-        horizon: float,
-    ) -> Certificate:
+    def certify(self, reference: JointReference, obstacles: Obstacles, horizon: float) -> Certificate:
         """The certificate of a reference among obstacles, which move linearly for `horizon` [s] and then stand."""
+        return self.certify_swept(self.swept(reference), obstacles, horizon)
+
+    def swept(self, reference: JointReference) -> SweptArm:
+        """Where a reference takes the arm."""
         times = reference.times
         _, largest = quintic_bounds(times, reference.positions, reference.velocities, reference.accelerations)
         bulges = sphere_bulges(times, largest[0], largest[1], self._levers)
         placed = place_body_points(contiguous(reference.positions), self._frames, self._offsets, self._robot.chain)
+        return SweptArm(times, placed, bulges, *self_clearances(placed, bulges, self._radii, self._pairs))
+
+    def certify_swept(self, swept: SweptArm, obstacles: Obstacles, horizon: float) -> Certificate:
+        """`certify` for where a reference takes the arm; obstacles are where they are at its time 0."""
+        times, placed, bulges = swept.times, swept.placed, swept.bulges
         clearance, sphere = arm_clearances(
             times, placed, bulges, self._radii, self._moving, obstacles.centres, obstacles.radii, obstacles.velocities,
             horizon,
@@ -90,7 +127,7 @@ class ArmCertifier:
             )  # fmt: skip
         if obstacles.cloud.squares.size:
             lower_by_cloud(placed, bulges, self._radii, self._moving, *obstacles.cloud, clearance, sphere)
-        return Certificate(times, clearance, sphere, *self_clearances(placed, bulges, self._radii, self._pairs))
+        return Certificate(times, clearance, sphere, swept.self_clearance, swept.pair)
 
     def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
         """Why a reference must not be followed, naming the link; None where `margin` [m] is kept from obstacles and
@@ -99,11 +136,11 @@ class ArmCertifier:
         if certificate.clearance[i] < margin:
             return (
                 f"'{self._link(certificate.sphere[i])}' comes within {certificate.clearance[i]:.3f} m of an obstacle "
-                f"after {certificate.times[i]:.2f} s; {margin:.3f} m are to be kept"
+                f"after {max(0.0, certificate.times[i]):.2f} s; {margin:.3f} m are to be kept"
             )
         if certificate.self_clearance[j] < 0.0:
             first, second = (self._link(sphere) for sphere in self._pairs[certificate.pair[j]])
-            return f"'{first}' and '{second}' touch after {certificate.times[j]:.2f} s"
+            return f"'{first}' and '{second}' touch after {max(0.0, certificate.times[j]):.2f} s"
         return None
 
     def _link(self, sphere: int) -> str:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate
+from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, SweptArm
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
@@ -179,6 +179,8 @@ class JointSpacePlanner:
         self._goal: GoalChoice | None = None
         self._query: JointQuery | None = None
         self._played: _Played | None = None
+        # Where that takes the arm; None where nobody has asked yet.
+        self._swept: SweptArm | None = None
         # What was played until this began: the arm's newest state may be older than that.
         self._played_before: _Played | None = None
         self._stands = 0
@@ -206,7 +208,7 @@ class JointSpacePlanner:
             load_search(self.graph, self._query, self.settings)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
         self._obstacles = Obstacles.none()
-        self._goal = self._query = self._played = self._played_before = self._followed = None
+        self._goal = self._query = self._played = self._played_before = self._swept = self._followed = None
 
     # ---------------------------------------------------------------- inputs
 
@@ -316,7 +318,7 @@ class JointSpacePlanner:
         standing = JointReference.standing(configuration, np.zeros(self.graph.latent.shape[1]))
         self._ticked = now
         self._stands += 1
-        self._played, self._played_before = _Played(standing, now), None
+        self._played, self._played_before, self._swept = _Played(standing, now), None, None
         self._followed = self._query = None
         return JointPlan(standing, now, Verdict(VerdictCode.OK))
 
@@ -447,7 +449,10 @@ class JointSpacePlanner:
         followed, played = self._followed, self._played
         if followed is None or played is None or followed.query is not self._query or not followed.verdict.ok:
             return None
-        certificate = self._certify(played.reference.rest(state.time - played.begin), obstacles)
+        if self._swept is None:
+            self._swept = self._certifier.swept(played.reference)
+        left = self._swept.since(state.time - played.begin)
+        certificate = self._certifier.certify_swept(left, obstacles, self.settings.prediction)
         if self.settings.avoidance and self._certifier.objection(certificate) is not None:
             return None
         return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
@@ -514,7 +519,7 @@ class JointSpacePlanner:
             # Where the arm stood before its first way had no latent point yet.
             old = replace(old, latent=np.repeat(reference.latent[:1], len(old.times), axis=0))
         whole = joined(old, begin - self._played.begin, reference, switch - self._played.begin)
-        self._played = _Played(whole, begin)
+        self._played, self._swept = _Played(whole, begin), None
         return JointPlan(whole, begin, verdict)
 
     # --------------------------------------------------------------- solve

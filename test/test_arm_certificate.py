@@ -92,6 +92,25 @@ def test_it_is_never_optimistic_and_costs_a_millimetre():
     assert np.max(np.concatenate(costs)) < 0.015
 
 
+def test_what_is_left_of_a_motion_is_certified_like_a_motion_of_its_own():
+    """But for the interval in which it begins: that counts as a whole."""
+    for seed in range(30):
+        reference, obstacles = scene(seed)
+        swept = CERTIFIER.swept(reference)
+        for time in np.random.default_rng(seed).uniform(0.0, reference.duration, 4):
+            left = CERTIFIER.certify_swept(swept.since(time), obstacles, HORIZON)
+            own = CERTIFIER.certify(reference.rest(time), obstacles, HORIZON)
+            np.testing.assert_allclose(left.clearance[1:], own.clearance[1:], atol=1e-9)
+            np.testing.assert_allclose(left.self_clearance[1:], own.self_clearance[1:], atol=1e-9)
+            true, own_true = densely(reference.rest(time), obstacles)
+            assert left.clearance[0] <= true[0] + 1e-9
+            assert left.self_clearance[0] <= own_true[0] + 1e-9
+            np.testing.assert_allclose(left.times[1:], own.times[1:], atol=1e-9)
+        ended = CERTIFIER.certify_swept(swept.since(reference.duration + 5.0), obstacles, HORIZON)
+        stands = CERTIFIER.certify(reference.rest(reference.duration + 5.0), obstacles, HORIZON)
+        np.testing.assert_allclose(ended.clearance, stands.clearance, atol=1e-9)
+
+
 def solids_in(seed: int) -> Obstacles:
     """Four moving solids where the arm is."""
     random = np.random.default_rng(seed)
