@@ -7,6 +7,7 @@ at rest, and keeps the limits of velocity, acceleration and jerk between its kno
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -96,7 +97,7 @@ class JointReference:
 
         Within a microsecond of a knot it begins at that knot.
         """
-        i = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2))
+        i = min(max(int(np.searchsorted(self.times, time, side="right")) - 1, 0), len(self.times) - 2)
         if self.times[i + 1] - time <= _SHORTEST_INTERVAL:
             i, time = i + 1, self.times[i + 1]
         if i == len(self.times) - 1:
@@ -119,21 +120,21 @@ class JointReference:
 
         Never less than what is played, and 1 where a limit is just kept.
         """
-        _, largest = self._bounds()
-        return _strain(largest, limits)
+        return self._judged(limits)[1]
 
     def keeps(self, limits: JointLimits) -> bool:
         """Whether all limits are kept, between knots too.
 
         An arm that stands outside its position limits may come back: where it begins counts as inside.
         """
-        (lowest, highest), largest = self._bounds()
-        inside = np.all(lowest >= np.minimum(limits.lower, self.positions[0]) - _ROUNDING)
-        inside &= np.all(highest <= np.maximum(limits.upper, self.positions[0]) + _ROUNDING)
-        return bool(inside and np.all(_strain(largest, limits) <= 1.0 + _ROUNDING))
+        inside, strain = self._judged(limits)
+        return inside and bool(np.all(strain <= 1.0 + _ROUNDING))
 
-    def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        return quintic_bounds(self.times, self.positions, self.velocities, self.accelerations)
+    def _judged(self, limits: JointLimits) -> tuple[bool, np.ndarray]:
+        """Whether position limits are kept, and the strain (3, n - 1)."""
+        ends, largest = quintic_bounds(self.times, self.positions, self.velocities, self.accelerations)
+        inside = _inside(ends, self.positions[0], limits.lower, limits.upper)
+        return inside, _strain(largest, limits.velocity, limits.acceleration, limits.jerk)
 
 
 def timed_joint_reference(
@@ -176,13 +177,14 @@ def timed_joint_reference(
     for attempts in range(1, _ATTEMPTS + 1):
         law, begin = _planned_law(curve, limits, slow, velocity, acceleration)
         attempt = _played(curve, law, begin, limits, state, period)
-        if attempt.keeps(limits):
+        inside, strain = attempt._judged(limits)
+        worst = np.max(strain)
+        if inside and worst <= 1.0 + _ROUNDING:
             return attempt
-        strain = attempt.strain(limits)
-        if np.all(strain <= 1.0):
+        if worst <= 1.0:
             # Only positions are outside, and slower ones would be too.
             return None
-        if attempts == _HOPELESS[0] and np.max(strain) > _HOPELESS[1]:
+        if attempts == _HOPELESS[0] and worst > _HOPELESS[1]:
             return None
         slow *= _slower(curve.grid, law, begin + attempt.times, strain)
     return None
@@ -308,26 +310,36 @@ def _standing(position: np.ndarray, latent: np.ndarray, clearance: float) -> Joi
     )
 
 
+@numba.njit(cache=True, nogil=True)
 def _interpolated(at: np.ndarray, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Values (n, d) at knots (n,), linearly at `at` (k,): (k, d)."""
-    i = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
-    share = np.clip((at - knots[i]) / (knots[i + 1] - knots[i]), 0.0, 1.0)[:, None]
-    return (1.0 - share) * values[i] + share * values[i + 1]
-
-
-def _strain(largest: np.ndarray, limits: JointLimits) -> np.ndarray:
-    """Of magnitudes (3, n, eta) of velocity, acceleration and jerk: (3, n) over the limits, by the worst joint."""
-    return _worst_share(largest, np.stack([limits.velocity, limits.acceleration, limits.jerk]))
+    result = np.empty((len(at), values.shape[1]))
+    for k in range(len(at)):
+        i = min(max(int(np.searchsorted(knots, at[k], side="right")) - 1, 0), len(knots) - 2)
+        share = min(max((at[k] - knots[i]) / (knots[i + 1] - knots[i]), 0.0), 1.0)
+        for a in range(values.shape[1]):
+            result[k, a] = (1.0 - share) * values[i, a] + share * values[i + 1, a]
+    return result
 
 
 @numba.njit(cache=True, nogil=True)
-def _worst_share(largest: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """Maxima (k, n) over the joints of largest (k, n, eta) over limits (k, eta)."""
+def _inside(ends: np.ndarray, begin: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
+    """Whether lowest and highest positions (2, eta) keep their limits (eta,); those it begins at count as inside."""
+    for j in range(len(begin)):
+        lowest, highest = min(lower[j], begin[j]) - _ROUNDING, max(upper[j], begin[j]) + _ROUNDING
+        if not (lowest <= ends[0, j] and ends[1, j] <= highest):
+            return False
+    return True
+
+
+@numba.njit(cache=True, nogil=True)
+def _strain(largest: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, jerk: np.ndarray) -> np.ndarray:
+    """Of magnitudes (3, n, eta) of velocity, acceleration and jerk: (3, n) over the limits, by the worst joint."""
     result = np.zeros(largest.shape[:2])
-    for k in range(len(largest)):
+    for k, limits in enumerate((velocity, acceleration, jerk)):
         for i in range(largest.shape[1]):
             for j in range(largest.shape[2]):
-                result[k, i] = max(result[k, i], largest[k, i, j] / limits[k, j])
+                result[k, i] = max(result[k, i], largest[k, i, j] / limits[j])
     return result
 
 
@@ -366,26 +378,52 @@ class _PathCurve:
 
     @classmethod
     def through(cls, path: np.ndarray, latent: np.ndarray, limits: JointLimits) -> _PathCurve:
-        passed = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0) / limits.velocity, axis=1)))
-        distinct = np.flatnonzero(np.diff(np.floor(passed / _SHORTEST_CHORD)) > 0.0) + 1
-        # Both ends stay, and a path that does not move keeps two points.
-        inner = distinct[passed[distinct] < passed[-1] - _SHORTEST_CHORD]
-        kept = np.concatenate([[0], inner, [len(path) - 1]])
-        knots = passed[kept]
+        passed, kept = _distinct(path, limits.velocity)
+        knots, positions = passed[kept], path[kept]
         knots[-1] = max(knots[-1], knots[-2] + _SHORTEST_CHORD)
-        bends = spline_bends(knots, path[kept])
-        pieces = int(np.ceil(_SEGMENTS / (len(kept) - 1)))
+        bends = spline_bends(knots, positions)
+        pieces = math.ceil(_SEGMENTS / (len(kept) - 1))
         grid = np.interp(np.arange(pieces * (len(kept) - 1) + 1) / pieces, np.arange(len(kept)), knots)
-        _, grid_slopes, grid_bends = spline_samples(knots, path[kept], bends, grid)
-        return cls(knots, path[kept], bends, latent[kept], grid, grid_slopes, grid_bends)
+        _, grid_slopes, grid_bends = spline_samples(knots, positions, bends, grid)
+        return cls(knots, positions, bends, latent[kept], grid, grid_slopes, grid_bends)
 
     def motion(self, law: np.ndarray) -> np.ndarray:
         """Positions, velocities and accelerations (3, k, eta) where s, s' and s'' are (3, k)."""
         motion = spline_samples(self.knots, self.positions, self.bends, law[0])
-        rate, change = law[1, :, None], law[2, :, None]
-        motion[2] = motion[1] * change + motion[2] * rate**2
-        motion[1] *= rate
+        _pass_at(motion, law)
         return motion
+
+
+@numba.njit(cache=True, nogil=True)
+def _distinct(path: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times (m,) [s] at which full speed passes the points of a path, and which of them (k,) are not one.
+
+    Both ends stay, and a path that does not move keeps two points.
+    """
+    last = len(path) - 1
+    passed, kept, count = np.zeros(last + 1), np.zeros(last + 1, dtype=np.int64), 1
+    for i in range(1, last + 1):
+        squared = 0.0
+        for j in range(path.shape[1]):
+            squared += ((path[i, j] - path[i - 1, j]) / velocity[j]) ** 2
+        passed[i] = passed[i - 1] + math.sqrt(squared)
+    for i in range(1, last):
+        apart = math.floor(passed[i] / _SHORTEST_CHORD) > math.floor(passed[i - 1] / _SHORTEST_CHORD)
+        if apart and passed[i] < passed[last] - _SHORTEST_CHORD:
+            kept[count] = i
+            count += 1
+    kept[count] = last
+    return passed, kept[: count + 1]
+
+
+@numba.njit(cache=True, nogil=True)
+def _pass_at(motion: np.ndarray, law: np.ndarray) -> None:
+    """Turn q' and q'' of (3, k, eta) into velocities and accelerations where s' and s'' are law[1:]."""
+    for k in range(motion.shape[1]):
+        rate, change = law[1, k], law[2, k]
+        for j in range(motion.shape[2]):
+            motion[2, k, j] = motion[1, k, j] * change + motion[2, k, j] * rate**2
+            motion[1, k, j] *= rate
 
 
 def _planned_law(
@@ -393,8 +431,8 @@ def _planned_law(
 ) -> tuple[SmoothLaw, float]:
     """The averaged law along a curve, slowed down by factors (g,) of the rate, and when in it the motion begins."""
     width = _averaging_width(_SMOOTHING, limits)
-    speeds = _VELOCITY_SHARE * slow[:, None] * limits.velocity
-    accelerations = _ACCELERATION_SHARE * slow[:, None] ** 2 * limits.acceleration
+    speeds = np.outer(_VELOCITY_SHARE * slow, limits.velocity)
+    accelerations = np.outer(_ACCELERATION_SHARE * slow**2, limits.acceleration)
     slope, bend = curve.grid_slopes[0] / limits.acceleration, curve.grid_bends[0] / limits.acceleration
     length = float(slope @ slope)
     moving = length > 0.0 and bool(np.any(velocity) or np.any(acceleration))
@@ -412,7 +450,7 @@ def _played(
 ) -> JointReference:
     """Knots of the motion along a curve from its time `begin` on, led onto it from a state (3, eta) by a quintic."""
     mismatch = state - curve.motion(law.sample(np.array([begin])))[:, 0]
-    length = _correction_length(mismatch, limits)
+    length = _correction_length(mismatch, limits.acceleration, limits.jerk)
     times = _knot_times(max(law.end - begin, length), period)
     passed = law.sample(begin + times)
     fading = np.stack([mismatch, np.zeros_like(mismatch)], axis=1)
@@ -421,17 +459,19 @@ def _played(
     return _ending_at_rest(times, *motion, _interpolated(passed[0], curve.knots, curve.latent))
 
 
-def _correction_length(mismatch: np.ndarray, limits: JointLimits) -> float:
+@numba.njit(cache=True, nogil=True)
+def _correction_length(mismatch: np.ndarray, acceleration: np.ndarray, jerk: np.ndarray) -> float:
     """Time [s] in which a mismatch (3, eta) of position, velocity and acceleration can fade as a quintic.
 
     Over a time T the acceleration of the quintic that takes a position, or a velocity, and nothing else to 0 is at most
     5.78 / T^2, or 3.94 / T, of it; the jerk of one that takes an acceleration to 0 at most 9 / T.
     """
-    position, velocity, acceleration = np.abs(mismatch)
-    room = _CORRECTION_SHARE * limits.acceleration
-    by_jerk = 18.0 * acceleration / limits.jerk
-    needed = np.max([np.sqrt(5.78 * position / room), 3.94 * velocity / room, by_jerk])
-    return float(np.clip(needed, _SHORTEST_CORRECTION, _LONGEST_CORRECTION))
+    needed = _SHORTEST_CORRECTION
+    for j in range(len(jerk)):
+        room = _CORRECTION_SHARE * acceleration[j]
+        by_position, by_velocity = math.sqrt(5.78 * abs(mismatch[0, j]) / room), 3.94 * abs(mismatch[1, j]) / room
+        needed = max(needed, by_position, by_velocity, 18.0 * abs(mismatch[2, j]) / jerk[j])
+    return min(needed, _LONGEST_CORRECTION)
 
 
 def _slower(grid: np.ndarray, law: SmoothLaw, times: np.ndarray, strain: np.ndarray) -> np.ndarray:
@@ -439,12 +479,19 @@ def _slower(grid: np.ndarray, law: SmoothLaw, times: np.ndarray, strain: np.ndar
 
     Half the rate means half the velocity, a quarter of the acceleration, an eighth of the jerk.
     """
+    # All of what the average between two times is taken over.
+    return _factors(grid, law.sample(times[:-1] - law.width)[0], law.sample(times[1:] + law.width)[0], strain)
+
+
+@numba.njit(cache=True, nogil=True)
+def _factors(grid: np.ndarray, begins: np.ndarray, ends: np.ndarray, strain: np.ndarray) -> np.ndarray:
+    """The same where the strain (3, n) depends on the rate from s = begins to ends (n,)."""
     result = np.ones(len(grid))
-    excess = np.max(strain ** (1.0 / np.array([[1.0], [2.0], [3.0]])), axis=0)
-    over = np.flatnonzero(excess > 1.0)
-    # All of what the average at these times is taken over.
-    first = np.searchsorted(grid, law.sample(times[over] - law.width)[0]) - 1
-    last = np.searchsorted(grid, law.sample(times[over + 1] + law.width)[0]) + 1
-    for i, begin, end in zip(over, np.maximum(first, 0), last, strict=True):
-        result[begin:end] = np.minimum(result[begin:end], max(_LEAST_FACTOR, _SLOWED_TO / excess[i]))
+    for i in range(len(begins)):
+        excess = max(strain[0, i], math.sqrt(strain[1, i]), strain[2, i] ** (1.0 / 3.0))
+        if excess > 1.0:
+            first = max(int(np.searchsorted(grid, begins[i])) - 1, 0)
+            last = min(int(np.searchsorted(grid, ends[i])) + 1, len(grid))
+            for k in range(first, last):
+                result[k] = min(result[k], max(_LEAST_FACTOR, _SLOWED_TO / excess))
     return result

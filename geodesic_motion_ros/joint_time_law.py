@@ -156,17 +156,7 @@ class SmoothLaw:
     @classmethod
     def along(cls, knots: np.ndarray, rates: np.ndarray, width: float, past_change: float = 0.0) -> SmoothLaw:
         """From knots s (n,) passed at rates (n,), the first one at time 0; `past_change` is s'' before that."""
-        sums = rates[1:] + rates[:-1]
-        steps = np.divide(2.0 * np.diff(knots), sums, out=np.zeros(len(sums)), where=sums > 0.0)
-        passed = np.concatenate([[True], steps > 0.0])
-        times = np.concatenate([[0.0], np.cumsum(steps)])[passed]
-        past = knots[0] - rates[0] * width + 0.5 * past_change * width**2
-        return cls(
-            np.concatenate([[-width], times]),
-            np.concatenate([[past], knots[passed]]),
-            np.concatenate([[rates[0] - past_change * width], rates[passed]]),
-            width,
-        )
+        return cls(*_knots_in_time(knots, rates, width, past_change), width)
 
     @property
     def end(self) -> float:
@@ -176,6 +166,26 @@ class SmoothLaw:
     def sample(self, at: np.ndarray) -> np.ndarray:
         """s, s' and s'' (3, k) at the times `at` (k,) [s]."""
         return _averaged(self.times, self.values, self.rates, self.width, at)
+
+
+@numba.njit(cache=True, nogil=True)
+def _knots_in_time(
+    knots: np.ndarray, rates: np.ndarray, width: float, past_change: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, values and rates of a law: one knot in the past, then those at which time goes on."""
+    times, values, passing = np.empty(len(knots) + 1), np.empty(len(knots) + 1), np.empty(len(knots) + 1)
+    times[0], times[1] = -width, 0.0
+    values[0], values[1] = knots[0] - rates[0] * width + 0.5 * past_change * width**2, knots[0]
+    passing[0], passing[1] = rates[0] - past_change * width, rates[0]
+    count, now = 2, 0.0
+    for i in range(1, len(knots)):
+        both = rates[i - 1] + rates[i]
+        step = 2.0 * (knots[i] - knots[i - 1]) / both if both > 0.0 else 0.0
+        if step > 0.0:
+            now += step
+            times[count], values[count], passing[count] = now, knots[i], rates[i]
+            count += 1
+    return times[:count], values[:count], passing[:count]
 
 
 @numba.njit(cache=True, nogil=True)

@@ -83,7 +83,9 @@ def quintic_bounds(
                 ends[0, j] = min(ends[0, j], begin + points[k])
                 ends[1, j] = max(ends[1, j], begin + points[k])
             for order in range(3):
+                most = 0.0
                 for k in range(5 - order):
                     points[k] = points[k + 1] - points[k]
-                    largest[order, i, j] = max(largest[order, i, j], factors[order] * abs(points[k]))
+                    most = max(most, abs(points[k]))
+                largest[order, i, j] = factors[order] * most
     return ends, largest
