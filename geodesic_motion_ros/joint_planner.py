@@ -12,48 +12,26 @@ Where no way is left that can be certified the arm stops along the way it was go
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, SweptArm
+from geodesic_motion_ros.arm_certificate import Certificate, SweptArm
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.graph.refinement import refined
-from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
-from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference, timed_joint_reference
-from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, load_search, way_verdict
+from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference
+from geodesic_motion_ros.joint_solver import MOVING_MULTIPLE, Attempt, JointPlan, JointSolver, MotionState
+from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.query import checked_pose
-from geodesic_motion_ros.reference import resample_latent, smooth_latent
-from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance, self_clearance
+from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-
-class _Attempt(NamedTuple):
-    """A multiple of the obstacle margin, whether the way is refined, and the width in grid steps of the smoothing,
-    first in the latent space, then decoded: refined ways have no corners of the grid.
-    """
-
-    multiple: float
-    refine: bool
-    width: float
-
-
-#: What is tried until a curve is certified. Keeping further off helps more often than cutting less.
-_ATTEMPTS = (
-    _Attempt(1.0, True, 1.0), _Attempt(1.0, False, 2.0), _Attempt(4.0, True, 1.0), _Attempt(4.0, False, 2.0),
-    _Attempt(4.0, False, 1.0),
-)  # fmt: skip
-_LARGEST_MULTIPLE = max(attempt.multiple for attempt in _ATTEMPTS)
-#: Samples of the curve per grid step.
-_SAMPLES_PER_STEP = 1.0
 #: A new way must take so much less time than the one being followed.
 _WORTHWHILE = 1.05
 #: Obstacles nearer than this to the way being followed make every bit of clearance a gain [m].
@@ -64,26 +42,8 @@ _PERIOD_CLOSE, _PERIOD_FAR = 0.05, 0.1
 _ROUNDING = 1e-6
 #: Knots are no nearer to each other [s].
 _SHORTEST_INTERVAL = 1e-3
-#: Ways among obstacles that move are certified with this multiple of the obstacle margin, for nothing moves exactly as
-#: expected; less than that share of it must not be left of what was promised, or of that margin.
-_MOVING_MULTIPLE, _LEFT_OF_PROMISE = 2.0, 0.5
-
-
-@dataclass(frozen=True)
-class JointPlan:
-    """Answer of one planning step.
-
-    Attributes
-    ----------
-    reference : what is to be played from `begin` on, in the place of everything before; None: what is being played
-        stays, or the arm stands.
-    begin : time of the reference's first knot [s].
-    verdict : OK comes with a way to the goal. With any other verdict the reference is a stop.
-    """
-
-    reference: JointReference | None
-    begin: float
-    verdict: Verdict
+#: No less than this share of what a way promised, or of the margin among obstacles that move, must be left.
+_LEFT_OF_PROMISE = 0.5
 
 
 @dataclass(frozen=True)
@@ -125,7 +85,7 @@ class _Played:
 class _Followed:
     """What the reference being played was planned for, its verdict, and when another was last looked for [s].
 
-    The verdict tells the present clearance; `promised` was that of the plan [m].
+    The verdict tells the present clearance; `promised` was that of the plan [m]. `nodes` as of `JointPlan`.
     """
 
     query: JointQuery
@@ -133,21 +93,7 @@ class _Followed:
     obstacles: Obstacles
     searched: float
     promised: float
-
-
-@dataclass(frozen=True)
-class _State:
-    """State of motion in which a new reference takes over, at `time` [s]: (eta,) each, and its latent point (d,)."""
-
-    time: float
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    latent: np.ndarray | None
-
-    @property
-    def rests(self) -> bool:
-        return not (np.any(self.velocity) or np.any(self.acceleration))
+    nodes: np.ndarray | None = None
 
 
 class JointSpacePlanner:
@@ -168,10 +114,7 @@ class JointSpacePlanner:
         self.collision = collision or CollisionModel.named(skill.robot)
         self.graph: ConfigurationGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         self.limits = JointLimits.of(self.robot, self.settings.speed_scale, self.settings.acceleration_scale)
-        self._certifier = ArmCertifier(
-            self.robot, self.collision.points.frames, self.collision.points.offsets, self.collision.radii,
-            self.collision.self_pairs,
-        )  # fmt: skip
+        self._solver = JointSolver(skill, self.graph, self.settings, self.robot, self.collision, self.limits)
         self._queries = JointQueryBuilder(skill, self.graph, self.settings, self.collision)
         self._obstacles = Obstacles.none()
         # The time of the newest tick [s].
@@ -187,7 +130,6 @@ class JointSpacePlanner:
         self._followed: _Followed | None = None
         # The query for which there was no way the last time, and the attempt that was made then.
         self._without_way: JointQuery | None = None
-        self._attempts = tuple(attempt for attempt in _ATTEMPTS if self.settings.refine or not attempt.refine)
         self._attempted = 0
         self._warm_up()
 
@@ -371,14 +313,16 @@ class JointSpacePlanner:
             if now < followed.searched + period - _ROUNDING:
                 self._followed = followed
                 return self._continued(now, followed)
-        plan = self._solve(query, state, obstacles, self._worthwhile_attempts(followed), deadline)
+        # Where no obstacle is near, the same way again is no gain.
+        known = followed.nodes if followed is not None and followed.verdict.clearance > _CLOSE else None
+        plan = self._solver.solve(query, state, obstacles, self._worthwhile_attempts(followed), deadline, known)
         if followed is not None and not self._gains(plan, followed, state):
             self._followed = replace(followed, obstacles=self._obstacles, searched=now)
             return self._continued(now, followed)
         self._without_way = query if plan.reference is None else None
         if plan.reference is None:
             return self._stopped(now, plan.verdict)
-        self._followed = _Followed(query, plan.verdict, self._obstacles, now, plan.verdict.clearance)
+        self._followed = _Followed(query, plan.verdict, self._obstacles, now, plan.verdict.clearance, plan.nodes)
         return self._play(plan.reference, now, state.time, plan.verdict)
 
     def stop(self, now: float, verdict: Verdict) -> JointPlan:
@@ -418,16 +362,16 @@ class JointSpacePlanner:
         if isinstance(query, Verdict):
             return JointPlan(None, 0.0, query)
         still = np.zeros_like(start)
-        state = _State(self._obstacles.time, start, still, still, query.start_latent)
-        return self._solve(query, state, self._obstacles, self._attempts)
+        state = MotionState(self._obstacles.time, start, still, still, query.start_latent)
+        return self._solver.solve(query, state, self._obstacles, self._solver.attempts)
 
-    def _state_at_switch(self, played: _Played, followed: _Followed | None, now: float) -> _State:
+    def _state_at_switch(self, played: _Played, followed: _Followed | None, now: float) -> MotionState:
         time = played.switch(now + self.settings.latency)
         local = time - played.begin
         latent = None if followed is None else played.reference.latent_at(local)
-        return _State(time, *played.reference.sample(local), latent)
+        return MotionState(time, *played.reference.sample(local), latent)
 
-    def _next_query(self, state: _State, followed: _Followed | None, goal: GoalChoice) -> JointQuery | Verdict:
+    def _next_query(self, state: MotionState, followed: _Followed | None, goal: GoalChoice) -> JointQuery | Verdict:
         """From where the stream is on its way, so that it goes on smoothly; anew where it stands at an end of it."""
         if followed is not None and state.latent is not None:
             query = self._queries.redirected(followed.query, state.position, state.latent, goal)
@@ -444,30 +388,30 @@ class JointSpacePlanner:
         unchanged = before.same_places(obstacles) and obstacles.stand and before.stand
         return JointPlan(None, now, followed.verdict) if unchanged or not self.settings.avoidance else None
 
-    def _free_way(self, state: _State, obstacles: Obstacles) -> _Followed | None:
+    def _free_way(self, state: MotionState, obstacles: Obstacles) -> _Followed | None:
         """What is being played, with its present clearance, where it leads to the present goal and is free."""
         followed, played = self._followed, self._played
         if followed is None or played is None or followed.query is not self._query or not followed.verdict.ok:
             return None
         if self._swept is None:
-            self._swept = self._certifier.swept(played.reference)
+            self._swept = self._solver.certifier.swept(played.reference)
         left = self._swept.since(state.time - played.begin)
-        certificate = self._certifier.certify_swept(left, obstacles, self.settings.prediction)
-        if self.settings.avoidance and self._certifier.objection(certificate) is not None:
+        certificate = self._solver.certifier.certify_swept(left, obstacles, self.settings.prediction)
+        if self.settings.avoidance and self._solver.certifier.objection(certificate) is not None:
             return None
         return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
 
-    def _worthwhile_attempts(self, followed: _Followed | None) -> tuple[_Attempt, ...]:
+    def _worthwhile_attempts(self, followed: _Followed | None) -> tuple[Attempt, ...]:
         """All where a way has just been lost, or not been looked for yet. One where it is free, or there was none the
         last time: then another one in every tick."""
         if followed is not None:
-            return self._attempts[:1]
+            return self._solver.attempts[:1]
         if self._query is not self._without_way:
-            return self._attempts
-        self._attempted = (self._attempted + 1) % len(self._attempts)
-        return self._attempts[self._attempted :][:1]
+            return self._solver.attempts
+        self._attempted = (self._attempted + 1) % len(self._solver.attempts)
+        return self._solver.attempts[self._attempted :][:1]
 
-    def _gains(self, plan: JointPlan, followed: _Followed, state: _State) -> bool:
+    def _gains(self, plan: JointPlan, followed: _Followed, state: MotionState) -> bool:
         """Whether a new plan is safer than what is being played from a state on, or takes clearly less time."""
         assert self._played is not None
         if plan.reference is None:
@@ -479,7 +423,7 @@ class JointSpacePlanner:
     def _continued(self, now: float, followed: _Followed) -> JointPlan:
         """What is being played, or a stop where obstacles have come nearer than expected and it keeps further off."""
         nearest = followed.verdict.clearance
-        kept = min(followed.promised, _MOVING_MULTIPLE * self.settings.obstacle_margin)
+        kept = min(followed.promised, MOVING_MULTIPLE * self.settings.obstacle_margin)
         if self.settings.avoidance and not self._obstacles.stand and nearest < _LEFT_OF_PROMISE * kept:
             _, _, certificate = self._stop(now)
             if np.min(certificate.clearance) > nearest:
@@ -492,7 +436,7 @@ class JointSpacePlanner:
         assert self._played is not None
         switch = self._played.switch(now + self.settings.latency)
         stop = stopping_reference(self._played.reference, switch - self._played.begin, self.limits)
-        return stop, switch, self._certify(stop, self._obstacles.at(switch, self.settings.prediction))
+        return stop, switch, self._solver.certify(stop, self._obstacles.at(switch, self.settings.prediction))
 
     def _stopped(self, now: float, verdict: Verdict) -> JointPlan:
         """A stop along the way being gone, or what is being played where that is one already."""
@@ -501,7 +445,7 @@ class JointSpacePlanner:
         if stops_already or now >= self._played.end:
             return JointPlan(None, now, verdict)
         stop, switch, certificate = self._stop(now)
-        objection = self._certifier.objection(certificate)
+        objection = self._solver.certifier.objection(certificate)
         verdict = replace(verdict, clearance=float(np.min(certificate.clearance)))
         if objection is not None and self.settings.avoidance:
             verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
@@ -521,114 +465,3 @@ class JointSpacePlanner:
         whole = joined(old, begin - self._played.begin, reference, switch - self._played.begin)
         self._played, self._swept = _Played(whole, begin), None
         return JointPlan(whole, begin, verdict)
-
-    # --------------------------------------------------------------- solve
-
-    def _solve(
-        self,
-        query: JointQuery,
-        state: _State,
-        obstacles: Obstacles,
-        attempts: tuple[_Attempt, ...],
-        deadline: Deadline = NEVER,
-    ) -> JointPlan:
-        """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed."""
-        settings = self.settings
-        avoided = obstacles if settings.avoidance else Obstacles.none()
-        ends = self._end_clearance(query, state, avoided)
-        if isinstance(ends, Verdict):
-            return JointPlan(None, state.time, ends)
-        reshaping = Reshaping.of(
-            query.body, avoided.swept(settings.prediction), settings.ambient_strength, settings.ambient_width_ratio,
-            _LARGEST_MULTIPLE * settings.obstacle_margin, settings.ambient_law,
-        )  # fmt: skip
-        start = query.start_latent if state.latent is None else state.latent
-        # Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
-        margin = 0.0 if obstacles.stand else min(_MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
-        verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
-        ways: dict[float, LatentWay | Verdict] = {}
-        tried: set[tuple[bytes, bool, float]] = set()
-        for number, (multiple, refine, width) in enumerate(attempts):
-            if number > 0 and deadline.passed:
-                reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
-                return JointPlan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
-            kept_off = min(multiple * settings.obstacle_margin, 0.5 * ends)
-            if kept_off not in ways:
-                ways[kept_off] = cheapest_way(self.graph, query, start, reshaping, kept_off, deadline)
-            way = ways[kept_off]
-            if isinstance(way, Verdict):
-                return JointPlan(None, state.time, verdict if verdict.reason else way)
-            this = way.nodes.tobytes(), refine, width
-            if this in tried:
-                continue
-            tried.add(this)
-            if refine:
-                way = replace(way, polyline=refined(query.field, reshaping, kept_off, way.polyline))
-            plan = self._certified(query, state, way, obstacles, margin, width)
-            if plan.reference is not None:
-                return plan
-            verdict = plan.verdict
-        return JointPlan(None, state.time, verdict)
-
-    def _end_clearance(self, query: JointQuery, state: _State, obstacles: Obstacles) -> float | Verdict:
-        """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
-
-        The goal is to be free of where obstacles are expected to come to a stand.
-        """
-        later = obstacles.at(obstacles.time + self.settings.prediction, self.settings.prediction)
-        nearest = []
-        for where, configuration, code, there in (
-            ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),
-            ("is to go", query.goal, VerdictCode.NO_FEASIBLE_PATH, later),
-        ):
-            clearance, sphere = obstacle_clearance(self.collision, self.robot, configuration, there)
-            if clearance <= 0.0:
-                link = self.collision.link_of(sphere)
-                reason = f"'{link}' overlaps an obstacle by {-1000 * clearance:.0f} mm where the arm {where}"
-                return Verdict(code, reason, clearance=clearance, **query.misfits)
-            nearest.append(clearance)
-        return min(nearest)
-
-    def _certified(
-        self,
-        query: JointQuery,
-        state: _State,
-        way: LatentWay,
-        obstacles: Obstacles,
-        margin: float,
-        width: float,
-    ) -> JointPlan:
-        """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be played."""
-        step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
-        latent = smooth_latent(resample_latent(way.polyline, step), width * _SAMPLES_PER_STEP)
-        carried = query.offsets.carried(self.graph.decoder.configurations(latent), *self.graph.progress_map(latent))
-        path = smooth_latent(carried, width * _SAMPLES_PER_STEP)
-        path, correction = _meeting(path, state.position, query.goal)
-        reference = timed_joint_reference(path, latent, self.limits, state.velocity, state.acceleration)
-        if reference is None:
-            reason = "stopping first: the way to the goal turns off the present motion, or leaves the joints' limits"
-            return JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
-        certificate = self._certify(reference, obstacles)
-        objection = self._certifier.objection(certificate, margin) if self.settings.avoidance else None
-        verdict = way_verdict(
-            self.skill, self.graph, query, self.graph.decoder.uncertainty(latent), way,
-            float(np.min(certificate.clearance)), correction,
-            None if objection is None else f"on the best way {objection}",
-        )  # fmt: skip
-        found = replace(reference, clearance=certificate.clearance) if verdict.ok else None
-        return JointPlan(found, state.time, verdict)
-
-    def _certify(self, reference: JointReference, obstacles: Obstacles) -> Certificate:
-        return self._certifier.certify(reference, obstacles, self.settings.prediction)
-
-
-def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:
-    """A path (m, eta) moved linearly along its arc so that it begins and ends at two configurations.
-
-    Also how far [rad] its ends were moved.
-    """
-    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
-    share = (length / max(length[-1], 1e-12))[:, None]
-    at_start, at_goal = start - path[0], goal - path[-1]
-    moved = float(max(np.linalg.norm(at_start), np.linalg.norm(at_goal)))
-    return path + (1.0 - share) * at_start + share * at_goal, moved

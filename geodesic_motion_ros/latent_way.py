@@ -113,6 +113,12 @@ def cheapest_way(
     return LatentWay(found.nodes, np.concatenate([start[None], points]), energy, found.gap)
 
 
+def same_way(nodes: np.ndarray, known: np.ndarray) -> bool:
+    """Whether nodes (p,) are the end of a way known before, but for the first few, by which it enters the graph."""
+    left = nodes[_ENTRY_STEPS:]
+    return 0 < len(left) <= len(known) and np.array_equal(left, known[len(known) - len(left) :])
+
+
 def _entry(
     graph: LatentGraph, query: WayQuery, start: np.ndarray, reshaping: Reshaping, margin: float
 ) -> int | None:

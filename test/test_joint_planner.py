@@ -9,13 +9,14 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros import joint_planner
+from geodesic_motion_ros import joint_solver
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.graph.metric_field import curve_length
 from geodesic_motion_ros.graph.reshaping import Reshaping
-from geodesic_motion_ros.joint_planner import JointPlan, JointSpacePlanner
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_solver import JointPlan
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
@@ -192,20 +193,43 @@ def test_a_refined_way_is_shorter_and_one_that_is_refused_gives_way_to_the_graph
     def astray(field, reshaping, margin, path):
         return path + np.sin(np.linspace(0.0, np.pi, len(path)))[:, None]
 
-    monkeypatch.setattr(joint_planner, "refined", astray)
+    monkeypatch.setattr(joint_solver, "refined", astray)
     assert length(planner.plan_configurations(start, choice)) == length(plain)
+
+
+def test_a_way_that_is_found_again_while_no_obstacle_is_near_gets_no_second_look(stream, on_elbow, monkeypatch) -> None:
+    """An obstacle that comes from afar is felt by the search all along; the curve is drawn anew when it is near."""
+    looks, certified = [], stream.planner._solver._certified
+
+    def recorded(*arguments):
+        looks.append(stream.now)
+        return certified(*arguments)
+
+    monkeypatch.setattr(stream.planner._solver, "_certified", recorded)
+    (centre,), radius = on_elbow
+    close = None
+    for number in range(100):
+        away = np.array([0.0, 0.0, 1.2 - 0.012 * number])
+        stream.planner.set_obstacles((centre + away)[None], radius)
+        now, (plan,) = stream.now, stream.run(PERIOD)
+        if close is None and plan.verdict.clearance < 0.03:
+            close = now
+    assert close > 0.3
+    assert sum(look < close for look in looks) == 1
+    assert any(look >= close for look in looks)
 
 
 def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start, goal, monkeypatch) -> None:
     """Only the last attempt is let through: with time it is made at once, without it in a later tick."""
-    planner, certified = stream.planner, stream.planner._certified
-    monkeypatch.setattr(planner, "_attempts", tuple(attempt for attempt in planner._attempts if not attempt.refine))
+    planner, solver = stream.planner, stream.planner._solver
+    certified = solver._certified
+    monkeypatch.setattr(solver, "attempts", tuple(attempt for attempt in solver.attempts if not attempt.refine))
 
     def picky(query, state, way, obstacles, margin, width):
         plan = certified(query, state, way, obstacles, margin, width)
         return plan if width == 1.0 else JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, "not this"))
 
-    monkeypatch.setattr(planner, "_certified", picky)
+    monkeypatch.setattr(solver, "_certified", picky)
     missed, *later = (planner.tick(number * PERIOD, Deadline(-np.inf)) for number in range(4))
     assert missed.verdict.code is VerdictCode.DEADLINE_MISSED
     assert "out of time after 1 of 3 attempts: not this" in missed.verdict.reason

@@ -9,9 +9,10 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.joint_planner import JointPlan, JointSpacePlanner
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_query import GoalChoice
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_solver import JointPlan
 
 #: How often a start and a goal are drawn before it is said that there are none.
 _ATTEMPTS = 50

@@ -10,7 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from geodesic_motion_ros.joint_planner import JointPlan, JointSpacePlanner, PreparedGoal
+from geodesic_motion_ros.joint_planner import JointSpacePlanner, PreparedGoal
+from geodesic_motion_ros.joint_solver import JointPlan
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
