@@ -21,7 +21,7 @@ from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
-from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference
+from geodesic_motion_ros.joint_reference import JointReference, joined, load_references, stopping_reference
 from geodesic_motion_ros.joint_solver import MOVING_MULTIPLE, Attempt, JointPlan, JointSolver, MotionState
 from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.obstacles import Obstacles
@@ -148,6 +148,7 @@ class JointSpacePlanner:
         self.tick(0.3)
         if self._query is not None:
             load_search(self.graph, self._query, self.settings)
+        load_references(self.limits)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
         self._obstacles = Obstacles.none()
         self._goal = self._query = self._played = self._played_before = self._swept = self._followed = None

@@ -190,6 +190,14 @@ def timed_joint_reference(
     return None
 
 
+def load_references(limits: JointLimits) -> None:
+    """Load the compiled kernels of `timed_joint_reference`, also those for motions that have to be slowed down: for
+    one that begins by going the other way.
+    """
+    path = 0.5 * (limits.lower + limits.upper) + 0.1 * limits.velocity * np.linspace(0.0, 1.0, 6)[:, None]
+    timed_joint_reference(path, np.zeros((6, 1)), limits, -0.3 * limits.velocity, np.zeros_like(limits.velocity))
+
+
 def stopping_reference(
     reference: JointReference, time: float, limits: JointLimits, period: float = PERIOD
 ) -> JointReference:
