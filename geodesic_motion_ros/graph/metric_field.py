@@ -32,7 +32,8 @@ class MetricField(NamedTuple):
 
     Attributes
     ----------
-    lower, spacing : (d,) of the grid; shape : (d,) its lattice points along each axis.
+    lower, spacing : (d,) of the grid; shape : d numbers, its lattice points along each axis. A tuple, not an array:
+        so compiled code knows d, and has no loops of two or three rounds.
     number : (prod(shape),) of the node at every lattice point, -1 where there is none; strides : (d,) from one to the
         next along each axis.
     rows, columns : (T,) places of the upper triangle of a (d, d) tensor, T = d (d + 1) / 2.
@@ -43,7 +44,7 @@ class MetricField(NamedTuple):
 
     lower: np.ndarray
     spacing: np.ndarray
-    shape: np.ndarray
+    shape: tuple[int, ...]
     strides: np.ndarray
     number: np.ndarray
     rows: np.ndarray
@@ -67,8 +68,8 @@ class MetricField(NamedTuple):
     ) -> MetricField:
         """number : in the grid's shape, as of `LatentGrid.numbering`; tensors : (n, 1 + K, T) of `packed_tensors`."""
         dimension, spacing = len(grid.shape), grid.spacing
-        shape = np.array(grid.shape)
-        strides = np.append(np.cumprod(shape[:0:-1])[::-1], 1)
+        shape = tuple(int(count) for count in grid.shape)
+        strides = np.append(np.cumprod(shape[:0:-1])[::-1], 1).astype(np.int64)
         if ridges is None:
             centres, precisions = np.empty((0, 1, dimension)), np.empty((0, 1, dimension, dimension))
             penalties = np.empty(0)
@@ -136,9 +137,9 @@ def piecewise(
     """
     _, _, shape, strides, number, rows, columns, tensors, centres, precisions, penalties, strength, cap = field
     factors, touched, room, within = reshaping.factors, reshaping.touched, reshaping.clearance, reshaping.within
-    count, d = len(points) - 1, points.shape[1]
+    count, d = len(points) - 1, len(shape)
     energies, support, clearance = np.empty(count), np.empty(count), np.empty(count)
-    tensor, slopes, share, lean = np.empty(len(rows)), np.empty((d, len(rows))), np.empty(d), np.empty((2, d))
+    tensor, slopes, share, lean = np.empty(len(rows)), np.empty((d, len(rows))), np.empty(d), np.empty((3, d))
     middle, gradient, curvature = np.empty(d), np.empty(d), np.empty((d, d))
     nearest = np.empty(len(centres), dtype=np.int64)
     nearest_samples(points[0], centres, precisions, nearest)
@@ -186,7 +187,7 @@ def look_around(field: MetricField, reshaping: Reshaping, points: np.ndarray) ->
 @numba.njit(cache=True, nogil=True, inline="always")
 def tensor_at(
     point: np.ndarray,
-    shape: np.ndarray,
+    shape: tuple[int, ...],
     strides: np.ndarray,
     number: np.ndarray,
     tensors: np.ndarray,
@@ -202,11 +203,12 @@ def tensor_at(
 ) -> tuple[float, float]:
     """Fill the tensor (T,) at a point (d,), without the conformal factor; where they are asked for its slopes (d, T).
 
-    factors to within : of a reshaping that has looked at the cell's nodes; share (d,), lean (2, d) : for the kernel's
+    factors to within : of a reshaping that has looked at the cell's nodes; share (d,), lean (3, d) : for the kernel's
     own use. Returns the share of the cell that nodes hold, weighted, and 0 outside the grid; and the clearance [m]
     there, at most `within`, -inf without any node. For use within compiled loops; one by one as in `reshaping.look`.
     """
-    d, packed = len(shape), len(tensor)
+    d = len(shape)
+    packed = d * (d + 1) // 2
     begin, total, room, inside = 0, 0.0, 0.0, 1.0
     for a in range(d):
         cell = min(max(math.floor(point[a]), 0.0), shape[a] - 2.0)
@@ -222,11 +224,14 @@ def tensor_at(
     for corner in range(1 << d):
         at, weight = begin, 1.0
         for a in range(d):
-            at += strides[a] * (corner >> a & 1)
-            weight *= share[a] if corner >> a & 1 else 1.0 - share[a]
-        node = number[at]
-        if node < 0:
+            upper = corner >> a & 1
+            at += strides[a] * upper
+            lean[2, a] = share[a] if upper else 1.0 - share[a]
+            weight *= lean[2, a]
+        if number[at] < 0:
             continue
+        # Unsigned: compiled code need not look for negative indices.
+        node = np.uint32(number[at])
         total += weight
         room += weight * min(clearance[node], within)
         if derived:
@@ -234,7 +239,7 @@ def tensor_at(
                 lean[0, a] = 1.0 if corner >> a & 1 else -1.0
                 for b in range(d):
                     if b != a:
-                        lean[0, a] *= share[b] if corner >> b & 1 else 1.0 - share[b]
+                        lean[0, a] *= lean[2, b]
                 lean[1, a] += lean[0, a]
         for j in range(packed):
             value = tensors[node, 0, j]
@@ -256,7 +261,7 @@ def tensor_at(
     return inside * total, room
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def _squared(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: int, s: int) -> float:
     """(z - r_k(s))^T C_k(s)^-1 (z - r_k(s))."""
     squared = 0.0
@@ -279,22 +284,28 @@ def nearest_samples(point: np.ndarray, centres: np.ndarray, precisions: np.ndarr
                 best, nearest[k] = squared, s
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def _nearest(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: int, s: int) -> tuple[float, int]:
+    """The same at the sample nearest to a point along a ridge, and which it is; found where s is not far from it."""
+    begin, squared = s, _squared(point, centres, precisions, k, s)
+    for step in (1, -1):
+        # Nothing is nearer behind where it became nearer ahead.
+        while s * step >= begin * step and 0 <= s + step < centres.shape[1]:
+            further = _squared(point, centres, precisions, k, s + step)
+            if further >= squared:
+                break
+            squared, s = further, s + step
+    return squared, s
+
+
 @numba.njit(cache=True, nogil=True)
 def nearest_along(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, nearest: np.ndarray) -> None:
     """Move on along each ridge from samples (R,) to the nearest ones; they are found where they are not far."""
     for k in range(len(centres)):
-        s = nearest[k]
-        squared = _squared(point, centres, precisions, k, s)
-        for step in (1, -1):
-            while 0 <= s + step < centres.shape[1]:
-                further = _squared(point, centres, precisions, k, s + step)
-                if further >= squared:
-                    break
-                squared, s = further, s + step
-        nearest[k] = s
+        _, nearest[k] = _nearest(point, centres, precisions, k, nearest[k])
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def conformal_exponent(
     point: np.ndarray,
     centres: np.ndarray,
@@ -313,12 +324,11 @@ def conformal_exponent(
     gradient[:], curvature[:] = 0.0, 0.0
     if len(centres) == 0:
         return 0.0
-    nearest_along(point, centres, precisions, nearest)
     best, ridge = math.inf, 0
     for k in range(len(centres)):
-        squared = _squared(point, centres, precisions, k, nearest[k]) + penalties[k]
-        if squared < best:
-            best, ridge = squared, k
+        squared, nearest[k] = _nearest(point, centres, precisions, k, nearest[k])
+        if squared + penalties[k] < best:
+            best, ridge = squared + penalties[k], k
     if strength * best >= cap:
         return cap
     for a in range(len(point)):

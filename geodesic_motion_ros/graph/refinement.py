@@ -193,8 +193,9 @@ def _assemble(
     """
     _, _, shape, strides, number, rows, columns, tensors, centres, precisions, penalties, strength, cap = field
     factors, touched, room, within = reshaping.factors, reshaping.touched, reshaping.clearance, reshaping.within
-    d, packed = curve.shape[1], len(rows)
-    tensor, slopes, share, lean = np.empty(packed), np.empty((d, packed)), np.empty(d), np.empty((2, d))
+    d = len(shape)
+    packed = d * (d + 1) // 2
+    tensor, slopes, share, lean = np.empty(packed), np.empty((d, packed)), np.empty(d), np.empty((3, d))
     middle, along, pulled, slope = np.empty(d), np.empty(d), np.empty(d), np.empty(d)
     curvature = np.empty((d, d))
     gradient[:], diagonal[:], beside[:] = 0.0, 0.0, 0.0
