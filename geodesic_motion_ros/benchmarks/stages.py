@@ -123,12 +123,12 @@ class SkillBench:
 def _message_of() -> Callable[[tuple[str, ...], JointReference], object] | None:
     """Makes the JointTrajectory message of a reference; None without ROS."""
     try:
-        from geodesic_motion_ros.nodes.messages import joint_trajectory_message
+        from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
     except ImportError:
         return None
 
     def message(names: tuple[str, ...], reference: JointReference) -> object:
-        return joint_trajectory_message(
+        return joint_trajectory_bytes(
             names, reference.times, reference.positions, reference.velocities, reference.accelerations, 0.0
         )
 

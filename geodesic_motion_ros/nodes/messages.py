@@ -381,16 +381,16 @@ def joint_trajectory_message(
             accelerations=flat[2][row : row + joints],
             time_from_start=Duration(sec=whole, nanosec=rest),
         )
-        for row, (whole, rest) in zip(range(0, positions.size, joints), _whole_nanoseconds(times), strict=True)
+        for row, whole, rest in zip(range(0, positions.size, joints), *whole_nanoseconds(times).tolist(), strict=True)
     ]
-    ((whole, rest),) = _whole_nanoseconds(np.array([begin]))
+    whole, rest = whole_nanoseconds(np.array(begin)).tolist()
     header = Header(stamp=Time(sec=whole, nanosec=rest))
     return JointTrajectory(header=header, joint_names=list(joint_names), points=points)
 
 
-def _whole_nanoseconds(times: np.ndarray) -> list[list[int]]:
-    """Times (n,) [s] as whole seconds and the nanoseconds left."""
-    return np.stack(np.divmod(np.round(1e9 * times).astype(np.int64), 10**9), axis=1).tolist()
+def whole_nanoseconds(times: np.ndarray) -> np.ndarray:
+    """Times (...,) [s] as whole seconds and the nanoseconds left, (2, ...)."""
+    return np.stack(np.divmod(np.round(1e9 * times).astype(np.int64), 10**9))
 
 
 Colour = tuple[float, float, float, float]

@@ -29,7 +29,6 @@ from geodesic_motion_ros.nodes.messages import (
     diagnostic_status,
     fill_pose,
     image_message,
-    joint_trajectory_message,
     line_marker,
     path_message,
     solid_marker,
@@ -40,6 +39,7 @@ from geodesic_motion_ros.nodes.publishers import publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
+from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.verdict import VerdictCode
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -90,7 +90,7 @@ class PlannerOutputs:
     def trajectory(self, joint_names: Sequence[str], reference: JointReference, begin: float) -> None:
         """What to play from `begin` [s, the node's clock] on; only the control loop calls this."""
         self._commands.publish(
-            joint_trajectory_message(
+            joint_trajectory_bytes(
                 joint_names, reference.times, reference.positions, reference.velocities, reference.accelerations, begin
             )
         )
