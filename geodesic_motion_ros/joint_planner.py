@@ -36,6 +36,8 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 _WORTHWHILE = 1.05
 #: Obstacles nearer than this to the way being followed make every bit of clearance a gain [m].
 _CLOSE = 0.03
+#: An obstacle has come nearer when it has by so much [m].
+_NEARER = 1e-3
 #: While a way is free, better ones are looked for so often [s]: with obstacles near it, and without.
 _PERIOD_CLOSE, _PERIOD_FAR = 0.05, 0.1
 #: Of times [s].
@@ -85,7 +87,8 @@ class _Played:
 class _Followed:
     """What the reference being played was planned for, its verdict, and when another was last looked for [s].
 
-    The verdict tells the present clearance; `promised` was that of the plan [m]. `nodes` as of `JointPlan`.
+    The verdict tells the present clearance; `promised` was that of the plan, `looked` that when another curve was last
+    drawn [m]. `nodes` as of `JointPlan`.
     """
 
     query: JointQuery
@@ -93,7 +96,13 @@ class _Followed:
     obstacles: Obstacles
     searched: float
     promised: float
+    looked: float
     nodes: np.ndarray | None = None
+
+    @property
+    def keeps_off(self) -> bool:
+        """Whether no obstacle is near, or has come nearer: then the same way again is no gain."""
+        return self.verdict.clearance > min(_CLOSE, self.looked - _NEARER)
 
 
 class JointSpacePlanner:
@@ -314,16 +323,18 @@ class JointSpacePlanner:
             if now < followed.searched + period - _ROUNDING:
                 self._followed = followed
                 return self._continued(now, followed)
-        # Where no obstacle is near, the same way again is no gain.
-        known = followed.nodes if followed is not None and followed.verdict.clearance > _CLOSE else None
+        known = followed.nodes if followed is not None and followed.keeps_off else None
         plan = self._solver.solve(query, state, obstacles, self._worthwhile_attempts(followed), deadline, known)
         if followed is not None and not self._gains(plan, followed, state):
-            self._followed = replace(followed, obstacles=self._obstacles, searched=now)
+            found_again = plan.reference is None and plan.verdict.ok
+            looked = followed.looked if found_again else followed.verdict.clearance
+            self._followed = replace(followed, obstacles=self._obstacles, searched=now, looked=looked)
             return self._continued(now, followed)
         self._without_way = query if plan.reference is None else None
         if plan.reference is None:
             return self._stopped(now, plan.verdict)
-        self._followed = _Followed(query, plan.verdict, self._obstacles, now, plan.verdict.clearance, plan.nodes)
+        nearest = plan.verdict.clearance
+        self._followed = _Followed(query, plan.verdict, self._obstacles, now, nearest, nearest, plan.nodes)
         return self._play(plan.reference, now, state.time, plan.verdict)
 
     def stop(self, now: float, verdict: Verdict) -> JointPlan:
@@ -451,7 +462,8 @@ class JointSpacePlanner:
         if objection is not None and self.settings.avoidance:
             verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
         assert self._followed is not None
-        self._followed = _Followed(self._followed.query, verdict, self._obstacles, now, verdict.clearance)
+        nearest = verdict.clearance
+        self._followed = _Followed(self._followed.query, verdict, self._obstacles, now, nearest, nearest)
         return self._play(stop, now, switch, verdict)
 
     def _play(self, reference: JointReference, now: float, switch: float, verdict: Verdict) -> JointPlan:
