@@ -154,6 +154,7 @@ def figures(recording: Recording, goal: np.ndarray, obstacle: bool) -> dict[str,
         "tick_ms_p50": float(p50),
         "tick_ms_p99": float(p99),
         "deadline_misses": misses[-1] - misses[0],
+        "stolen_percent": recording.stolen_percent,
         "goal_error_mm": 1000.0 * float(distance),
         "goal_error_deg": math.degrees(float(angle)),
         "min_clearance_mm": 1000.0 * recording.min_clearance if obstacle else None,
@@ -189,7 +190,8 @@ def slow_runs(summary: Mapping[str, Any]) -> list[str]:
     load, cores = os.getloadavg()[0], os.cpu_count()
     return [
         f"{run.key}: the planner ran at {summary[run.key]['rate_hz']:.1f} Hz instead of 100; "
-        f"the machine's load is {load:.1f} on {cores} cores"
+        f"the machine's load is {load:.1f} on {cores} cores, and its host took "
+        f"{summary[run.key]['stolen_percent']:.1f} % of its time meanwhile"
         for run in RUNS
         if summary[run.key]["rate_hz"] < LEAST_RATE
     ]

@@ -28,6 +28,7 @@ from std_srvs.srv import Trigger
 
 from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.nodes.messages import pose_message, read_point, read_pose, seconds
+from geodesic_motion_ros.nodes.stolen_time import StolenTime
 from geodesic_motion_ros.quaternions import angle_between
 
 # The arm has arrived when it has been this close to the goal for this long.
@@ -52,6 +53,7 @@ class Recording:
     min_clearance : smallest distance [m] from the arm's real geometry to the obstacle, inf without one.
     contacts : physics steps in which arm and obstacle touched. touched : seconds from goal to the first, or inf.
     arrived : seconds from goal to arrival, nan if it never did.
+    stolen_percent : of the machine's time meanwhile, as of `StolenTime`.
     """
 
     pose_times: list[float] = field(default_factory=list)
@@ -66,6 +68,7 @@ class Recording:
     contacts: int = 0
     touched: float = math.inf
     arrived: float = math.nan
+    stolen_percent: float = math.nan
 
 
 class Processes:
@@ -165,7 +168,7 @@ class Probe:
         stamp = self._node.get_clock().now().to_msg()
         self._goals.publish(pose_message(self._goal[:3], self._goal[3:], self._frame, stamp))
         deadline = time.monotonic() + MOTION_PATIENCE
-        record = self.recording
+        record, stolen = self.recording, StolenTime()
         self._spin(
             lambda: (
                 not math.isnan(record.arrived)
@@ -173,7 +176,8 @@ class Probe:
                 or time.monotonic() > deadline
             )
         )
-        return self.recording
+        record.stolen_percent = stolen.percent()
+        return record
 
     def _wait(self, condition: Callable[[], Any], patience: float, what: str) -> None:
         deadline = time.monotonic() + patience

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.nodes.planner_stream import PlannerStream, Spheres
+from geodesic_motion_ros.nodes.stolen_time import StolenTime
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill import Skill
@@ -33,7 +34,7 @@ MOVING_RADIUS, REACH, ROUND = 0.05, 0.25, 4.0
 
 @dataclass(frozen=True)
 class RateRow:
-    """What one stretch of the stream has shown: rates in Hz, durations in ms."""
+    """What one stretch of the stream has shown: rates in Hz, durations in ms; stolen_percent as of `StolenTime`."""
 
     asked: float
     name: str
@@ -43,6 +44,7 @@ class RateRow:
     misses: int
     goals: int
     ok_percent: float
+    stolen_percent: float
 
 
 @dataclass(frozen=True)
@@ -113,11 +115,8 @@ def measure_rates(
 
 def table(rows: list[RateRow]) -> str:
     """The rows as plain text."""
-    head = ["asked Hz", "", "rate Hz", "tick p50 ms", "p99 ms", "misses", "goals", "OK %"]
-    cells = [
-        [row.asked, row.name, row.rate, row.tick_p50, row.tick_p99, row.misses, row.goals, row.ok_percent]
-        for row in rows
-    ]
+    head = ["asked Hz", "", "rate Hz", "tick p50 ms", "p99 ms", "misses", "goals", "OK %", "stolen %"]
+    cells = [list(astuple(row)) for row in rows]
     return text_table(head, cells, digits=1)
 
 
@@ -135,14 +134,16 @@ def _stretch(stream: PlannerStream, asked: float, name: str, seconds: float, goa
     send()
     stream.wait(lambda: stream.code != "NO_GOAL", seconds)
     stream.ticks.clear()
+    stolen = StolenTime()
     if goals_hz > 0.0:
         stream.node.create_timer(1.0 / goals_hz, send)
     stream.spend(seconds)
+    taken = stolen.percent()
     first, last = stream.ticks[0], stream.ticks[-1]
     p50, p99 = np.percentile([tick.duration for tick in stream.ticks], [50.0, 99.0])
     rate = (last.number - first.number) / (last.time - first.time)
     fine = 100.0 * float(np.mean([tick.code == "OK" for tick in stream.ticks]))
-    return RateRow(asked, name, rate, float(p50), float(p99), last.misses - first.misses, goals, fine)
+    return RateRow(asked, name, rate, float(p50), float(p99), last.misses - first.misses, goals, fine, taken)
 
 
 def _beside(way: _Way, count: int) -> Spheres:

@@ -96,10 +96,11 @@ def test_an_arm_that_never_changes_its_family_has_not_shown_it() -> None:
 def test_a_busy_machine_is_warned_of_and_fails_nothing() -> None:
     summary = good_summary()
     assert demo_node.slow_runs(summary) == []
-    summary["no_obstacle"]["rate_hz"] = 98.0
+    summary["no_obstacle"] |= {"rate_hz": 98.0, "stolen_percent": 12.34}
     (warning,) = demo_node.slow_runs(summary)
     assert warning.startswith("no_obstacle: the planner ran at 98.0 Hz")
     assert "load" in warning
+    assert "its host took 12.3 % of its time" in warning
     assert demo_node.missed_bars(summary) == []
 
 
