@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.graph.transport import carry
-from geodesic_motion_ros.quaternions import angle_between, continuous_signs
+from geodesic_motion_ros.quaternions import continuous_signs
 
 #: Knots closer than this [s] are one: second derivatives of shorter segments would be rounding errors.
 SHORTEST_STEP = 1e-5
@@ -99,24 +99,14 @@ class MotionCurve:
         step = self.knots[segment + 1] - self.knots[segment]
         return _hermite_slope(share, step, self.chords[segment], self.tangents[segment], self.tangents[segment + 1])
 
-    def foot(self, position: np.ndarray, quaternion: np.ndarray, count: int, metres_per_radian: float):
+    def foot(
+        self, position: np.ndarray, quaternion: np.ndarray, count: int, metres_per_radian: float
+    ) -> tuple[int, float, float, float]:
         """Where a pose is closest to the first `count` segments: segment, share of it, distance [m], angle [rad]."""
-        begin, step = self.positions[:count], self.chords[:count, :3]
-        along = np.sum((position - begin) * step, axis=1)
-        share = np.clip(along / np.maximum(np.sum(step**2, axis=1), 1e-18), 0.0, 1.0)
-        distance = np.linalg.norm(begin + share[:, None] * step - position, axis=1)
-        angle = angle_between(self.quaternions[:count], quaternion)
-        near = int(np.argmin(distance + metres_per_radian * angle))
-        best = None
-        for i in range(max(0, near - 1), min(len(begin), near + 2)):
-            target = chord(self.positions[i], self.quaternions[i], position, quaternion)
-            h = self.knots[i + 1] - self.knots[i]
-            s, off, turned = _closest(
-                target, h, self.chords[i], self.tangents[i], self.tangents[i + 1], metres_per_radian
-            )
-            if best is None or off + metres_per_radian * turned < best[2] + metres_per_radian * best[3] - 1e-12:
-                best = i, s, off, turned
-        return best
+        return _foot(
+            self.knots, self.positions, self.quaternions, self.chords, self.tangents, position, quaternion, count,
+            metres_per_radian,
+        )  # fmt: skip
 
     def from_share(self, segment: int, share: float) -> tuple[MotionCurve, int]:
         """The curve from a share of a segment on, geometrically the same, and how many segments it leaves out."""
@@ -262,3 +252,55 @@ def _closest(
     gap = target - _hermite(s, step, chord, first, last)
     distance = math.sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2])
     return s, distance, math.sqrt(gap[3] * gap[3] + gap[4] * gap[4] + gap[5] * gap[5])
+
+
+@numba.njit(cache=True, nogil=True)
+def _foot(
+    knots: np.ndarray,
+    positions: np.ndarray,
+    quaternions: np.ndarray,
+    chords: np.ndarray,
+    tangents: np.ndarray,
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    count: int,
+    metres_per_radian: float,
+) -> tuple[int, float, float, float]:
+    """`MotionCurve.foot`: on the segment whose chord is nearest, or one of those beside it."""
+    near, least = 0, np.inf
+    for i in range(count):
+        away = _from_chord(position, positions[i], chords[i]) + metres_per_radian * _turned(quaternion, quaternions[i])
+        if away < least:
+            near, least = i, away
+    segment, share, distance, angle = near, 0.0, np.inf, np.inf
+    for i in range(max(0, near - 1), min(count, near + 2)):
+        target = chord(positions[i], quaternions[i], position, quaternion)
+        s, off, turned = _closest(
+            target, knots[i + 1] - knots[i], chords[i], tangents[i], tangents[i + 1], metres_per_radian
+        )
+        if off + metres_per_radian * turned < distance + metres_per_radian * angle - 1e-12:
+            segment, share, distance, angle = i, s, off, turned
+    return segment, share, distance, angle
+
+
+@numba.njit(cache=True, nogil=True)
+def _from_chord(point: np.ndarray, begin: np.ndarray, chord: np.ndarray) -> float:
+    """Distance [m] of a point (3,) from where a chord leads straight on from its beginning."""
+    along, squared = 0.0, 1e-18
+    for j in range(3):
+        along += (point[j] - begin[j]) * chord[j]
+        squared += chord[j] * chord[j]
+    share, result = min(1.0, max(0.0, along / squared)), 0.0
+    for j in range(3):
+        result += (begin[j] + share * chord[j] - point[j]) ** 2
+    return math.sqrt(result)
+
+
+@numba.njit(cache=True, nogil=True)
+def _turned(first: np.ndarray, second: np.ndarray) -> float:
+    """`quaternions.angle_between` for two of them, (4,) each."""
+    minus, plus = 0.0, 0.0
+    for j in range(4):
+        minus += (first[j] - second[j]) ** 2
+        plus += (first[j] + second[j]) ** 2
+    return 4.0 * math.asin(min(0.5 * math.sqrt(min(minus, plus)), math.sqrt(0.5)))

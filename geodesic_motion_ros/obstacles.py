@@ -95,8 +95,8 @@ class Obstacles:
 
     def distinct(self) -> Obstacles:
         """Standing still, in an order of their own: what is told twice, by two sensors, is one obstacle."""
-        spheres = np.unique(np.column_stack([self.centres, self.radii]), axis=0)
-        solids = np.unique(self.solids, axis=0)
+        spheres = _distinct_rows(np.column_stack([self.centres, self.radii]))
+        solids = _distinct_rows(self.solids)
         still = Obstacles.of_spheres(
             np.ascontiguousarray(spheres[:, :3]), np.ascontiguousarray(spheres[:, 3]), time=self.time
         )
@@ -138,3 +138,9 @@ def _shifted(solids: np.ndarray, by: np.ndarray) -> np.ndarray:
     result = solids.copy()
     result[:, :3] += by
     return result
+
+
+def _distinct_rows(rows: np.ndarray) -> np.ndarray:
+    """Rows (n, k) in lexical order, each once: numpy's `unique` takes half a millisecond for ten of them."""
+    rows = rows[np.lexsort(rows.T[::-1])]
+    return rows[np.append(True, np.any(rows[1:] != rows[:-1], axis=1))] if len(rows) > 1 else rows

@@ -7,6 +7,7 @@ frame, the planner works there, and its answer comes back: since frames are rigi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +27,7 @@ class TaskFrame:
         """The task frame is the base frame: skills that were shown in the base frame."""
         return cls(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
-    @property
+    @cached_property
     def is_identity(self) -> bool:
         """Whether nothing has to be converted."""
         return bool(np.all(self.origin == 0.0) and np.all(self.quaternion == [1.0, 0.0, 0.0, 0.0]))
