@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from trajectory_msgs.msg import JointTrajectory
 
 from geodesic_motion_ros.errors import ParameterError
@@ -47,11 +48,14 @@ class _Heard:
         self._stream = stream
         self.message = JointTrajectory()
         self.times: list[float] = []
-        stream.node.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, QoSProfile(depth=5))
+        stream.node.create_subscription(
+            JointTrajectory, "joint_trajectory", self._on_trajectory, QoSProfile(depth=5), raw=True
+        )
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
-        self.message = message
+    def _on_trajectory(self, wire: bytes) -> None:
+        # What it takes to make Python objects of hundreds of knots is not the planner's time.
         self.times.append(self._stream.now())
+        self.message = deserialize_message(wire, JointTrajectory)
 
     def left(self) -> float:
         """How much of the motion is still to come [s]."""
