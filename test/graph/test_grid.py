@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.graph import grid as grid_module
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid, stencil
 
 
@@ -68,3 +69,18 @@ def test_adjacency_lists_both_ends_of_every_edge():
 def test_an_impossible_box_is_refused(lower, upper, shape, named):
     with pytest.raises(PlanningError, match=named):
         LatentGrid(np.array(lower), np.array(upper), shape)
+
+
+@pytest.mark.parametrize("shape", [(20_000, 20_000, 20_000), (3_000_000, 4_000_000)])
+def test_a_grid_that_memory_does_not_hold_is_refused_before_it_is_made_and_a_smaller_one_proposed(shape):
+    dimension = len(shape)
+    with pytest.raises(PlanningError, match=r"nodes takes about [\d,.]+ GB, and [\d.]+ GB are free: ") as refused:
+        LatentGrid(np.zeros(dimension), np.ones(dimension), shape)
+    proposed = tuple(int(side) for side in str(refused.value).split(": ")[-1].removesuffix(" would fit").split(" x "))
+    assert all(side < asked for side, asked in zip(proposed, shape, strict=True))
+    LatentGrid(np.zeros(dimension), np.ones(dimension), tuple(int(0.9 * side) for side in proposed))
+
+
+def test_where_the_system_does_not_tell_its_memory_nothing_is_refused(monkeypatch, tmp_path):
+    monkeypatch.setattr(grid_module, "_MEMORY", tmp_path / "none")
+    LatentGrid(np.zeros(2), np.ones(2), (10**9, 10**9))
