@@ -70,6 +70,15 @@ class _Followed:
 
 
 @dataclass(frozen=True)
+class _Turned:
+    """A query whose way turns off the motion that the stream had, among which obstacles, and what was said of it."""
+
+    query: Query
+    obstacles: Obstacles
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
 class PreparedGoal:
     """A goal that is not refused, as it was given, and the graph carried to it in a task frame.
 
@@ -103,6 +112,7 @@ class ReactivePlanner:
         self._goal: tuple[Pose, bool] | None = None
         self._query: Query | None = None
         self._followed: _Followed | None = None
+        self._turned: _Turned | None = None
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -125,7 +135,7 @@ class ReactivePlanner:
             load_search(self.graph, self._query, self.settings)
         self.stop(follower.position, follower.quaternion, follower.speed)
         self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
-        self._goal = self._query = self._followed = None
+        self._goal = self._query = self._followed = self._turned = None
 
     # ---------------------------------------------------------------- inputs
 
@@ -252,6 +262,9 @@ class ReactivePlanner:
         kept = self._kept(motion, scene)
         if kept is not None:
             return kept
+        stopping = self._stopping_first(start, scene, speed)
+        if stopping is not None:
+            return stopping
         latent = self._locate(start)
         if latent is None:
             query = self._next_query(start, goal, speed)
@@ -260,6 +273,7 @@ class ReactivePlanner:
             self._query, latent = query, query.start_latent
         assert self._query is not None
         plan = self._chosen(self._solver.solve(self._query, start, latent, scene, motion, deadline), motion, scene)
+        self._turned = _Turned(self._query, scene.in_task, plan.verdict) if plan.turning else None
         if plan.reference is not None and plan.reference.strain > _STRAIN:
             plan = self._stop_first(plan, start, scene, speed)
         if not plan.verdict.ok:
@@ -267,6 +281,16 @@ class ReactivePlanner:
         assert plan.reference is not None
         self._followed = _Followed(self._query, plan.reference, plan.verdict, scene)
         return plan
+
+    def _stopping_first(self, start: Pose, scene: Scene, speed: float) -> Plan | None:
+        """The rest of a stop before a way that turns off the present motion: it will do so until the tool rests."""
+        turned = self._turned
+        if turned is None or speed <= 0.0 or turned.query is not self._query:
+            return None
+        if not turned.obstacles.same_places(scene.in_task):
+            return None
+        braking = self._braking(start, scene.in_task, speed)
+        return None if braking is None else Plan(braking, turned.verdict, turning=True)
 
     def _motion(self, start: Pose, speed: float) -> Motion:
         """How the stream moves at a pose and a speed [m/s]."""

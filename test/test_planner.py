@@ -231,6 +231,42 @@ def test_a_blocked_stream_holds_and_goes_on_when_the_way_is_free(planner):
     np.testing.assert_allclose(follower.position, planner.skill.goal_pose[:3], atol=1e-6)
 
 
+def test_a_stop_before_a_way_back_is_gone_to_its_end_without_looking_again_while_nothing_changes(planner, monkeypatch):
+    """Obstacles that move meanwhile are looked at in the same tick."""
+    looks, solve = [], planner._solver.solve
+
+    def recorded(*arguments):
+        looks.append(arguments)
+        return solve(*arguments)
+
+    start = planner.skill.start_pose
+    *_, (_, follower, _) = stream(planner, seconds=1.0)
+    assert planner.set_goal(start[:3], start[3:]).ok
+    monkeypatch.setattr(planner._solver, "solve", recorded)
+    stopping = []
+    for step in range(300):
+        moves = 10 <= len(stopping) < 13
+        planner.set_obstacles(*(([[0.0, 0.0, 3.0 + 0.01 * step]], [0.05]) if moves else NOTHING))
+        before = len(looks)
+        plan = planner.tick(follower.position, follower.quaternion, follower.speed)
+        assert plan.reference is not None
+        follower.accept(plan.reference)
+        follower.advance(PERIOD)
+        if plan.turning:
+            stopping.append((len(looks) - before, moves))
+        elif plan.verdict.ok and follower.speed > 0.0 and stopping:
+            break
+    assert len(stopping) > 15
+    assert stopping[0][0] == 1
+    assert all(count == 1 for count, moved in stopping if moved)
+    assert sum(count for count, _ in stopping) <= 1 + 3 + 1
+    for _ in range(600):
+        plan = planner.tick(follower.position, follower.quaternion, follower.speed)
+        follower.accept(plan.reference)
+        follower.advance(PERIOD)
+    np.testing.assert_allclose(follower.position, start[:3], atol=1e-6)
+
+
 def test_out_of_time_no_further_attempt_is_made(planner, monkeypatch):
     """A first attempt that fails is followed by another, but for the deadline."""
     certified, refused = planner._solver._certified, []
