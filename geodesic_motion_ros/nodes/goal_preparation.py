@@ -30,6 +30,11 @@ class GoalPreparation(Generic[Prepared]):
         """What has been asked for is not wanted any more."""
         self._running = self._next = None
 
+    @property
+    def busy(self) -> bool:
+        """Whether a goal is being prepared, or is to be."""
+        return self._running is not None or self._next is not None
+
     def settled(self) -> Prepared | None:
         """A goal that has been prepared, once; None while there is none. Raises what its preparation raised."""
         done = self._running if self._running is not None and self._running.done() else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,15 +16,26 @@ from rclpy.qos import QoSProfile
 
 from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.nodes.messages import pose_message, seconds
+from geodesic_motion_ros.nodes.stream_cycle import PREPARING
 
 #: How long [s] a planner is looked for, and its verdict on the goal is waited for.
 PATIENCE = 10.0
-# The planner takes a goal in its next cycle; a verdict from before the goal is no answer. Cycles it is given for that.
+# The planner hears of a goal in its next cycle, and prepares it for a while; a verdict from before is no answer. Cycles
+# it is given to hear of it.
 _CYCLES = 10
 
 
 class NoPlannerError(GeodesicMotionError):
     """No planner listens, or it does not answer."""
+
+
+@dataclass(frozen=True)
+class _Status:
+    """When it was sent [s], what it says, and what it says of the newest goal."""
+
+    stamp: float
+    text: str
+    goal: str
 
 
 def by_hand(pose: np.ndarray, frame: str) -> str:
@@ -37,7 +49,8 @@ def by_hand(pose: np.ndarray, frame: str) -> str:
 
 
 def send_goal(pose: np.ndarray, frame: str) -> str:
-    """Publish a goal (7,) once, as soon as a planner listens; returns the planner's next status, `CODE: reason`.
+    """Publish a goal (7,) once, as soon as a planner listens; returns what the planner says next, `CODE: reason`, but
+    for that it prepares the goal.
 
     Raises
     ------
@@ -48,10 +61,12 @@ def send_goal(pose: np.ndarray, frame: str) -> str:
     node = rclpy.create_node("goal", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
-    said: list[tuple[float, str]] = []
+    said: list[_Status] = []
 
     def hear(message: DiagnosticArray) -> None:
-        said.append((seconds(message.header.stamp), message.status[0].message))
+        status = message.status[0]
+        reasons = [pair.value for pair in status.values if pair.key == "goal_reason"]
+        said.append(_Status(seconds(message.header.stamp), status.message, "".join(reasons)))
 
     try:
         goals = node.create_publisher(PoseStamped, "goal_pose", QoSProfile(depth=1))
@@ -62,11 +77,14 @@ def send_goal(pose: np.ndarray, frame: str) -> str:
         goals.publish(pose_message(pose[:3], pose[3:], frame, sent))
 
         # Older ones may still stand in the queue.
-        def answers() -> list[str]:
-            return [text for stamp, text in said if stamp > seconds(sent)]
+        def answers() -> list[_Status]:
+            return [status for status in said if status.stamp > seconds(sent)]
 
-        _spin(executor, lambda: len(answers()) >= _CYCLES, "the planner has fallen silent")
-        return answers()[-1]
+        def answered() -> bool:
+            return len(answers()) >= _CYCLES and answers()[-1].goal != PREPARING
+
+        _spin(executor, answered, "the planner has fallen silent, or prepares the goal for ever")
+        return answers()[-1].text
     finally:
         executor.shutdown()
         node.destroy_node()

@@ -30,6 +30,8 @@ Place = TypeVar("Place", Pose, np.ndarray)
 
 #: Share of a period after which a tick begins nothing new: what it has begun then ends within the period.
 DEADLINE_SHARE = 0.5
+#: What is said of a goal while it is being prepared.
+PREPARING = "the newest goal is being prepared"
 #: An arm that was lost rests when it has stayed this long [s] near one place.
 REST_TIME = 0.5
 
@@ -206,12 +208,18 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
                 self._goal_verdict = goal
             else:
                 self._goals.ask(self._preparation(inputs))
-        prepared = self._goals.settled()
+                self._goal_verdict = Verdict(VerdictCode.NO_GOAL, PREPARING)
+        try:
+            prepared = self._goals.settled()
+        except Exception:
+            self._goal_verdict = Verdict(VerdictCode.BAD_INPUT, "internal error while it was prepared, see the log")
+            raise
         if prepared is None:
             return
         verdict = self._take_prepared(prepared)
         self._has_goal = self._has_goal or verdict.ok
-        if not isinstance(goal, Verdict):
+        # What is said is said of the newest goal: of one before it nothing.
+        if not (isinstance(goal, Verdict) or self._goals.busy):
             self._goal_verdict = verdict
 
     def _drop_goal(self, why: str) -> None:
