@@ -65,7 +65,7 @@ class _Heard:
         return end - self._stream.now()
 
     def tool_at(self, time: float, robot: Robot) -> np.ndarray:
-        """Where the tool is to be (3,) [m] at the first waypoint after a time [s], or at the end of a shorter motion."""
+        """Where the tool is to be (3,) [m] at the first waypoint after a time [s], or where a shorter motion ends."""
         begin, points = seconds(self.message.header.stamp), self.message.points
         point = next((point for point in points if begin + seconds(point.time_from_start) >= time), points[-1])
         return end_effector_poses(np.array(point.positions)[None], robot.chain)[0][0]
