@@ -357,42 +357,6 @@ def joint_state_message(names: Sequence[str], positions: np.ndarray, velocities:
     )
 
 
-def joint_trajectory_message(
-    joint_names: Sequence[str],
-    times: np.ndarray,
-    positions: np.ndarray,
-    velocities: np.ndarray,
-    accelerations: np.ndarray,
-    begin: float,
-) -> JointTrajectory:
-    """A JointTrajectory of knots (n, eta) [rad], [rad/s], [rad/s^2] at times (n,) [s], 0 or more, after `begin`.
-
-    Parameters
-    ----------
-    begin : the stamp [s], by the ROS clock.
-    """
-    joints = positions.shape[1]
-    # Slices of one array.array: the fields copy those at once and lists number by number.
-    flat = [array.array("d", values.tobytes()) for values in (positions, velocities, accelerations)]
-    points = [
-        JointTrajectoryPoint(
-            positions=flat[0][row : row + joints],
-            velocities=flat[1][row : row + joints],
-            accelerations=flat[2][row : row + joints],
-            time_from_start=Duration(sec=whole, nanosec=rest),
-        )
-        for row, whole, rest in zip(range(0, positions.size, joints), *whole_nanoseconds(times).tolist(), strict=True)
-    ]
-    whole, rest = whole_nanoseconds(np.array(begin)).tolist()
-    header = Header(stamp=Time(sec=whole, nanosec=rest))
-    return JointTrajectory(header=header, joint_names=list(joint_names), points=points)
-
-
-def whole_nanoseconds(times: np.ndarray) -> np.ndarray:
-    """Times (...,) [s] as whole seconds and the nanoseconds left, (2, ...)."""
-    return np.stack(np.divmod(np.round(1e9 * times).astype(np.int64), 10**9))
-
-
 Colour = tuple[float, float, float, float]
 
 

@@ -224,7 +224,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
 
     def _drop_goal(self, why: str) -> None:
         """Forget the goal: where something unexpected has happened, an arm must not set out again by itself."""
-        if self._has_goal:
+        if self._has_goal or self._goals.busy:
             self._has_goal = False
             self._goal_verdict = Verdict(VerdictCode.NO_GOAL, f"goal dropped: {why}; send the goal again")
             self._goals.forget()

@@ -13,8 +13,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geodesic_motion_ros.nodes.messages import whole_nanoseconds
-
 #: What precedes a message: plain CDR in this machine's order of bytes.
 _ENCAPSULATION = bytes([0, int(sys.byteorder == "little"), 0, 0])
 _GAP = bytes(4)
@@ -28,8 +26,14 @@ def joint_trajectory_bytes(
     accelerations: np.ndarray,
     begin: float,
 ) -> bytes:
-    """`messages.joint_trajectory_message`, serialised; a publisher takes either."""
-    stamp, frame = struct.pack("=iI", *whole_nanoseconds(np.array(begin)).tolist()), _string("")
+    """A serialised JointTrajectory, which a publisher takes in the place of the message.
+
+    Parameters
+    ----------
+    times : (n,) of the knots [s], 0 or more, after `begin`, the stamp [s] by the ROS clock.
+    positions, velocities, accelerations : (n, eta) [rad], [rad/s], [rad/s^2].
+    """
+    stamp, frame = struct.pack("=iI", *_whole_nanoseconds(np.array(begin)).tolist()), _string("")
     names = struct.pack("=I", len(joint_names)) + b"".join(map(_string, joint_names))
     head = stamp + frame + names + struct.pack("=I", len(times))
     points = _points(times, positions, velocities, accelerations).tobytes()
@@ -60,5 +64,10 @@ def _points(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray, ac
     values = {"positions": positions, "velocities": velocities, "accelerations": accelerations}
     for name, rows in values.items():
         points[name], points[f"{name}_length"] = rows, joints
-    points["seconds"], points["nanoseconds"] = whole_nanoseconds(times)
+    points["seconds"], points["nanoseconds"] = _whole_nanoseconds(times)
     return points
+
+
+def _whole_nanoseconds(times: np.ndarray) -> np.ndarray:
+    """Times (...,) [s] as whole seconds and the nanoseconds left, (2, ...)."""
+    return np.stack(np.divmod(np.round(1e9 * times).astype(np.int64), 10**9))

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import Log
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference, joined, timed_joint_reference
-from geodesic_motion_ros.nodes.messages import joint_trajectory_message, seconds
+from geodesic_motion_ros.nodes.messages import seconds
+from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -50,8 +52,8 @@ def now(bench) -> float:
 
 def send(bench, reference: JointReference, begin: float) -> None:
     knots = reference.times, reference.positions, reference.velocities, reference.accelerations
-    message = joint_trajectory_message(ROBOT.joint_names, *knots, begin)
-    bench.publisher(JointTrajectory, "joint_trajectory").publish(message)
+    wire = joint_trajectory_bytes(ROBOT.joint_names, *knots, begin)
+    bench.publisher(JointTrajectory, "joint_trajectory").publish(wire)
 
 
 def measured(bench) -> np.ndarray:
@@ -137,7 +139,7 @@ def test_a_bad_one_is_refused_and_the_old_one_goes_on(twin, spoil, reason):
     wait_for_time(twin, begin + 0.3 * reference.duration)
     other = way(START, OTHER_GOAL)
     knots = other.times, other.positions, other.velocities, other.accelerations
-    message = joint_trajectory_message(ROBOT.joint_names, *knots, now(twin))
+    message = deserialize_message(joint_trajectory_bytes(ROBOT.joint_names, *knots, now(twin)), JointTrajectory)
     spoil(message)
     twin.publisher(JointTrajectory, "joint_trajectory").publish(message)
     twin.wait(lambda: reason in twin.twin._refusals.newest(within=60.0), f"a refusal: {reason}")

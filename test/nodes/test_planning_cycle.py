@@ -11,7 +11,7 @@ import pytest
 
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
-from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
+from geodesic_motion_ros.nodes.stream_cycle import PREPARING, REST_TIME, CycleInputs, CycleOutput
 from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.query import QueryBuilder
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -169,6 +169,29 @@ def test_no_cycle_carries_the_graph_to_goals_that_move(planner, inputs, goal, mo
     assert threading.current_thread() not in carried_by
     assert np.max(np.abs(np.diff(steps))) < PERIOD**2 * 1.2 * planner.settings.acceleration
     assert sum(steps) > 0.02
+
+
+def test_a_goal_that_is_being_prepared_when_the_arm_is_lost_is_dropped_too(planner, inputs):
+    """It was given before: what sets the arm moving again is a goal given after."""
+    planner.clear_goal()
+    release = threading.Event()
+    with ThreadPoolExecutor(1) as background:
+        cycle = PlanningCycle(planner, 0.1, 1.0, 0.05, 0.3, clock=lambda: 0.0, background=background)
+        background.submit(release.wait)
+        assert cycle.run(inputs, PERIOD).verdict.reason == PREPARING
+        away = inputs.measured[0] + [0.0, 0.06, 0.0], inputs.measured[1]
+        pushed = dataclasses.replace(inputs, measured=away)
+        assert "send the goal again" in cycle.run(pushed, PERIOD).goal_verdict.reason
+        release.set()
+        for _ in range(round(2.0 * REST_TIME / PERIOD)):
+            background.submit(lambda: None).result()
+            output = cycle.run(pushed, PERIOD)
+        assert output.verdict.code is VerdictCode.NO_GOAL
+        np.testing.assert_array_equal(output.commanded[0], away[0])
+        again = dataclasses.replace(pushed, goal_number=2)
+        cycle.run(again, PERIOD)
+        background.submit(lambda: None).result()
+        assert cycle.run(again, PERIOD).verdict.ok
 
 
 def rest(cycle: PlanningCycle, inputs: CycleInputs) -> list[CycleOutput]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Duration, Time
 from rclpy.serialization import deserialize_message, serialize_message
-from trajectory_msgs.msg import JointTrajectory
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from geodesic_motion_ros.nodes.messages import joint_trajectory_message
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 
 
@@ -15,6 +18,17 @@ def motion(knots: int, joints: int, seed: int = 0) -> tuple[np.ndarray, ...]:
     """Times (n,) and three rows of values (n, joints)."""
     random = np.random.default_rng(seed)
     return np.append(0.0, np.cumsum(random.uniform(1e-3, 1.0, knots - 1))), *random.normal(size=(3, knots, joints))
+
+
+def message_of(names: Sequence[str], times: np.ndarray, *values: np.ndarray) -> JointTrajectory:
+    """The message itself, point by point; its stamp is 1.7e9 s."""
+    points = []
+    for time, *rows in zip(times, *values, strict=True):
+        whole, rest = divmod(round(1e9 * time), 10**9)
+        fields = dict(zip(("positions", "velocities", "accelerations"), (row.tolist() for row in rows), strict=True))
+        points.append(JointTrajectoryPoint(**fields, time_from_start=Duration(sec=whole, nanosec=rest)))
+    header = Header(stamp=Time(sec=1_700_000_000))
+    return JointTrajectory(header=header, joint_names=list(names), points=points)
 
 
 def assert_the_same(wire: bytes, message: JointTrajectory) -> None:
@@ -29,12 +43,21 @@ def test_they_are_read_as_the_message(knots: int, joints: int) -> None:
     """Whatever the names, whose lengths shift all that follows."""
     for extra in range(9):
         names = [f"joint{number}" + extra * "x" for number in range(joints)]
-        arguments = names, *motion(knots, joints, extra), 1.7e9 + 0.1 * extra
-        assert_the_same(joint_trajectory_bytes(*arguments), joint_trajectory_message(*arguments))
+        arguments = names, *motion(knots, joints, extra)
+        assert_the_same(joint_trajectory_bytes(*arguments, 1.7e9), message_of(*arguments))
 
 
 def test_rows_need_not_lie_one_after_the_other_in_memory() -> None:
     times, *rows = motion(30, 14)
     names = [f"joint{number}" for number in range(7)]
-    arguments = names, times[::2], *(values[::2, ::2] for values in rows), 5.0
-    assert_the_same(joint_trajectory_bytes(*arguments), joint_trajectory_message(*arguments))
+    arguments = names, times[::2], *(values[::2, ::2] for values in rows)
+    assert_the_same(joint_trajectory_bytes(*arguments, 1.7e9), message_of(*arguments))
+
+
+def test_times_are_rounded_to_whole_nanoseconds() -> None:
+    times = np.array([0.0, 0.9999999999, 1.0000000011])
+    wire = joint_trajectory_bytes(("j1", "j2", "j3"), times, *np.zeros((3, 3, 3)), 5.9999999999)
+    message = deserialize_message(wire, JointTrajectory)
+    stamps = [point.time_from_start for point in message.points]
+    assert [(stamp.sec, stamp.nanosec) for stamp in stamps] == [(0, 0), (1, 0), (1, 1)]
+    assert message.header.stamp == Time(sec=6)
