@@ -10,7 +10,7 @@ from geodesic_motion_ros.benchmarks.scenes import spheres_on_way
 from geodesic_motion_ros.benchmarks.stages import SkillBench
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.graph import shortest_path
-from geodesic_motion_ros.latent_way import LatentWay, cheapest_way
+from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.verdict import VerdictCode
 
@@ -44,3 +44,15 @@ def test_a_free_way_needs_no_time(bench, monkeypatch) -> None:
     assert isinstance(found, LatentWay)
     assert found.gap == 0.0
     np.testing.assert_array_equal(found.nodes, way(bench, Obstacles.none()).nodes)
+
+
+def test_a_way_is_the_same_where_its_end_is_whatever_node_it_enters_the_graph_by() -> None:
+    known = np.arange(10, 30)
+    assert same_way(known, known)
+    assert same_way(known[5:], known)
+    assert same_way(np.concatenate([[3, 2, 1], known[5:]]), known)
+    assert not same_way(np.concatenate([[4, 3, 2, 1], known[5:]]), known)
+    assert not same_way(np.append(known, 30), known)
+    assert not same_way(known[:-1], known)
+    assert not same_way(np.concatenate([[0], known, [30]]), known)
+    assert not same_way(known[-3:], known)

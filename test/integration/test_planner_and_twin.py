@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from std_msgs.msg import Float64, Header, UInt32
 from geodesic_motion_ros.nodes.goal_sender import by_hand, send_goal
 from geodesic_motion_ros.nodes.messages import read_pose
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
+from geodesic_motion_ros.nodes.stream_cycle import PREPARING
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 
 # What moves in real time does so evenly where it has the machine to itself.
@@ -77,6 +79,26 @@ def test_the_tour_planner_and_twin_as_they_start_and_the_goal_of_the_skill(bench
     bench.wait_for_code("NO_GOAL")
     assert send_goal(skill.goal_pose, skill.base_frame) == "OK"
     arrive(bench, skill.goal_pose)
+
+
+def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options, skill, skill_folder, monkeypatch):
+    watch(bench)
+    bench.add(TwinNode, skill=str(skill_folder))
+    node = bench.add(PlannerNode, **options)
+    bench.wait_for_code("NO_GOAL")
+    planner = node._kind.planner
+    prepare, said = planner.prepared_goal, []
+
+    def slowly(*arguments):
+        until, ticked = node._loop.ticks + 40, threading.Event()
+        while node._loop.ticks < until:
+            ticked.wait(0.005)
+        said.append(bench.heard["planner/status"][-1].status[0].message)
+        return prepare(*arguments)
+
+    monkeypatch.setattr(planner, "prepared_goal", slowly)
+    assert send_goal(skill.goal_pose, skill.base_frame) == "OK"
+    assert said == [f"NO_GOAL: {PREPARING}"]
 
 
 @pytest.mark.parametrize("avoidance", [False, True], ids=["control: avoidance off", "avoidance on"])
