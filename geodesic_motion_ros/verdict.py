@@ -21,6 +21,7 @@ class VerdictCode(IntEnum):
     START_OUT_OF_SUPPORT = 8
     DEADLINE_MISSED = 9
     BAD_INPUT = 10
+    CONFLICT = 11
 
 
 @dataclass(frozen=True)

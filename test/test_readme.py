@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from geodesic_motion_ros.verdict import VerdictCode
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 TEXT = (REPOSITORY / "README.md").read_text()
 
@@ -34,3 +36,8 @@ def test_the_commands_of_the_readme_exist(command, capsys):
         main([command, "--help"])
     assert stopped.value.code == 0
     assert f"geodesic-motion {command}" in capsys.readouterr().out
+
+
+def test_the_codes_of_the_verdict_are_told():
+    told = re.findall(r"^\| ([A-Z_, ]+) \|", TEXT, flags=re.MULTILINE)
+    assert sorted(name for names in told for name in names.split(", ")) == sorted(code.name for code in VerdictCode)

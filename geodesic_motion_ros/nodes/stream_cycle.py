@@ -315,4 +315,4 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             return None
         names, topic = " and ".join(inputs.publishers), self._command_topic
         self._drop_goal(f"{topic} had more than one publisher, {names}")
-        return Verdict(VerdictCode.BAD_INPUT, f"{topic} is published by {names}: only one may command the arm")
+        return Verdict(VerdictCode.CONFLICT, f"{topic} is published by {names}: only one may command the arm")

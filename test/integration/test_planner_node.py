@@ -107,7 +107,7 @@ class TestStates:
 
     def test_a_second_publisher_of_target_poses_is_named(self, moving):
         other = moving.probe.create_publisher(PoseStamped, "target_pose", 1)
-        moving.wait_for_code("BAD_INPUT", "/planner and /probe")
+        moving.wait_for_code("CONFLICT", "/planner and /probe")
         assert moving.heard["planner/status"][-1].status[0].level == DiagnosticStatus.ERROR
         moving.probe.destroy_publisher(other)
         moving.wait_for_code("NO_GOAL", "goal dropped")

@@ -188,6 +188,7 @@ def test_two_commanders_stop_the_arm(cycle, arm, inputs):
     follow(cycle, arm, inputs, 1.5)
     rivals = dataclasses.replace(inputs, publishers=("planner", "teleop"))
     outputs = follow(cycle, arm, rivals, 1.0)
+    assert outputs[-1].verdict.code is VerdictCode.CONFLICT
     assert "joint_trajectory is published by planner and teleop" in outputs[-1].verdict.reason
     np.testing.assert_array_equal(arm.states[-1][1:], 0.0)
 

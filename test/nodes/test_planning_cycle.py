@@ -265,7 +265,7 @@ def test_a_second_commander_stops_the_arm_and_drops_the_goal(cycle, inputs):
     for _ in range(60):
         arm = (cycle.follower.position, cycle.follower.quaternion)
         output = cycle.run(dataclasses.replace(inputs, measured=arm, publishers=("/left", "/right")), PERIOD)
-        assert output.verdict.code is VerdictCode.BAD_INPUT
+        assert output.verdict.code is VerdictCode.CONFLICT
         assert "/left and /right" in output.verdict.reason
     assert output.speed == 0.0
     arm = (cycle.follower.position, cycle.follower.quaternion)
