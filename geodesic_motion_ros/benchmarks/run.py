@@ -29,7 +29,12 @@ from geodesic_motion_ros.benchmarks.hurried import DEADLINE_MS, HurriedTicks
 from geodesic_motion_ros.benchmarks.peers import EdgeWeights, Networkx, Peer, Scipy, installed
 from geodesic_motion_ros.benchmarks.scenes import NAMES, Scene, scenes_of, spheres_on_way
 from geodesic_motion_ros.benchmarks.stages import SkillBench
-from geodesic_motion_ros.benchmarks.stopwatch import Stopwatch, no_garbage_collection, percentiles_ms
+from geodesic_motion_ros.benchmarks.stopwatch import (
+    Stopwatch,
+    no_garbage_among_what_stands,
+    no_garbage_collection,
+    percentiles_ms,
+)
 from geodesic_motion_ros.benchmarks.synthetic import synthetic_problem
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table, write_json
@@ -46,7 +51,7 @@ class BenchSettings:
 
     Attributes
     ----------
-    shape : grid of the synthetic graph.
+    shape, skill_shape : grid of the synthetic graph, and of the skill's graph; None: the skill's own.
     ticks, peer_ticks, networkx_ticks : of every scene.
     scaling_ticks : of every row of the scaling table, which varies `grids`, the number of `obstacles`, and that of body
         `points` on the grid `points_shape`.
@@ -54,6 +59,7 @@ class BenchSettings:
     """
 
     shape: tuple[int, ...] = (50, 50, 50)
+    skill_shape: tuple[int, ...] | None = None
     ticks: int = 300
     peer_ticks: int = 5
     networkx_ticks: int = 1
@@ -303,7 +309,7 @@ def measure(skill: Skill, settings: BenchSettings, show_progress: bool = True) -
     peers, missing = installed()
     rows = len(settings.grids) + len(settings.obstacles) + len(settings.points)
     with tqdm(total=2 * len(NAMES) + 4 + rows, unit="row", disable=not show_progress) as bar:
-        bench = SkillBench(skill)
+        bench = SkillBench(skill, settings.skill_shape)
         of_skill = _measure_graph(bench.problem, settings, peers, bar)
         stages = _measure_stages(bench, settings.ticks, bar)
         large = synthetic_problem(settings.shape)
@@ -325,10 +331,11 @@ def _measure_graph(
     bar.set_description(problem.name)
     weights, others = EdgeWeights(problem), [peer(problem) for peer in peers]
     scenes = {}
-    for scene in scenes_of(problem):
-        bar.set_description(f"{problem.name} {scene.name}")
-        scenes[scene.name] = _measure_scene(problem, scene, settings, weights, others)
-        bar.update()
+    with no_garbage_among_what_stands():
+        for scene in scenes_of(problem):
+            bar.set_description(f"{problem.name} {scene.name}")
+            scenes[scene.name] = _measure_scene(problem, scene, settings, weights, others)
+            bar.update()
     return GraphFigures(problem.name, problem.nodes, len(problem.graph.edges), problem.body.points.shape[1], scenes)
 
 

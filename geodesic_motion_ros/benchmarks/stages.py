@@ -26,6 +26,7 @@ from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_query import JointQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
 from geodesic_motion_ros.latent_way import cheapest_way
+from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict
@@ -40,12 +41,16 @@ class SkillBench:
     Attributes
     ----------
     planner, query, problem : the planner, its query, and that search.
+
+    Parameters
+    ----------
+    shape : grid of the skill's graph; None: the skill's own.
     """
 
-    def __init__(self, skill: Skill) -> None:
+    def __init__(self, skill: Skill, shape: tuple[int, ...] | None = None) -> None:
         if skill.space != "joint":
             raise ParameterError(f"skill '{skill.name}' is of task space: the stages are those of a joint-space skill")
-        self.planner = planner = JointSpacePlanner(skill)
+        self.planner = planner = JointSpacePlanner(skill, JointPlannerSettings(grid_shape=shape))
         ends = planner.graph.decoder.configurations(skill.codes[0, [0, -1]])
         self._start, self._goal = np.clip(ends, planner.limits.lower, planner.limits.upper)
         model = planner.collision

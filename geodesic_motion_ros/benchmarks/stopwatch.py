@@ -47,3 +47,14 @@ def no_garbage_collection() -> Iterator[None]:
         yield
     finally:
         gc.enable()
+
+
+@contextmanager
+def no_garbage_among_what_stands() -> Iterator[None]:
+    """What is there already is no garbage: every collection inside would look through all of it, graphs of millions of
+    objects among it, again and again."""
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()

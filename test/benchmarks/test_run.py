@@ -15,8 +15,8 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill import Skill
 
 TINY = BenchSettings(
-    shape=(8, 8, 8), ticks=6, peer_ticks=2, scaling_ticks=2, grids=((8, 8), (8, 8, 8)), obstacles=(0, 3), points=(2,),
-    points_shape=(6, 6, 6), pairs=2,
+    shape=(8, 8, 8), skill_shape=(24, 24, 24), ticks=6, peer_ticks=2, scaling_ticks=2, grids=((8, 8), (8, 8, 8)),
+    obstacles=(0, 3), points=(2,), points_shape=(6, 6, 6), pairs=2,
 )  # fmt: skip
 PERCENTILES = {"p50", "p99", "max"}
 

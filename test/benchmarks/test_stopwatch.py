@@ -8,7 +8,12 @@ import time
 
 import pytest
 
-from geodesic_motion_ros.benchmarks.stopwatch import Stopwatch, no_garbage_collection, percentiles_ms
+from geodesic_motion_ros.benchmarks.stopwatch import (
+    Stopwatch,
+    no_garbage_among_what_stands,
+    no_garbage_collection,
+    percentiles_ms,
+)
 
 
 def test_waiting_takes_time_but_not_the_processors() -> None:
@@ -30,3 +35,12 @@ def test_garbage_is_collected_again_after_an_error() -> None:
         assert not gc.isenabled()
         raise KeyboardInterrupt
     assert gc.isenabled()
+
+
+def test_what_stands_is_left_out_of_collections_until_the_end() -> None:
+    frozen = gc.get_freeze_count()
+    with contextlib.suppress(KeyboardInterrupt), no_garbage_among_what_stands():
+        standing = gc.get_freeze_count()
+        raise KeyboardInterrupt
+    assert standing > 1000 > frozen
+    assert gc.get_freeze_count() == frozen
