@@ -13,6 +13,7 @@ import array
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
@@ -27,10 +28,11 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.errors import GeodesicMotionError, RobotError
 from geodesic_motion_ros.nodes.obstacle_tracker import Key
-from geodesic_motion_ros.quaternions import from_rotation, to_rotation
+from geodesic_motion_ros.quaternions import from_rotation, normalise, to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.solids import solid_rows
+from geodesic_motion_ros.task_frame import TaskFrame
 
 # Nothing a robot arm has to do with is further away [m] or has turned further [rad] than this.
 LARGEST_COORDINATE = 1000.0
@@ -48,21 +50,54 @@ class MessageRefused(GeodesicMotionError):
     """A message cannot be used; says what is wrong with it and what would be right."""
 
 
+# ---------------------------------------------------------------- frames
+
+#: Origin (3,) [m] and unit quaternion (w, x, y, z) of a frame in another one.
+FramePose = tuple[np.ndarray, np.ndarray]
+
+
+class FrameLookup(Protocol):
+    """Tells where a source frame stands in a target frame at a time, of stamp 0 the newest; or why it cannot."""
+
+    def __call__(self, target: str, source: str, stamp: Time) -> FramePose | str: ...
+
+
+def base_only(target: str, source: str, stamp: Time) -> str:
+    """The lookup of who takes messages in the base frame only."""
+    return "nothing is transformed here"
+
+
+def frame_of(header: Header, base_frame: str, lookup: FrameLookup) -> TaskFrame:
+    """Where the frame of a message stands in the base frame at its stamp; refused where nobody knows, naming both."""
+    if header.frame_id == base_frame:
+        return TaskFrame.identity()
+    found = lookup(base_frame, header.frame_id, header.stamp)
+    if isinstance(found, str):
+        raise MessageRefused(f"frame '{header.frame_id}' is unknown here: send it in '{base_frame}' ({found})")
+    origin, quaternion = found
+    norm = float(np.linalg.norm(quaternion))
+    if not (np.all(np.isfinite(origin)) and 0.9 < norm < 1.1):
+        raise MessageRefused(
+            f"frame '{header.frame_id}' stands at {origin.tolist()} m, {quaternion.tolist()} in '{base_frame}': "
+            "expected finite numbers and a unit quaternion"
+        )
+    return TaskFrame(origin, normalise(quaternion))
+
+
 # ---------------------------------------------------------------- messages to arrays
 
 
-def read_pose(message: PoseStamped, base_frame: str) -> tuple[np.ndarray, np.ndarray]:
-    """Position (3,) [m] and unit quaternion (w, x, y, z) of a pose in the base frame; the norm may be any
+def read_pose(message: PoseStamped, base_frame: str, lookup: FrameLookup = base_only) -> tuple[np.ndarray, np.ndarray]:
+    """Position (3,) [m] and unit quaternion (w, x, y, z) of a pose, as the base frame sees it; the norm may be any
     but zero.
     """
-    check_frame(message.header, base_frame)
-    return _point(message.pose.position, "position"), _quaternion(message.pose)
+    frame = frame_of(message.header, base_frame, lookup)
+    return frame.to_base(_point(message.pose.position, "position"), _quaternion(message.pose))
 
 
-def read_point(message: PointStamped, base_frame: str) -> np.ndarray:
-    """Point (3,) [m] in the base frame."""
-    check_frame(message.header, base_frame)
-    return _point(message.point, "point")
+def read_point(message: PointStamped, base_frame: str, lookup: FrameLookup = base_only) -> np.ndarray:
+    """Point (3,) [m], as the base frame sees it."""
+    return frame_of(message.header, base_frame, lookup).points_to_base(_point(message.point, "point"))
 
 
 def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.ndarray:
@@ -164,8 +199,8 @@ class MarkerUpdate:
     solid: np.ndarray | None = None
 
 
-def read_marker(message: Marker, base_frame: str) -> MarkerUpdate:
-    """An obstacle by (ns, id), or its deletion.
+def read_marker(message: Marker, base_frame: str, lookup: FrameLookup = base_only) -> MarkerUpdate:
+    """An obstacle by (ns, id), as the base frame sees it, or its deletion.
 
     SPHERE has its diameter for scale [m], of an ellipsoid the largest. CUBE is a box with its sides for scale, turned
     by its orientation. CYLINDER has its diameter and its height along z for scale; it becomes a solid that holds it: a
@@ -188,7 +223,7 @@ def read_marker(message: Marker, base_frame: str) -> MarkerUpdate:
             f"{name}: type {message.type}, expected SPHERE ({Marker.SPHERE}), CUBE ({Marker.CUBE}) or "
             f"CYLINDER ({Marker.CYLINDER})"
         )
-    check_frame(message.header, base_frame)
+    frame = frame_of(message.header, base_frame, lookup)
     centre = _point(message.pose.position, f"{name}: centre")
     scale = (message.scale.x, message.scale.y, message.scale.z)
     for value in scale:
@@ -199,9 +234,10 @@ def read_marker(message: Marker, base_frame: str) -> MarkerUpdate:
     if lifetime < 0.0:
         raise MessageRefused(f"{name}: lifetime {lifetime} s, expected 0 (for ever) or more")
     if message.type == Marker.SPHERE:
-        return MarkerUpdate("put", key, stamp, centre, 0.5 * max(scale), lifetime)
+        return MarkerUpdate("put", key, stamp, frame.points_to_base(centre), 0.5 * max(scale), lifetime)
     half_extents, radius = _box_or_capsule(message.type, 0.5 * np.array(scale))
-    rotation = to_rotation(_quaternion(message.pose, f"{name}: orientation")).as_matrix()
+    centre, quaternion = frame.to_base(centre, _quaternion(message.pose, f"{name}: orientation"))
+    rotation = to_rotation(quaternion).as_matrix()
     solid = solid_rows(centre[None], rotation[None], half_extents[None], np.array([radius]))[0]
     return MarkerUpdate("put", key, stamp, centre, lifetime=lifetime, solid=solid)
 
@@ -216,12 +252,13 @@ def _box_or_capsule(kind: int, half_sides: np.ndarray) -> tuple[np.ndarray, floa
     return half_sides, 0.0
 
 
-def read_cloud(message: PointCloud2, base_frame: str) -> tuple[np.ndarray, int]:
-    """Points (n, 3) [m] of a cloud, and how many were left out because they are not finite (no return).
+def read_cloud(message: PointCloud2, base_frame: str, lookup: FrameLookup = base_only) -> tuple[np.ndarray, int]:
+    """Points (n, 3) [m] of a cloud, as the base frame sees them, and how many were left out because they are not
+    finite (no return).
 
     Clouds of more than a million points are refused.
     """
-    check_frame(message.header, base_frame)
+    frame = frame_of(message.header, base_frame, lookup)
     count = message.width * message.height
     if count > MOST_POINTS:
         raise MessageRefused(f"cloud: {count} points, at most {MOST_POINTS} are taken: filter the cloud first")
@@ -230,7 +267,7 @@ def read_cloud(message: PointCloud2, base_frame: str) -> tuple[np.ndarray, int]:
     points = points if finite.all() else points[finite]
     if len(points) and np.max(np.abs(points)) > LARGEST_COORDINATE:
         raise MessageRefused(f"cloud: a coordinate exceeds {LARGEST_COORDINATE:g} m; metres are expected")
-    return points, len(finite) - len(points)
+    return frame.points_to_base(points), len(finite) - len(points)
 
 
 def _cloud_points(message: PointCloud2) -> np.ndarray:
@@ -264,12 +301,6 @@ def _cloud_points(message: PointCloud2) -> np.ndarray:
     rows = np.frombuffer(message.data, dtype=np.uint8).reshape(message.height, message.row_step)
     packed = np.ascontiguousarray(rows[:, : message.width * message.point_step]).view(layout).reshape(-1)
     return np.stack([packed[name].astype(float) for name in "xyz"], axis=1)
-
-
-def check_frame(header: Header, base_frame: str) -> None:
-    """Refuse a message that is not in the base frame, naming both frames."""
-    if header.frame_id != base_frame:
-        raise MessageRefused(f"frame '{header.frame_id}' is unknown here: send it in '{base_frame}'")
 
 
 def seconds(stamp: Time | Duration) -> float:

@@ -6,7 +6,7 @@ from geodesic_motion_ros.graph.ambient import LAWS
 from geodesic_motion_ros.nodes.parameters import Parameter
 from geodesic_motion_ros.robot.kinematics import PANDA_READY
 
-_BASE_FRAME = Parameter("base_frame", "panda_link0", "Frame of all poses; messages in other frames are refused")
+_BASE_FRAME = "base_frame", "panda_link0"
 
 # The hand of the Panda, fingers 4 cm apart, in the frame panda_grasptarget: z points out of the hand, the fingers open
 # along y. Two rows of spheres cover the palm, two a finger.
@@ -17,7 +17,10 @@ _PANDA_HAND = (
 
 PLANNER = (
     Parameter("skill", "panda_reach_to_grasp", "Skill folder, or the name of a shipped skill"),
-    _BASE_FRAME,
+    Parameter(
+        *_BASE_FRAME,
+        "Frame of all poses; messages in other frames go through tf2 where it is installed, and are refused otherwise",
+    ),
     Parameter("rate", 100.0, "Planning cycles per second", "Hz", 10.0, 1000.0),
     Parameter("avoidance", True, "false ignores all obstacles: for control experiments only"),
     Parameter(
@@ -250,7 +253,7 @@ PLANNER = (
 )
 
 TWIN = (
-    _BASE_FRAME,
+    Parameter(*_BASE_FRAME, "Frame of all poses; messages in other frames are refused"),
     Parameter(
         "skill",
         "panda_reach_to_grasp",

@@ -18,11 +18,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
+from geodesic_motion_ros.nodes.frames import frames_of
 from geodesic_motion_ros.nodes.messages import (
     MarkerUpdate,
     MessageRefused,
-    check_frame,
     check_limits,
+    frame_of,
     read_cloud,
     read_joint_positions,
     read_marker,
@@ -53,6 +54,10 @@ class PlannerInputs:
     Callbacks run in the executor and hold the lock for microseconds; `snapshot` is called by the control
     loop. What a point cloud shows is worked out in a thread of its own, from `start` to `stop`; points on the arm
     itself are obstacles like all others, and must be taken out by whoever sends the cloud.
+
+    Attributes
+    ----------
+    frames : tells where frames other than the base frame stand.
     """
 
     def __init__(
@@ -61,6 +66,7 @@ class PlannerInputs:
         """place : makes of joint positions (eta,) what the cycle takes as measured."""
         self._node, self._parameters, self._robot, self._place = node, parameters, robot, place
         self._frame: str = parameters["base_frame"]
+        self.frames = frames_of(node)
         self.refusals = Refusals(node.get_logger().warning)
         self._lock = threading.Lock()
         self._tracker = ObstacleTracker()
@@ -176,7 +182,7 @@ class PlannerInputs:
         in_task_frame = message.header.frame_id == TASK_FRAME
         try:
             goal: tuple[np.ndarray, np.ndarray] | Verdict = read_pose(
-                message, TASK_FRAME if in_task_frame else self._frame
+                message, TASK_FRAME if in_task_frame else self._frame, self.frames
             )
         except MessageRefused as error:
             self._set_goal(Verdict(VerdictCode.BAD_INPUT, f"goal_pose: {error}"), False)
@@ -197,7 +203,7 @@ class PlannerInputs:
             self._goal_number += 1
 
     def _on_task_frame(self, message: PoseStamped) -> None:
-        frame = read_pose(message, self._frame)
+        frame = read_pose(message, self._frame, self.frames)
         with self._lock:
             self._task_frame = frame
 
@@ -206,7 +212,7 @@ class PlannerInputs:
         for marker in message.markers:
             # one bad marker must not hide the good ones beside it
             with self.refusals.guard("obstacles"):
-                updates.append(read_marker(marker, self._frame))
+                updates.append(read_marker(marker, self._frame, self.frames))
         with self._lock:
             if len(updates) == len(message.markers):
                 self._tracker.hear("obstacles", time.monotonic())
@@ -214,7 +220,7 @@ class PlannerInputs:
                 self._apply("obstacles", update)
 
     def _on_marker(self, message: Marker) -> None:
-        update = read_marker(message, self._frame)
+        update = read_marker(message, self._frame, self.frames)
         with self._lock:
             self._apply("obstacle_marker", update)
 
@@ -230,20 +236,22 @@ class PlannerInputs:
             self._tracker.delete_all(source, now, update.key[0], update.stamp)
 
     def _on_point(self, message: PointStamped) -> None:
-        centre, radius = read_point(message, self._frame), self._parameters["obstacle_point_radius"]
+        centre = read_point(message, self._frame, self.frames)
+        radius = self._parameters["obstacle_point_radius"]
         stamp = seconds(message.header.stamp)
         with self._lock:
             self._tracker.put("obstacle_point", ("", 0), centre, radius, time.monotonic(), 0.0, stamp)
 
     def _on_cloud(self, message: PointCloud2) -> None:
-        check_frame(message.header, self._frame)
+        # one that is of no use must not take the place of one that waits
+        frame_of(message.header, self._frame, self.frames)
         self._cloud_thread.put(message)
 
     def _field_of(self, message: PointCloud2) -> tuple[DistanceField, CloudFigures] | None:
         """Read a cloud; None where it is refused."""
         began = time.monotonic()
         with self.refusals.guard("obstacle_cloud"):
-            points, not_finite = read_cloud(message, self._frame)
+            points, not_finite = read_cloud(message, self._frame, self.frames)
             near = points_near(points, self._robot)
             edge = self._parameters["obstacle_cloud_voxel"]
             field = DistanceField.of(

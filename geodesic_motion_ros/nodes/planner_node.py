@@ -19,7 +19,7 @@ from nav_msgs.srv import GetPlan
 from std_srvs.srv import SetBool, Trigger
 
 from geodesic_motion_ros.errors import ParameterError, PlanningError, SkillError
-from geodesic_motion_ros.nodes.messages import MessageRefused, path_message, read_pose
+from geodesic_motion_ros.nodes.messages import FrameLookup, MessageRefused, path_message, read_pose
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
@@ -174,7 +174,7 @@ class PlannerNode(LoopingNode):
         frame = self._options["base_frame"]
         try:
             poses, verdict = self._kind.plan(
-                _request_pose(request, "start", frame), _request_pose(request, "goal", frame)
+                *(_request_pose(request, end, frame, self._inputs.frames) for end in ("start", "goal"))
             )
         except MessageRefused as error:
             self.get_logger().warning(f"plan refused: {error}")
@@ -205,9 +205,9 @@ def _path_news(before: tuple[CycleInputs, CycleOutput], now: tuple[CycleInputs, 
     return had != has or before[0].goal_number != now[0].goal_number
 
 
-def _request_pose(request: GetPlan.Request, end: str, frame: str) -> tuple[np.ndarray, np.ndarray]:
+def _request_pose(request: GetPlan.Request, end: str, frame: str, lookup: FrameLookup) -> tuple[np.ndarray, np.ndarray]:
     try:
-        return read_pose(getattr(request, end), frame)
+        return read_pose(getattr(request, end), frame, lookup)
     except MessageRefused as error:
         raise MessageRefused(f"{end}: {error}") from error
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+import sys
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PointStamped, PoseStamped
+from geometry_msgs.msg import PointStamped, PoseStamped, TransformStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool, Trigger
@@ -352,6 +355,60 @@ class TestTaskFrame:
         after = moving.planner._inputs.snapshot().task_frame
         np.testing.assert_array_equal(after[0], before[0])
         assert moving.status()["code"] == "OK"
+
+
+class TestOtherFrames:
+    """tf2 is played by a buffer of one transform, which comes late."""
+
+    CAMERA = TaskFrame(np.array([1.2, 0.0, 0.9]), np.array([0.0, 0.6, 0.8, 0.0]))
+
+    @pytest.fixture
+    def buffer(self, monkeypatch):
+        """Asked for anything, it has nothing until `known`."""
+
+        class Late:
+            known = False
+
+            def lookup_transform(self, target: str, source: str, time: Time) -> TransformStamped:
+                if not (self.known and (target, source) == (BASE, "camera")):
+                    raise LookupError(f"no {source}")
+                found = TransformStamped().transform
+                place, turn = found.translation, found.rotation
+                place.x, place.y, place.z = TestOtherFrames.CAMERA.origin.tolist()
+                turn.w, turn.x, turn.y, turn.z = TestOtherFrames.CAMERA.quaternion.tolist()
+                return TransformStamped(transform=found)
+
+            def clear(self) -> None:
+                pass
+
+        late = Late()
+        tf2 = SimpleNamespace(
+            Buffer=lambda: late, TransformListener=lambda buffer, node: None, TransformException=LookupError
+        )
+        monkeypatch.setitem(sys.modules, "tf2_ros", tf2)
+        return late
+
+    def test_are_refused_until_their_transform_is_there(self, buffer, ready, skill, make_pose):
+        ready.listen(DiagnosticArray, "/diagnostics")
+        start, end = (
+            np.concatenate(self.CAMERA.to_task(pose[:3], pose[3:])) for pose in (skill.start_pose, skill.goal_pose)
+        )
+        centre = self.CAMERA.points_to_task(np.array([[0.465, 0.8, 0.34]]))[0]
+        obstacles = lambda: ready.planner._inputs.snapshot().obstacles  # noqa: E731
+        ready.send_spheres((centre, 0.05), frame="camera")
+        ready.wait(lambda: "frame 'camera'" in ready.status()["refused_input"], "the refusal of the obstacle")
+        assert "no camera" in ready.status()["refused_input"]
+        assert not len(obstacles())
+        ready.wait(lambda: int(health(ready).get("refused_obstacles", "0")) > 0, "the refusal among those counted")
+        buffer.known = True
+        ready.send_spheres((centre, 0.05), frame="camera")
+        ready.wait(lambda: len(obstacles()), "the obstacle")
+        np.testing.assert_allclose(obstacles().centres, [[0.465, 0.8, 0.34]], atol=1e-9)
+        request = GetPlan.Request(start=make_pose(start, "camera"), goal=make_pose(end, "camera"))
+        last = ready.call(GetPlan, "plan", request).plan.poses[-1].pose.position
+        np.testing.assert_allclose([last.x, last.y, last.z], skill.goal_pose[:3], atol=1e-3)
+        ready.send_goal(end, "camera")
+        ready.wait_for_code("OK")
 
 
 class TestPlanService:
