@@ -11,11 +11,14 @@ from typing import Any
 Cell = str | int | float | None
 
 
-def text_table(head: Sequence[str], rows: Sequence[Sequence[Cell]], digits: int = 2) -> str:
-    """Columns under their names, the first one to the left; a dash where there is no value."""
+def text_table(
+    head: Sequence[str], rows: Sequence[Sequence[Cell]], digits: int = 2, left: Sequence[int] = (0,)
+) -> str:
+    """Columns under their names, those numbered in `left` to the left; a dash where there is no value."""
     lines = [list(head), *([_cell(cell, digits) for cell in row] for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
-    texts = ["  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]).rstrip() for line in lines]
+    sides = [str.ljust if i in left else str.rjust for i in range(len(head))]
+    texts = ["  ".join(side(*cell) for side, *cell in zip(sides, line, widths, strict=True)).rstrip() for line in lines]
     return "\n".join([texts[0], "-" * max(map(len, texts)), *texts[1:]])
 
 

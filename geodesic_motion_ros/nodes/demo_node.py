@@ -10,12 +10,10 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import signal
 import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +23,14 @@ import yaml
 from rclpy.utilities import remove_ros_args
 
 from geodesic_motion_ros.errors import GeodesicMotionError
-from geodesic_motion_ros.nodes.demo_run import DemoError, Probe, Processes, Recording, isolated_environment
+from geodesic_motion_ros.nodes.demo_run import (
+    DemoError,
+    Probe,
+    Processes,
+    Recording,
+    isolated_environment,
+    termination_as_interrupt,
+)
 from geodesic_motion_ros.nodes.demo_scene import DemoScene
 from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
 from geodesic_motion_ros.nodes.hand_scene import HandScene
@@ -270,22 +275,6 @@ def _outcome(row: Mapping[str, Any]) -> str:
     return f"{text}, past the obstacle with {row['min_clearance_mm']:.0f} mm to spare"
 
 
-@contextmanager
-def _termination_as_interrupt() -> Any:
-    """SIGTERM and SIGHUP end the demo as Ctrl-C does, with its processes."""
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    numbers = (signal.SIGTERM, signal.SIGHUP)
-    before = [signal.signal(number, interrupt) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="demo", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -305,7 +294,7 @@ def main(args: Sequence[str] | None = None) -> int:
     """Run the demo with command line arguments; returns the exit code."""
     options = _parser().parse_args(remove_ros_args(args=list(sys.argv if args is None else ["demo", *args]))[1:])
     try:
-        with _termination_as_interrupt():
+        with termination_as_interrupt():
             return perform(options.skill, options.out, options.gui, options.domain, not options.no_pictures)
     except KeyboardInterrupt:
         print("interrupted; planner and twin are stopped", file=sys.stderr)

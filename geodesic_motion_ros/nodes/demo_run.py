@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -85,20 +86,28 @@ class Processes:
         for process, _ in self._running.values():
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
+                process.send_signal(signal.SIGCONT)  # one that was stopped would not hear it
         for process, _ in self._running.values():
             try:
                 process.wait(5.0)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+        self._running.clear()
 
-    def start(self, name: str, parameters: Mapping[str, Any]) -> None:
-        """Start node `name` of this package as `python -m`, with its parameters in a file that can be used again."""
+    def start(
+        self, name: str, parameters: Mapping[str, Any], remapped: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
+        """Start node `name` of this package as `python -m`, with its parameters in a file that can be used again.
+
+        remapped : names of topics and services, each to another one.
+        """
         self._folder.mkdir(parents=True, exist_ok=True)
         file, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         file.write_text(yaml.safe_dump({f"/**/{name}": {"ros__parameters": dict(parameters)}}, sort_keys=False))
         module = f"geodesic_motion_ros.nodes.{name}_node"
         command = [sys.executable, "-m", module, "--ros-args", "--params-file", str(file)]
+        command += [word for names in remapped.items() for word in ("-r", ":=".join(names))]
         with log.open("wb") as output, _interrupts_held():
             # In a session of its own: Ctrl-C reaches the demo alone, which then ends its nodes in order.
             process = subprocess.Popen(
@@ -106,6 +115,20 @@ class Processes:
                 start_new_session=True,
             )  # fmt: skip
             self._running[name] = (process, log)
+
+    def send(self, name: str, number: int) -> None:
+        """Send a signal to a node."""
+        self._running[name][0].send_signal(number)
+
+    def end(self, name: str, number: int = signal.SIGINT) -> int:
+        """End a node by a signal, which ends it within seconds or is followed by SIGKILL; its exit code."""
+        process, _ = self._running.pop(name)
+        process.send_signal(number)
+        try:
+            return process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return process.wait()
 
     def check(self) -> None:
         """Raise DemoError, with the end of its log, when a process has ended."""
@@ -259,6 +282,22 @@ def _interrupts_held() -> Iterator[None]:
             signal.signal(number, handler)
         for number in heard:
             signal.raise_signal(number)
+
+
+@contextmanager
+def termination_as_interrupt() -> Iterator[None]:
+    """SIGTERM and SIGHUP end a program as Ctrl-C does, with its processes."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    numbers = (signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, interrupt) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
 
 
 def isolated_environment(domain: int) -> dict[str, str]:

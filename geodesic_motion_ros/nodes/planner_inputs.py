@@ -38,10 +38,14 @@ from geodesic_motion_ros.nodes.stream_cycle import CycleInputs
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-# Best effort, and only what is newest: an obstacle or a joint state that was lost is replaced by the next
-# one. Markers are edits of a set, so a short queue keeps those that arrive together.
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Best effort: an obstacle or a joint state that was lost is replaced by the next one. Queues are short, but a message
+# to be refused must not push out the good one before it.
+RECENT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Markers are edits of a set: those that arrive together are all needed.
 EDITS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Clouds are large, and only the newest counts.
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+GOALS = QoSProfile(depth=10)
 
 
 #: Goals with this frame id are relative to the task frame, and move with it.
@@ -81,13 +85,13 @@ class PlannerInputs:
         self._publishers: tuple[str, ...] = ()
         self._cloud_figures = CloudFigures()
         self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
-        self._subscribe(JointState, "joint_states", self._on_joint_states, NEWEST)
-        self._subscribe(PoseStamped, "goal_pose", self._on_goal, QoSProfile(depth=1))
-        self._subscribe(JointState, "goal_joints", self._on_goal_joints, QoSProfile(depth=1))
-        self._subscribe(PoseStamped, "task_frame", self._on_task_frame, QoSProfile(depth=1))
+        self._subscribe(JointState, "joint_states", self._on_joint_states, RECENT)
+        self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
+        self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
+        self._subscribe(PoseStamped, "task_frame", self._on_task_frame, GOALS)
         self._subscribe(MarkerArray, "obstacles", self._on_obstacles, EDITS)
         self._subscribe(Marker, "obstacle_marker", self._on_marker, EDITS)
-        self._subscribe(PointStamped, "obstacle_point", self._on_point, NEWEST)
+        self._subscribe(PointStamped, "obstacle_point", self._on_point, RECENT)
         self._subscribe(PointCloud2, "obstacle_cloud", self._on_cloud, NEWEST)
 
     def start(self) -> None:

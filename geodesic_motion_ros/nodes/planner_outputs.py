@@ -116,6 +116,7 @@ class PlannerOutputs:
             "goal_code": output.goal_verdict.code.name,
             "goal_reason": output.goal_verdict.reason,
             "refused_input": newest,
+            **{f"refused_{topic}": count for topic, count in sorted(refusals.counts.items())},
             "speed": output.speed,
             "time_to_goal": output.time_to_goal,
             "tick": loop.ticks,

@@ -15,7 +15,7 @@ from geodesic_motion_ros.cli import build_parser, main
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 READ = ("--demos", "{reach}", "--units", "cm")
-COMMANDS = ("demonstrate", "train", "evaluate", "inspect", "demo", "goal", "experiment", "bench")
+COMMANDS = ("demonstrate", "train", "evaluate", "inspect", "demo", "goal", "experiment", "bench", "faults")
 
 
 def module(*arguments: str) -> list[str]:
@@ -29,7 +29,7 @@ def test_help_names_every_command_and_gives_examples() -> None:
     assert "geodesic-motion train --demos" in done.stdout
 
 
-@pytest.mark.parametrize("command", ["demonstrate", "train", "evaluate", "inspect", "goal", "experiment", "bench"])
+@pytest.mark.parametrize("command", [command for command in COMMANDS if command != "demo"])
 def test_help_of_a_command_gives_an_example_that_its_parser_understands(command, capsys) -> None:
     with pytest.raises(SystemExit) as left:
         main([command, "--help"])

@@ -1,0 +1,29 @@
+"""All faults, in the order in which they are run."""
+
+from __future__ import annotations
+
+import difflib
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.nodes.faults.fault import Fault
+from geodesic_motion_ros.nodes.faults.state_faults import STATE_FAULTS
+
+FAULTS: tuple[type[Fault], ...] = (*STATE_FAULTS,)
+
+
+def chosen(names: list[str] | None, long: bool) -> list[Fault]:
+    """The faults with these names; without names all, those that take minutes where `long` says so.
+
+    Raises
+    ------
+    ParameterError : there is no fault of a name.
+    """
+    if names is None:
+        return [fault() for fault in FAULTS if long or not fault.long]
+    known = {fault.name: fault for fault in FAULTS}
+    for name in names:
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1)
+            hint = f"did you mean {close[0]}?" if close else "--list shows all"
+            raise ParameterError(f"there is no fault {name!r}; {hint}")
+    return [known[name]() for name in names]

@@ -1,0 +1,162 @@
+"""Faults of `joint_states`: what the planner knows of the arm stops, is late, is spoiled."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from itertools import cycle
+
+import numpy as np
+from sensor_msgs.msg import JointState
+
+from geodesic_motion_ros.nodes.faults.bench import Bench
+from geodesic_motion_ros.nodes.faults.fault import START, Fault, Findings
+from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+
+#: A hold comes this long [s] after an input has exceeded its timeout, and the arm rests this long after at most.
+REACTION, STOP = 0.1, 1.0
+_TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == "state_timeout")
+
+
+def require_hold(bench: Bench, findings: Findings, code: str, text: str, since: float) -> None:
+    """The verdict is said within the reaction time after `since` [s, steady clock], and the commands come to rest."""
+    status = bench.verdict(code, text, since)
+    findings.at_most(f"{code} after", 1000.0 * (status.arrived - since), 1000.0 * REACTION, "ms")
+    findings.at_most("at rest after", bench.wait(lambda: bench.status.number("speed") == 0.0, "rest"), STOP)
+
+
+def require_undisturbed(bench: Bench, findings: Findings, phase: str, since: float) -> None:
+    """Nothing but OK is said from `since` on, or that there is no goal, until the goal is reached."""
+    if phase == START:
+        bench.send_goal()
+        bench.verdict("OK")
+        since = time.monotonic()
+    bench.arrive()
+    others = {status.code for status in bench.statuses if status.arrived > since} - {"OK"}
+    findings.require(not others, f"the planner said {', '.join(sorted(others))}")
+    findings.note("goal reached")
+
+
+def require_refused(bench: Bench, findings: Findings, topic: str, at_least: int, before: int, text: str = "") -> None:
+    """Messages on a topic are refused and counted, and the newest reason holds a text."""
+    bench.wait(lambda: refused(bench, topic) >= before + at_least, f"{at_least} messages of {topic} refused")
+    findings.note(f"{refused(bench, topic) - before} refused")
+    said = bench.status.values["refused_input"]
+    findings.require(text in said, f"the reason {said!r} does not name {text!r}")
+
+
+def refused(bench: Bench, topic: str) -> int:
+    """How many messages of a topic the planner has refused so far."""
+    return int(bench.status.values.get(f"refused_{topic}", 0))
+
+
+class StateStops(Fault):
+    name = "state_stops"
+    criterion = "STALE_STATE <= 100 ms after state_timeout, stop; resumes when joint_states are back"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        relay = bench.relays["joint_states"]
+        relay.passing = False
+        require_hold(bench, findings, "STALE_STATE", "joint_states", relay.last_passed + _TIMEOUT)
+        relay.release()
+        bench.finish(findings)
+
+
+class StateLate(Fault):
+    name = "state_late_200"
+    criterion = "joint_states 200 ms late: STALE_STATE <= 100 ms after state_timeout, stop; resumes"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        relay = bench.relays["joint_states"]
+        relay.delay = lambda: 0.2
+        require_hold(bench, findings, "STALE_STATE", "joint_states", relay.last_passed + _TIMEOUT)
+        # Late messages arrive by now, and must not be taken for new ones.
+        since = time.monotonic() + 0.2
+        bench.wait(lambda: bench.status.arrived > since + 0.2, "late messages")
+        codes = {status.code for status in bench.statuses if status.arrived > since}
+        findings.require(codes == {"STALE_STATE"}, f"with late messages the planner said {', '.join(sorted(codes))}")
+        relay.release()
+        bench.finish(findings)
+
+
+class StateLittleLate(Fault):
+    name = "state_late_50"
+    criterion = "joint_states 50 ms late: motion goes on to the goal"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        since = time.monotonic()
+        bench.relays["joint_states"].delay = lambda: 0.05
+        require_undisturbed(bench, findings, phase, since)
+
+
+class StateJitter(Fault):
+    name = "state_jitter"
+    criterion = "joint_states 0 to 50 ms late by chance: motion goes on to the goal"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        since = time.monotonic()
+        bench.relays["joint_states"].delay = lambda: float(random.uniform(0.0, 0.05))
+        require_undisturbed(bench, findings, phase, since)
+
+
+class StateReordered(Fault):
+    name = "state_reordered"
+    criterion = "joints in any order, and fingers among them: no effect"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        def shuffled(message: JointState) -> Iterable[JointState]:
+            names = [*message.name, "panda_finger_joint1", "panda_finger_joint2"]
+            positions, velocities = [*message.position, 0.02, 0.02], [*message.velocity, 0.0, 0.0]
+            order = random.permutation(len(names))
+            message.name = [names[i] for i in order]
+            message.position, message.velocity = [positions[i] for i in order], [velocities[i] for i in order]
+            return [message]
+
+        since = time.monotonic()
+        bench.relays["joint_states"].change = shuffled
+        require_undisturbed(bench, findings, phase, since)
+
+
+class StateLacksJoint(Fault):
+    name = "state_lacks_joint"
+    criterion = "a joint is missing: refused, the joint named; STALE_STATE, stop; resumes"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        lost = int(random.integers(len(bench.robot.joint_names)))
+
+        def lacking(message: JointState) -> Iterable[JointState]:
+            for values in (message.name, message.position, message.velocity):
+                del values[lost]
+            return [message]
+
+        relay, before = bench.relays["joint_states"], refused(bench, "joint_states")
+        since = relay.last_passed + _TIMEOUT
+        relay.change = lacking
+        require_hold(bench, findings, "STALE_STATE", "joint_states", since)
+        require_refused(bench, findings, "joint_states", 1, before, bench.robot.joint_names[lost])
+        relay.release()
+        bench.finish(findings)
+
+
+class StateNotFinite(Fault):
+    name = "state_not_finite"
+    criterion = "NaN, Inf, 1e300 among the joint states: dropped, counted, motion unchanged"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        spoils = cycle([float("nan"), float("inf"), 1e300, -float("inf")])
+
+        def spoiled(message: JointState) -> Iterable[JointState]:
+            bad = JointState(header=message.header, name=message.name, position=list(message.position))
+            bad.position[int(random.integers(len(bad.position)))] = next(spoils)
+            return [message, bad]
+
+        relay, before, since = bench.relays["joint_states"], refused(bench, "joint_states"), time.monotonic()
+        relay.change = spoiled
+        require_refused(bench, findings, "joint_states", 20, before, "joint_states")
+        require_undisturbed(bench, findings, phase, since)
+        relay.release()
+
+
+STATE_FAULTS = (
+    StateStops, StateLate, StateLittleLate, StateJitter, StateReordered, StateLacksJoint, StateNotFinite,
+)  # fmt: skip

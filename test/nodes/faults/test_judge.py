@@ -1,0 +1,145 @@
+"""What the judges object to, on commands that are made up; each rule beside a command that keeps it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.nodes.faults.judge import Target, TargetJudge, Trajectory, TrajectoryJudge
+from geodesic_motion_ros.quintic import quintic_samples
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
+
+ROBOT = Robot.panda()
+LIMITS = JointLimits.of(ROBOT, 0.3, 0.2)
+NOW = 1000.0
+
+
+def motion(start: np.ndarray, way: np.ndarray, duration: float = 2.0, begin: float = NOW) -> Trajectory:
+    """From rest to rest, heard when it begins."""
+    ends = np.stack([start, start + way])
+    still = np.zeros_like(ends)
+    times = np.linspace(0.0, duration, 21)
+    inner = times[:-1]
+    samples = quintic_samples(np.array([0.0, duration]), ends, still, still, inner)
+    last = np.stack([ends[1], still[1], still[1]])[:, None]
+    positions, velocities, accelerations = np.concatenate([samples, last], axis=1)
+    return Trajectory(begin + 0.002, begin, JointWaypoints(times, positions, velocities, accelerations))
+
+
+@pytest.fixture
+def judge() -> TrajectoryJudge:
+    return TrajectoryJudge(LIMITS)
+
+
+@pytest.fixture
+def good() -> Trajectory:
+    return motion(ROBOT.ready, np.full(7, 0.1))
+
+
+def changed(trajectory: Trajectory, **values: np.ndarray) -> Trajectory:
+    return replace(trajectory, waypoints=replace(trajectory.waypoints, **values))
+
+
+class TestTrajectories:
+    def test_a_good_one_is_not_objected_to(self, judge, good) -> None:
+        assert judge.hear(good, ROBOT.ready) == []
+        assert judge.largest_step < 1e-6
+
+    def test_one_that_goes_on_where_the_other_is_starts_right(self, judge, good) -> None:
+        judge.hear(good, ROBOT.ready)
+        points = good.waypoints
+        later = replace(good, heard=good.begin + 1.0)
+        assert judge.hear(replace(later, begin=good.begin + 0.9, waypoints=_since(points, 9))) == []
+
+    def test_a_step_is_measured(self, judge, good) -> None:
+        judge.hear(good, ROBOT.ready)
+        step = changed(good, positions=good.waypoints.positions + 0.021)
+        assert any("starts 0.0210 rad" in sentence for sentence in judge.hear(step))
+        assert judge.largest_step == pytest.approx(0.021)
+
+    def test_the_first_one_starts_where_the_arm_is(self, judge, good) -> None:
+        assert any("starts 0.03" in sentence for sentence in judge.hear(good, ROBOT.ready + 0.03))
+
+    def test_where_the_arm_was_found_elsewhere_it_may_start_there(self, judge, good) -> None:
+        judge.hear(good, ROBOT.ready)
+        elsewhere = motion(ROBOT.ready + 0.3, np.full(7, 0.1))
+        assert judge.hear(elsewhere, ROBOT.ready + 0.3) == []
+
+    def test_positions_keep_the_margin(self, judge) -> None:
+        near = ROBOT.upper.copy()
+        near[1] = ROBOT.upper[1] - 0.005
+        near = np.where(np.arange(7) == 1, near, ROBOT.ready)
+        assert any("margin" in sentence for sentence in judge.hear(motion(near, np.zeros(7)), near))
+
+    def test_velocities_keep_the_limits(self, judge) -> None:
+        sentences = judge.hear(motion(ROBOT.ready, np.full(7, 0.5), duration=1.0), ROBOT.ready)
+        assert any("velocity" in sentence for sentence in sentences)
+
+    def test_between_the_knots_accelerations_keep_the_limits_too(self, judge) -> None:
+        ends, still = np.stack([ROBOT.ready, ROBOT.ready + 0.1]), np.zeros((2, 7))
+        abrupt = Trajectory(NOW, NOW, JointWaypoints(np.array([0.0, 0.3]), ends, still, still))
+        assert any("acceleration" in sentence for sentence in judge.hear(abrupt, ROBOT.ready))
+
+    def test_the_end_is_at_rest(self, judge, good) -> None:
+        braking = good.waypoints.accelerations.copy()
+        braking[-1] = 0.1
+        assert any("rest" in sentence for sentence in judge.hear(changed(good, accelerations=braking), ROBOT.ready))
+
+    def test_an_old_stamp_is_told(self, judge, good) -> None:
+        late = replace(good, heard=good.begin + 0.3)
+        assert any("stamp" in sentence for sentence in judge.hear(late, ROBOT.ready))
+
+    def test_what_has_ended_is_told(self, judge, good) -> None:
+        late = replace(good, heard=good.begin + 2.1)
+        assert any("in the past" in sentence for sentence in judge.hear(late, ROBOT.ready))
+
+
+def _since(points: JointWaypoints, first: int) -> JointWaypoints:
+    return JointWaypoints(
+        points.times[first:] - points.times[first], points.positions[first:], points.velocities[first:],
+        points.accelerations[first:],
+    )  # fmt: skip
+
+
+DOWN = np.array([0.0, 1.0, 0.0, 0.0])
+
+
+def pose(x: float = 0.0, angle: float = 0.0, at: float = NOW) -> Target:
+    turned = np.array([0.0, np.cos(angle / 2), np.sin(angle / 2), 0.0])
+    return Target(at, at, np.array([0.5 + x, 0.0, 0.4]), turned)
+
+
+class TestTargets:
+    def test_small_steps_are_not_objected_to(self) -> None:
+        judge = TargetJudge()
+        assert judge.hear(pose()) == judge.hear(pose(0.002, 0.008)) == []
+        assert judge.largest_step == pytest.approx(0.008, abs=1e-6)
+
+    @pytest.mark.parametrize("second", [pose(0.011), pose(angle=0.021)])
+    def test_large_ones_are(self, second: Target) -> None:
+        judge = TargetJudge()
+        judge.hear(pose())
+        assert any("from the one before" in sentence for sentence in judge.hear(second))
+
+    def test_a_first_one_is_where_the_arm_is(self) -> None:
+        arm = np.array([0.52, 0.0, 0.4]), DOWN
+        assert any("20.0 mm" in sentence for sentence in TargetJudge().hear(pose(), arm))
+
+    def test_what_is_not_finite_is_told(self) -> None:
+        spoiled = replace(pose(), position=np.array([np.nan, 0.0, 0.0]))
+        assert TargetJudge().hear(spoiled) == ["is not finite"]
+
+    def test_the_other_sign_is_told(self) -> None:
+        judge = TargetJudge()
+        judge.hear(pose())
+        assert any("sign" in sentence for sentence in judge.hear(replace(pose(), quaternion=-DOWN)))
+
+    def test_an_old_stamp_is_told(self) -> None:
+        assert any("stamp" in sentence for sentence in TargetJudge().hear(replace(pose(), heard=NOW + 0.3)))
+
+    def test_norms_are_one(self) -> None:
+        assert any("norm" in sentence for sentence in TargetJudge().hear(replace(pose(), quaternion=1.1 * DOWN)))
