@@ -38,7 +38,7 @@ def test_ctrl_c_ends_it_without_a_traceback(tmp_path) -> None:
         start_new_session=True,
     ) as process:  # fmt: skip
         seen = b""
-        while b"none_near" not in seen:  # the first scene is being measured
+        while b"row" not in seen:  # a process of its own has begun to measure
             piece = process.stderr.read1()
             assert piece, seen.decode()
             seen += piece
