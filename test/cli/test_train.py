@@ -1,14 +1,31 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.cli import main
+from geodesic_motion_ros.manifold import training
 from geodesic_motion_ros.skill import Skill
 
 BRIEFLY = ["--steps", "400", "--kernels", "80"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_networks() -> Iterator[None]:
+    """What the command has no option for: networks that are quickly trained, and quickly decoded for the pictures."""
+    thoroughly = training.train_task_space_skill
+
+    def briefly(shown, settings, *told):
+        small = {"hidden": (48, 32), "samples": 80, "precision_samples": 2, "precision_iterations": 40}
+        return thoroughly(shown, replace(settings, **small), *told)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(training, "train_task_space_skill", briefly)
+        yield
 
 
 @pytest.fixture(scope="module")
