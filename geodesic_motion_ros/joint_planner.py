@@ -291,6 +291,26 @@ class JointSpacePlanner:
             played = self._played_before
         return played.reference.sample(time - played.begin)
 
+    def playing(self, now: float) -> tuple[JointReference, float] | None:
+        """What is being played from its last knot at or before `now` [s] on, and the time of that; None where that is
+        not known, or over.
+        """
+        played = self._played
+        if played is None or not played.begin <= now < played.end:
+            return None
+        knot = played.knot_before(now)
+        return played.reference.rest(knot - played.begin), knot
+
+    def braked(self, reference: JointReference, begin: float, verdict: Verdict) -> None:
+        """The arm does not play what it was to play, but a reference that begins at a time [s] and is a stop: say why.
+
+        The next tick plans on from there.
+        """
+        self._played_before = self._played
+        self._played, self._swept = _Played(reference, begin), None
+        if self._followed is not None:
+            self._followed = replace(self._followed, verdict=verdict, nodes=None)
+
     def way(self) -> tuple[JointReference, float] | None:
         """What is being played and the time of its first knot [s], where it leads to the goal."""
         if self._played is None or self._followed is None or not self._followed.verdict.ok:

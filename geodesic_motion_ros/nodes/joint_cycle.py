@@ -10,7 +10,10 @@ from functools import partial
 
 import numpy as np
 
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_planner import JointSpacePlanner, PreparedGoal
+from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_solver import JointPlan
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.task_frame import TaskFrame
@@ -27,6 +30,11 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     ----------
     state_timeout, resume_timeout, clock, background : as of `StreamCycle`.
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
+    horizon : [s] what is sent leads so far ahead, and then to rest (`horizon.py`).
+
+    Raises
+    ------
+    ParameterError : a horizon shorter than the planner's prediction, for which its certificates do not hold.
     """
 
     def __init__(
@@ -35,17 +43,32 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         state_timeout: float,
         resume_timeout: float,
         tracking_tolerance: float,
+        horizon: float,
         clock: Callable[[], float] = time.monotonic,
         background: Executor | None = None,
     ) -> None:
         super().__init__("joint_trajectory", state_timeout, resume_timeout, clock, background)
+        if horizon < planner.settings.prediction:
+            raise ParameterError(
+                f"parameter horizon = {horizon:g}: must not be less than prediction, {planner.settings.prediction:g} s"
+            )
         self.planner = planner
+        self._horizon = Horizon(horizon, planner.limits)
         self.tracking_tolerance = tracking_tolerance
         self._now = 0.0
         self._stood = False
         self._standing: JointPlan | None = None
         self._task_frame: Pose | None = None
         self._displaced = False
+
+    def run(self, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
+        """See `StreamCycle.run`; after a cycle that came too late, the arm brakes already."""
+        braking = self._horizon.overrun(inputs.now + self.planner.settings.latency)
+        if braking is not None:
+            reason = f"no cycle for {self._horizon.length:g} s: the arm came to rest by itself"
+            self.planner.braked(braking.reference, braking.begin, Verdict(VerdictCode.DEADLINE_MISSED, reason))
+            self._horizon.forget()
+        return super().run(inputs, period)
 
     def stop(self, verdict: Verdict) -> CycleOutput:
         return self._output(self.planner.stop(self._now, verdict))
@@ -61,13 +84,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         return self._output(self.planner.tick(self._now, self._deadline(inputs, period)))
 
     def _output(self, plan: JointPlan) -> CycleOutput:
-        # Where the arm was found elsewhere, what was being played must not go on.
-        standing, self._standing = self._standing, None
-        stays = self._lost is not None and standing is not None and standing.verdict.ok
-        sent = standing if stays else plan
-        # A trajectory that has ended when it arrives would be refused.
-        begin = sent.begin + (self.planner.settings.latency if stays else 0.0)
-        trajectory = None if sent.reference is None else (sent.reference, begin)
+        trajectory = self._to_send(plan)
         commanded = self.planner.commanded(self._now)
         way = self.planner.way() if plan.verdict.ok else None
         return CycleOutput(
@@ -79,6 +96,22 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             configuration=None if commanded is None else commanded[0],
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
         )
+
+    def _to_send(self, plan: JointPlan) -> tuple[JointReference, float] | None:
+        """The trajectory that this cycle sends, and when it begins [s]."""
+        standing, self._standing = self._standing, None
+        if self._lost is not None and standing is not None and standing.reference is not None:
+            # The arm was found elsewhere: what was being played must not go on. And a trajectory that has ended when
+            # it arrives would be refused.
+            self._horizon.forget()
+            return standing.reference, standing.begin + self.planner.settings.latency
+        if plan.reference is not None:
+            sent = self._horizon.bounded(plan.reference, plan.begin, self._now)
+        elif self._horizon.must_renew(self._now) and (playing := self.planner.playing(self._now)) is not None:
+            sent = self._horizon.bounded(*playing, self._now)
+        else:
+            return None
+        return sent.reference, sent.begin
 
     def _preparation(self, inputs: CycleInputs[np.ndarray]) -> Callable[[], PreparedGoal | Verdict]:
         if isinstance(inputs.goal, np.ndarray):

@@ -146,6 +146,15 @@ PLANNER = (
         5.0,
     ),
     Parameter(
+        "horizon",
+        1.0,
+        "Joint-space skills: a trajectory leads so far ahead, then to rest, and is sent again in time: without the "
+        "planner the arm stops by itself; not less than prediction",
+        "s",
+        0.1,
+        60.0,
+    ),
+    Parameter(
         "body_radius",
         0.08,
         "Joint-space skills: radius of the arm around its body points as the soft metric sees it",

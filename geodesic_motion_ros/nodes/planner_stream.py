@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -58,13 +60,17 @@ class PlannerStream:
     DemoError : a node has ended, or what is waited for does not happen.
     """
 
-    def __init__(self, skill: str, folder: Path, rate: float, domain: int) -> None:
+    def __init__(
+        self, skill: str, folder: Path, rate: float, domain: int, parameters: Mapping[str, Any] = MappingProxyType({})
+    ) -> None:
+        """rate : of the planner [Hz]; parameters : of its others those that shall not be the defaults."""
         self.skill = Skill.load(skill)
         self.spheres: Spheres = no_spheres
         self.first_number = 0
         self.ticks: list[Tick] = []
         self.code = ""
-        self._name, self._rate = skill, rate
+        self._name = skill
+        self._parameters = {"skill": skill, "rate": rate, "latent_view_rate": 0.0, **parameters}
         self._processes = Processes(folder, isolated_environment(domain))
         self._scene = MarkerScene(self.skill.base_frame)
         self._context = rclpy.Context()
@@ -80,7 +86,7 @@ class PlannerStream:
     def __enter__(self) -> PlannerStream:
         try:
             self._processes.start("twin", {"skill": self._name})
-            self._processes.start("planner", {"skill": self._name, "rate": self._rate, "latent_view_rate": 0.0})
+            self._processes.start("planner", self._parameters)
             self.wait(lambda: self.code == "NO_GOAL" and self._goals.get_subscription_count(), PATIENCE)
         except BaseException:
             self.__exit__()

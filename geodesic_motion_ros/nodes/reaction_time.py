@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from rclpy.qos import QoSProfile
@@ -25,6 +26,8 @@ from geodesic_motion_ros.tables import text_table
 
 #: The sphere's radius [m], how far ahead of the tool it appears [s], and for how long [s].
 RADIUS, AHEAD, SHOWN = 0.05, 1.0, 0.4
+#: A trajectory is sent whole, and none again only to reach further: each is an answer.
+_WHOLE = MappingProxyType({"horizon": 60.0})
 #: It takes the planner so long [s] to find that nothing is in the way any more, and to say no more.
 QUIET = 0.7
 
@@ -87,7 +90,7 @@ def measure_reaction(
         raise ParameterError(f"skill {skill} streams poses: reactions are timed on a skill of joint space")
     rows = []
     for rate in rates:
-        with PlannerStream(skill, folder / f"reaction_{rate:g}_hz", rate, domain) as stream:
+        with PlannerStream(skill, folder / f"reaction_{rate:g}_hz", rate, domain, _WHOLE) as stream:
             answers = 1e3 * np.array(_answers(stream, spheres))
         p50, p99, worst = np.percentile(answers, [50.0, 99.0, 100.0]) if len(answers) else np.full(3, np.nan)
         rows.append(ReactionRow(rate, spheres, len(answers), p50, p99, worst))

@@ -145,7 +145,7 @@ class JointSpaceKind(SkillKind):
         self.robot = self.planner.robot
         self.cycle: JointCycle = JointCycle(
             self.planner, values["state_timeout"], values["resume_timeout"], values["tracking_tolerance_joint"],
-            background=self._goals,
+            values["horizon"], background=self._goals,
         )  # fmt: skip
 
     def place(self, joints: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
@@ -19,6 +20,7 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 
 PERIOD = 0.01
+HORIZON = 1.0
 
 
 @dataclass
@@ -55,7 +57,7 @@ def planner(reach_skill: Skill) -> JointSpacePlanner:
 def cycle(planner: JointSpacePlanner) -> JointCycle:
     planner.clear_goal()
     planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
-    return JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, clock=lambda: 0.0)
+    return JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=HORIZON, clock=lambda: 0.0)
 
 
 @pytest.fixture
@@ -73,7 +75,7 @@ def test_goals_may_be_prepared_while_cycles_go_on(planner, arm, inputs) -> None:
     """A goal that is still being prepared is no goal yet; a refused one leaves the old one alone."""
     release = threading.Event()
     with ThreadPoolExecutor(1) as background:
-        cycle = JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, clock=lambda: 0.0, background=background)
+        cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: 0.0, background=background)
         planner.clear_goal()
         background.submit(release.wait)
         waiting = follow(cycle, arm, inputs, 0.05)
@@ -108,14 +110,46 @@ def follow(cycle: JointCycle, arm: Arm, inputs: CycleInputs, seconds: float) -> 
     return outputs
 
 
-def test_reaches_the_goal_and_sends_one_trajectory_while_nothing_changes(cycle, arm, inputs):
+def test_reaches_the_goal_and_sends_little_while_nothing_changes(cycle, arm, inputs):
+    """Two trajectories in the time of a horizon, until one has reached the goal."""
     outputs = follow(cycle, arm, inputs, 12.0)
     assert outputs[-1].verdict.ok
     np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
-    assert sum(output.trajectory is not None for output in outputs) == 1
+    sent = [number * PERIOD for number, output in enumerate(outputs) if output.trajectory is not None]
+    assert len(sent) >= 3
+    assert np.all(np.diff(sent) >= 0.5 * HORIZON - 0.03)
+    assert outputs[0].time_to_goal - HORIZON <= sent[-1] <= outputs[0].time_to_goal
     assert outputs[10].time_to_goal > 1.0
     assert outputs[-1].time_to_goal == 0.0
     assert outputs[100].speed > 0.05
+
+
+def test_an_arm_that_hears_no_more_stops_by_itself_and_goes_on_when_cycles_do(cycle, arm, inputs):
+    follow(cycle, arm, inputs, 1.5)
+    assert np.max(np.abs(arm.states[-1][1])) > 0.05
+    (reference, begin), stalled = arm.played, arm.now
+    assert begin + reference.duration < stalled + HORIZON + 0.5
+    arm.now += 3.0
+    np.testing.assert_array_equal(arm.desired(arm.now)[1:], 0.0)
+    assert np.max(np.abs(arm.measured() - inputs.goal)) > 0.1
+    again = follow(cycle, arm, inputs, 12.0)
+    assert again[0].verdict.ok
+    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+
+
+def test_cycles_that_come_back_while_the_arm_brakes_go_on_from_there(cycle, arm, inputs):
+    follow(cycle, arm, inputs, 1.5)
+    reference, begin = arm.played
+    arm.now = begin + reference.duration - 0.2
+    assert np.any(arm.desired(arm.now)[1])
+    again = follow(cycle, arm, inputs, 12.0)
+    assert again[0].verdict.ok
+    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+
+
+def test_a_horizon_shorter_than_the_prediction_is_refused(planner):
+    with pytest.raises(ParameterError, match=r"horizon = 0\.5: must not be less than prediction, 0\.8 s"):
+        JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=0.5)
 
 
 def test_a_goal_pose_is_reached_in_one_of_the_demonstrated_families(cycle, arm, inputs, reach_skill):
@@ -215,8 +249,9 @@ def test_an_old_state_is_compared_with_what_was_commanded_then(cycle, arm, input
     late = dataclasses.replace(inputs, state_age=0.09)
     cycle.tracking_tolerance = 0.2 * fastest * 0.09
     for _ in range(20):
-        measured = arm.desired(arm.now - 0.09)[0]
+        measured = arm.states[-9][0]
         output = cycle.run(dataclasses.replace(late, measured=measured, now=arm.now, steady=arm.now), PERIOD)
         arm.take(output)
+        arm.states.append(arm.desired(arm.now))
         arm.now += PERIOD
         assert output.verdict.ok
