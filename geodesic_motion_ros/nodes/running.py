@@ -129,7 +129,7 @@ def _initialise(args: list[str] | None) -> None:
         raise ParameterError(str(error)) from error
 
 
-def _go_first() -> None:
+def go_first() -> None:
     """Run before whatever else keeps the cores busy, where that is allowed.
 
     All Python threads of the process need the same priority: a low one that is preempted while it holds the
@@ -154,7 +154,7 @@ def _share_one_core() -> None:
 
 
 def _spin(node: LoopingNode, request: StopRequest) -> None:
-    _go_first()
+    go_first()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     # What was built so far lives as long as the process: the collector need not walk through it at every
     # pass.

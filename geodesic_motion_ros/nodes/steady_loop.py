@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+#: The rate is that of the last ticks in so long [s]: what is said once a second must not be smoothed over many.
+_RATE_SPAN = 1.0
+
 
 class Schedule:
     """When the next tick is due. Periods that were missed are counted and skipped, never made up in a
@@ -37,7 +40,8 @@ class Schedule:
 
 @dataclass(frozen=True)
 class LoopStatistics:
-    """How the loop is doing: rate [Hz] and tick durations [s] over the last ticks, counts since the start."""
+    """How the loop is doing: rate [Hz] in the last second, tick durations [s] over the last ticks, counts since the
+    start."""
 
     rate: float
     tick_p50: float
@@ -67,10 +71,14 @@ class _Recorder:
         count = min(self.ticks, len(self._starts))
         if count < 2:
             return LoopStatistics(float("nan"), float("nan"), float("nan"), self.ticks, misses)
-        starts, durations = self._starts[:count], self._durations[:count]
-        span = float(starts.max() - starts.min())
-        p50, p99 = np.percentile(durations, [50.0, 99.0])
-        return LoopStatistics((count - 1) / span, float(p50), float(p99), self.ticks, misses)
+        p50, p99 = np.percentile(self._durations[:count], [50.0, 99.0])
+        return LoopStatistics(_rate(np.sort(self._starts[:count])), float(p50), float(p99), self.ticks, misses)
+
+
+def _rate(starts: np.ndarray) -> float:
+    """Ticks a second among the last of those that began at `starts` (n,) [s], two at least."""
+    first = min(int(np.searchsorted(starts, starts[-1] - _RATE_SPAN)), len(starts) - 2)
+    return float((len(starts) - 1 - first) / (starts[-1] - starts[first]))
 
 
 class SteadyLoop:

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from geodesic_motion_ros.nodes.steady_loop import Schedule, SteadyLoop
+from geodesic_motion_ros.nodes.steady_loop import Schedule, SteadyLoop, _Recorder
 
 
 def test_on_time_ticks_follow_the_grid():
@@ -64,6 +64,27 @@ def test_loop_ticks_until_stopped_and_knows_its_rate():
     assert sum(periods[1:]) <= ticks + statistics.misses
     assert 0.0 < statistics.rate <= 220.0
     assert 0.0 <= statistics.tick_p50 <= statistics.tick_p99
+
+
+@pytest.mark.parametrize("slow_for", [1.5, 3.0])
+def test_the_rate_is_that_of_the_last_second(slow_for):
+    recorder, now = _Recorder(1000), 0.0
+    for _ in range(500):
+        recorder.add(now, 0.001)
+        now += 0.01
+    assert recorder.statistics(0).rate == pytest.approx(100.0)
+    end = now + slow_for
+    while now < end:
+        recorder.add(now, 0.001)
+        now += 0.02
+    assert recorder.statistics(0).rate == pytest.approx(50.0)
+
+
+def test_after_a_long_pause_the_rate_is_low():
+    recorder = _Recorder(1000)
+    for start in (0.0, 0.01, 0.02, 5.02):
+        recorder.add(start, 0.001)
+    assert recorder.statistics(0).rate == pytest.approx(0.2)
 
 
 def test_an_error_ends_the_loop_and_is_reported_once():

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, PoseStamped
+from nav_msgs.msg import Path
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.experimental import EventsExecutor
@@ -31,11 +31,21 @@ from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.nodes.demo_run import Processes, isolated_environment
 from geodesic_motion_ros.nodes.faults.bench_clock import BenchClock
+from geodesic_motion_ros.nodes.faults.command_ear import Command, CommandEar, steady_time
 from geodesic_motion_ros.nodes.faults.fault import GOAL, MOTION, START, Findings
 from geodesic_motion_ros.nodes.faults.judge import Target, TargetJudge, Trajectory, TrajectoryJudge
 from geodesic_motion_ros.nodes.faults.relay import Relay
-from geodesic_motion_ros.nodes.messages import MessageRefused, pose_message, read_joint_trajectory, read_pose, seconds
+from geodesic_motion_ros.nodes.messages import (
+    MarkerScene,
+    MessageRefused,
+    pose_message,
+    read_joint_trajectory,
+    read_pose,
+    seconds,
+    sphere_marker,
+)
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+from geodesic_motion_ros.nodes.running import go_first
 from geodesic_motion_ros.nodes.twin_node import start_joints
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -54,14 +64,20 @@ _DEFAULTS = {parameter.name: parameter.default for parameter in PLANNER}
 _PLANNER = {"latent_view_rate": 0.0}
 
 
+#: Times a second that the planner alone is told of spheres; centre [m] and radius [m] of one.
+OBSTACLES_HZ = 30.0
+Sphere = tuple[np.ndarray, float]
+_GREY = (0.5, 0.5, 0.5, 1.0)
+
+
 class NotSeenError(GeodesicMotionError):
     """What was waited for has not happened."""
 
 
 class Status(NamedTuple):
-    """What the planner said, and when that arrived [s, steady clock]."""
+    """What the planner said, and when that was sent, or arrived where the clock is simulated [s, steady clock]."""
 
-    arrived: float
+    sent: float
     values: dict[str, str]
 
     @property
@@ -76,26 +92,17 @@ class Status(NamedTuple):
         return float(self.values[key])
 
 
-@dataclass(frozen=True)
-class _Told:
-    """A command as it arrived: steady time [s], time of the clock that it is stamped with [s], the message's bytes."""
-
-    arrived: float
-    heard: float
-    message: bytes
-
-
 class Bench:
     """Runs the two nodes of a skill, talks to them and records them; all of it in the caller's thread.
 
     Attributes
     ----------
     relays : by topic. clock : that the nodes run by where a fault wants one.
-    statuses : of the planner, since the present run began. joints : (steady time [s], configuration) likewise.
+    statuses, health : of the planner, since the present run began. joints : (steady time [s], configuration) likewise.
     least_clearance [m], contacts : the twin's, likewise.
     """
 
-    def __init__(self, skill: str, folder: Path, domain: int) -> None:
+    def __init__(self, skill: str, folder: FilePath, domain: int) -> None:
         """skill : a folder, or the name of a shipped skill. folder : for parameter files and logs of the nodes."""
         self.skill_name, self.skill = skill, Skill.load(skill)
         self.robot = Robot.named(self.skill.robot)
@@ -109,6 +116,8 @@ class Bench:
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node("bench", context=self._context)
         self._executor = EventsExecutor(context=self._context)
+        # Messages that it passes on must not wait for whatever else keeps the cores busy.
+        go_first()
         self._executor.add_node(self.node)
         self.clock = BenchClock(self.node)
         self.relays = {topic: Relay(self.node, kind, topic, f"relayed/{topic}") for topic, kind in RELAYED.items()}
@@ -116,16 +125,22 @@ class Bench:
         self._publishers: dict[str, Any] = {}
         self._clients: dict[str, Any] = {}
         self.command_topic = "joint_trajectory" if self.skill.space == "joint" else "target_pose"
-        self._command_kind = JointTrajectory if self.skill.space == "joint" else PoseStamped
+        self.command_kind = JointTrajectory if self.skill.space == "joint" else PoseStamped
+        self._ear = CommandEar(self._context, self.command_kind, self.command_topic)
         self._judge = self._make_judge()
         self._scene_shown = False
         self._last_contacts = 0
+        self.spheres: list[Sphere] = []
+        self._shown_spheres = MarkerScene(self.skill.base_frame)
+        self.node.create_timer(1.0 / OBSTACLES_HZ, self._tell_spheres)
+        self.path = np.zeros((0, 3))
         self.statuses: list[Status] = []
         self.joints: list[tuple[float, np.ndarray]] = []
         self._forget_run()
-        self._listen(self._command_kind, self.command_topic, self._on_command, raw=True)
         self._listen(DiagnosticArray, "planner/status", self._on_status)
+        self._listen(DiagnosticArray, "/diagnostics", self._on_health)
         self._listen(JointState, "joint_states", self._on_joints)
+        self._listen(Path, "path", self._on_path)
         self._listen(Float64, "twin/clearance", self._on_clearance)
         self._listen(UInt32, "twin/contacts", self._on_contacts)
 
@@ -134,6 +149,7 @@ class Bench:
 
     def __exit__(self, *_: object) -> None:
         self.processes.__exit__()
+        self._ear.close()
         self._executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown(context=self._context)
@@ -144,8 +160,8 @@ class Bench:
         scales = _DEFAULTS["speed_scale"], _DEFAULTS["acceleration_scale"]
         return TrajectoryJudge(JointLimits.of(self.robot, *scales))
 
-    def _listen(self, kind: type, topic: str, take: Callable[[Any], None], raw: bool = False) -> None:
-        self.node.create_subscription(kind, topic, take, QoSProfile(depth=100), raw=raw)
+    def _listen(self, kind: type, topic: str, take: Callable[[Any], None]) -> None:
+        self.node.create_subscription(kind, topic, take, QoSProfile(depth=100))
 
     # ------------------------------------------------------------------ nodes
 
@@ -180,6 +196,8 @@ class Bench:
         self._given.clear()
         self._scene_shown = False
         self._last_contacts = 0
+        self.spheres = []
+        self._shown_spheres = MarkerScene(self.skill.base_frame)
         for relay in self.relays.values():
             relay.release()
 
@@ -199,6 +217,7 @@ class Bench:
         for relay in self.relays.values():
             relay.release()
         try:
+            self.tell_spheres([])
             self.hold(False)
             self.show_scene({})
             self.trigger("planner/clear_obstacles")
@@ -224,7 +243,7 @@ class Bench:
         """Motion resumes after a fault has cleared: the arm reaches its goal, which is sent again where it was
         dropped or never given."""
         since = time.monotonic()
-        self.wait(lambda: self.status.arrived > since + 0.7, "the planner to settle")
+        self.wait(lambda: self.status.sent > since + 0.7, "the planner to settle")
         if self.status.code == "NO_GOAL":
             self.send_goal()
         began = time.monotonic()
@@ -295,6 +314,22 @@ class Bench:
         self.trigger("twin/spawn_obstacles")
         self._scene_shown = bool(scene)
 
+    def tell_spheres(self, spheres: Sequence[Sphere]) -> float:
+        """Tell the planner, and not the twin, of spheres from now on, in the place of those before; the time [s]."""
+        self.spheres = list(spheres)
+        now = time.monotonic()
+        self._tell_spheres()
+        return now
+
+    def _tell_spheres(self) -> None:
+        stamp, frame = self.node.get_clock().now().to_msg(), self.skill.base_frame
+        markers = [
+            sphere_marker("bench", number, *sphere, _GREY, frame, stamp) for number, sphere in enumerate(self.spheres)
+        ]
+        update = self._shown_spheres.update(markers, stamp)
+        if update.markers:
+            self.relays["obstacles"].send(update)
+
     # ------------------------------------------------------------------ waiting
 
     def wait(self, condition: Callable[[], Any], what: str, patience: float = PATIENCE) -> float:
@@ -314,17 +349,19 @@ class Bench:
         self.wait(lambda: time.monotonic() >= end, "time to pass", duration + PATIENCE)
 
     def verdict(
-        self, code: str, text: str = "", since: float | None = None, patience: float = PATIENCE, key: str = "reason"
+        self, code: str, text: str = "", since: float | None = None, patience: float = PATIENCE, of: str = ""
     ) -> Status:
-        """The first status after `since` [s, steady clock] with a code, and with a text in its value `key`."""
+        """The first status after `since` [s, steady clock] with a code, and a text in its reason; of "goal_": what is
+        said of the newest goal.
+        """
         since = time.monotonic() if since is None else since
         found: list[Status] = []
 
         def seen() -> bool:
             for status in reversed(self.statuses):
-                if status.arrived <= since:
+                if status.sent <= since:
                     break
-                if status.code == code and text in status.values[key]:
+                if status.values[f"{of}code"] == code and text in status.values[f"{of}reason"]:
                     found[:] = [status]
             return bool(found)
 
@@ -340,6 +377,29 @@ class Bench:
     def configuration(self) -> np.ndarray:
         """Where the arm is, (eta,) [rad]."""
         return self.joints[-1][1]
+
+    @property
+    def tool(self) -> np.ndarray:
+        """Where the tool is, (3,) [m]."""
+        return self.robot.forward(self.configuration)[0]
+
+    def ahead(self, distance: float) -> np.ndarray:
+        """The place (3,) [m] on the tool's way so far [m] ahead of it, or where the way ends."""
+        passed = int(np.argmin(np.linalg.norm(self.path - self.tool, axis=1)))
+        gone = np.cumsum(np.linalg.norm(np.diff(self.path[passed:], axis=0), axis=1))
+        return self.path[passed + min(int(np.searchsorted(gone, distance)), len(gone))]
+
+    def ticks_until(self, since: float, condition: Callable[[Status], object], what: str) -> tuple[int, Status]:
+        """Ticks of the planner from `since` [s, steady clock] to the first status that fulfils a condition."""
+        before = [status for status in self.statuses if status.sent <= since][-1]
+        found: list[Status] = []
+
+        def seen() -> bool:
+            found[:] = [status for status in self.statuses if status.sent > since and condition(status)][:1]
+            return bool(found)
+
+        self.wait(seen, what)
+        return int(found[0].number("tick") - before.number("tick")), found[0]
 
     @property
     def rests(self) -> bool:
@@ -358,12 +418,11 @@ class Bench:
         """Judge every command of the run so far; what is judged is forgotten."""
         wrong: list[str] = []
         before = -math.inf
-        for told in self._told:
-            restarted = self._begins_anew(before, told.arrived)
-            for sentence in self._judged(told, restarted):
-                wrong.append(f"command {self._judge.count} at {told.arrived - self._began:.2f} s {sentence}")
-            before = told.arrived
-        self._told.clear()
+        for command in self._ear.take():
+            restarted = self._begins_anew(before, command.sent)
+            for sentence in self._judged(command, restarted):
+                wrong.append(f"command {self._judge.count} at {command.sent - self._began:.2f} s {sentence}")
+            before = command.sent
         for sentence in wrong[:3]:
             findings.require(False, sentence)
         findings.require(len(wrong) <= 3, f"and {len(wrong) - 3} more")
@@ -373,27 +432,27 @@ class Bench:
         """The next command is the first of a planner that has just begun."""
         self._anew.append(time.monotonic())
 
-    def _begins_anew(self, before: float, arrived: float) -> bool:
-        if before == -math.inf or any(before < moment <= arrived for moment in self._anew):
+    def _begins_anew(self, before: float, sent: float) -> bool:
+        if before == -math.inf or any(before < moment <= sent for moment in self._anew):
             return True
         return any(
-            before - _TOLD_AFTER < status.arrived < arrived + _TOLD_AFTER
-            and any(text in status.reason for text in _LOST)
+            before - _TOLD_AFTER < status.sent < sent + _TOLD_AFTER and any(text in status.reason for text in _LOST)
             for status in self.statuses
         )
 
-    def _judged(self, told: _Told, restarted: bool) -> list[str]:
-        measured = self._measured_at(told.arrived) if restarted else None
-        message = deserialize_message(told.message, self._command_kind)
+    def _judged(self, command: Command, restarted: bool) -> list[str]:
+        measured = self._measured_at(command.sent) if restarted else None
+        message = deserialize_message(command.message, self.command_kind)
+        sent = self.clock.at(command.sent)
         try:
             if isinstance(self._judge, TrajectoryJudge):
                 waypoints = read_joint_trajectory(message, self.robot)
-                return self._judge.hear(Trajectory(told.heard, seconds(message.header.stamp), waypoints), measured)
+                return self._judge.hear(Trajectory(sent, seconds(message.header.stamp), waypoints), measured)
             pose = read_pose(message, self.skill.base_frame)
         except MessageRefused as error:
             return [str(error)]
         place = None if measured is None else self.robot.forward(measured)
-        return self._judge.hear(Target(told.heard, seconds(message.header.stamp), *pose), place)
+        return self._judge.hear(Target(sent, seconds(message.header.stamp), *pose), place)
 
     def _measured_at(self, moment: float) -> np.ndarray | None:
         before = [configuration for arrived, configuration in self.joints if arrived <= moment]
@@ -401,26 +460,34 @@ class Bench:
 
     @property
     def commands(self) -> list[float]:
-        """When commands arrived that are not judged yet [s, steady clock]."""
-        return [told.arrived for told in self._told]
+        """When commands were sent that are not judged yet [s, steady clock]."""
+        return [command.sent for command in self._ear.heard]
 
     # ------------------------------------------------------------------ recording
 
     def _forget_run(self) -> None:
         self.statuses, self.joints = self.statuses[-1:], self.joints[-1:]
-        self._told: list[_Told] = []
+        self._ear.take()
+        self.health: list[str] = []
         self._anew: list[float] = []
         self._began = time.monotonic()
         self.least_clearance, self.contacts = math.inf, 0
 
-    def _on_command(self, message: bytes) -> None:
-        self._told.append(_Told(time.monotonic(), self.clock.now(), message))
-
     def _on_status(self, message: DiagnosticArray) -> None:
-        self.statuses.append(Status(time.monotonic(), {pair.key: pair.value for pair in message.status[0].values}))
+        now = time.monotonic()
+        # Its stamp is of the clock that the nodes run by.
+        sent = now if self.clock.simulated else min(now, steady_time(seconds(message.header.stamp)))
+        self.statuses.append(Status(sent, {pair.key: pair.value for pair in message.status[0].values}))
+
+    def _on_health(self, message: DiagnosticArray) -> None:
+        self.health.append(message.status[0].message)
 
     def _on_joints(self, message: JointState) -> None:
         self.joints.append((time.monotonic(), np.array(message.position)))
+
+    def _on_path(self, message: Path) -> None:
+        points = [pose.pose.position for pose in message.poses]
+        self.path = np.array([(point.x, point.y, point.z) for point in points]).reshape(-1, 3)
 
     def _on_clearance(self, message: Float64) -> None:
         self.least_clearance = min(self.least_clearance, message.data)

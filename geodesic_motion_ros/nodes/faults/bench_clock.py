@@ -17,7 +17,8 @@ class BenchClock:
 
     Attributes
     ----------
-    speed : seconds of it in a second; 0 pauses it. It is the system's until `run(True)`.
+    simulated : whether it is one of its own; it is the system's until `run(True)`.
+    speed : seconds of it in a second; 0: it is paused.
     """
 
     def __init__(self, node: Node) -> None:
@@ -28,7 +29,7 @@ class BenchClock:
 
     def run(self, simulated: bool) -> None:
         """Begin to be a simulated clock that shows the system's time so far, or be the system's."""
-        self._simulated, self.speed = simulated, 1.0
+        self.simulated, self.speed = simulated, 1.0
         self._shown, self._looked = time.time(), time.monotonic()
 
     def set_speed(self, speed: float) -> None:
@@ -42,15 +43,19 @@ class BenchClock:
 
     def now(self) -> float:
         """What it shows [s]."""
-        if not self._simulated:
+        if not self.simulated:
             return time.time()
         now = time.monotonic()
         self._shown += self.speed * (now - self._looked)
         self._looked = now
         return self._shown
 
+    def at(self, moment: float) -> float:
+        """What it showed at a moment [s, steady clock] since it was last set."""
+        return self.now() - self.speed * (time.monotonic() - moment)
+
     def _tell(self) -> None:
-        if self._simulated:
+        if self.simulated:
             nanoseconds = round(1e9 * self.now())
             self._message.clock.sec, self._message.clock.nanosec = divmod(nanoseconds, 10**9)
             self._publisher.publish(self._message)

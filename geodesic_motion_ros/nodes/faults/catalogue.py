@@ -6,9 +6,12 @@ import difflib
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.faults.fault import Fault
+from geodesic_motion_ros.nodes.faults.goal_faults import GOAL_FAULTS
+from geodesic_motion_ros.nodes.faults.obstacle_faults import OBSTACLE_FAULTS
+from geodesic_motion_ros.nodes.faults.process_faults import PROCESS_FAULTS
 from geodesic_motion_ros.nodes.faults.state_faults import STATE_FAULTS
 
-FAULTS: tuple[type[Fault], ...] = (*STATE_FAULTS,)
+FAULTS: tuple[type[Fault], ...] = (*STATE_FAULTS, *GOAL_FAULTS, *OBSTACLE_FAULTS, *PROCESS_FAULTS)
 
 
 def chosen(names: list[str] | None, long: bool) -> list[Fault]:

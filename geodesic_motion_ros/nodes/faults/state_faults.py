@@ -21,7 +21,7 @@ _TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == 
 def require_hold(bench: Bench, findings: Findings, code: str, text: str, since: float) -> None:
     """The verdict is said within the reaction time after `since` [s, steady clock], and the commands come to rest."""
     status = bench.verdict(code, text, since)
-    findings.at_most(f"{code} after", 1000.0 * (status.arrived - since), 1000.0 * REACTION, "ms")
+    findings.at_most(f"{code} after", 1000.0 * (status.sent - since), 1000.0 * REACTION, "ms")
     findings.at_most("at rest after", bench.wait(lambda: bench.status.number("speed") == 0.0, "rest"), STOP)
 
 
@@ -32,7 +32,7 @@ def require_undisturbed(bench: Bench, findings: Findings, phase: str, since: flo
         bench.verdict("OK")
         since = time.monotonic()
     bench.arrive()
-    others = {status.code for status in bench.statuses if status.arrived > since} - {"OK"}
+    others = {status.code for status in bench.statuses if status.sent > since} - {"OK"}
     findings.require(not others, f"the planner said {', '.join(sorted(others))}")
     findings.note("goal reached")
 
@@ -72,8 +72,8 @@ class StateLate(Fault):
         require_hold(bench, findings, "STALE_STATE", "joint_states", relay.last_passed + _TIMEOUT)
         # Late messages arrive by now, and must not be taken for new ones.
         since = time.monotonic() + 0.2
-        bench.wait(lambda: bench.status.arrived > since + 0.2, "late messages")
-        codes = {status.code for status in bench.statuses if status.arrived > since}
+        bench.wait(lambda: bench.status.sent > since + 0.2, "late messages")
+        codes = {status.code for status in bench.statuses if status.sent > since}
         findings.require(codes == {"STALE_STATE"}, f"with late messages the planner said {', '.join(sorted(codes))}")
         relay.release()
         bench.finish(findings)

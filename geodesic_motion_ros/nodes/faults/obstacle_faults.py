@@ -1,0 +1,286 @@
+"""Faults of obstacles: their topic falls silent or loses messages, they come and go where they should not."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from nav_msgs.srv import GetPlan
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from geodesic_motion_ros.nodes.faults.bench import Bench, Status
+from geodesic_motion_ros.nodes.faults.fault import GOAL, MOTION, START, Fault, FaultSkipped, Findings
+from geodesic_motion_ros.nodes.faults.goal_faults import goal_message, require_unchanged
+from geodesic_motion_ros.nodes.faults.state_faults import STOP, refused, require_hold, require_refused
+from geodesic_motion_ros.nodes.messages import sphere_marker
+from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+
+_TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == "obstacle_timeout")
+#: The planner answers within so many ticks of hearing.
+TICKS = 3
+#: A place where nothing is in the way [m]; the radius of spheres [m].
+_AWAY, _RADIUS = (-0.6, 0.9, 1.2), 0.04
+#: A sphere appears so far ahead on the tool's way [m], and moves with this speed [m/s].
+_AHEAD, _SPEED = 0.30, 0.25
+#: Room beyond the braking distance in which there must be no contact [m].
+_ROOM = 0.05
+#: A clearance that has changed by this [m] tells of another obstacle.
+_CHANGED = 0.01
+
+
+def static(centre: Iterable[float], radius: float = _RADIUS) -> dict[str, dict[str, Any]]:
+    """A scene of the twin with one sphere that stands."""
+    return {"ball": {"kind": "static", "centre": [float(x) for x in centre], "radius": radius}}
+
+
+def outwards(place: np.ndarray) -> np.ndarray:
+    """The level direction (3,) away from the robot's base, where its body is not."""
+    return np.array([place[0], place[1], 0.0]) / np.hypot(place[0], place[1])
+
+
+class ObstaclesSilent(Fault):
+    name = "obstacles_silent"
+    criterion = "an obstacle topic is silent: STALE_OBSTACLES, named, <= 100 ms after obstacle_timeout, stop; resumes"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        bench.show_scene(static(_AWAY))
+        relay = bench.relays["obstacles"]
+        before = relay.last_passed
+        bench.wait(lambda: relay.last_passed > before, "an obstacle")
+        if phase == START:
+            bench.send_goal()
+            bench.verdict("OK")
+        relay.passing = False
+        require_hold(bench, findings, "STALE_OBSTACLES", "obstacles", relay.last_passed + _TIMEOUT)
+        relay.release()
+        bench.finish(findings)
+
+
+class ObstaclesSilentKept(Fault):
+    name = "obstacles_silent_kept"
+    criterion = "an obstacle topic is silent, obstacle_silence_policy keep: motion goes on among those last known"
+    phases = (MOTION,)
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        bench.set_parameters("planner", obstacle_silence_policy="keep")
+        try:
+            bench.show_scene(static(_AWAY))
+            bench.spend(0.1)
+            bench.relays["obstacles"].passing = False
+            since = time.monotonic()
+            bench.arrive()
+            bench.wait(lambda: time.monotonic() > since + 2.0 * _TIMEOUT, "silence")
+            codes = {status.code for status in bench.statuses if status.sent > since}
+            findings.require(codes == {"OK"}, f"the planner said {', '.join(sorted(codes))}")
+        finally:
+            bench.set_parameters("planner", obstacle_silence_policy="hold")
+
+
+class ObstaclesNotFinite(Fault):
+    name = "obstacles_not_finite"
+    criterion = "NaN, Inf, 1e300, unknown frames in obstacles: dropped, counted, reference unchanged"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        before, since = refused(bench, "obstacles"), time.monotonic()
+        stamp = bench.node.get_clock().now().to_msg()
+        place = bench.goal[:3]
+        bad = []
+        for value in (float("nan"), float("inf"), 1e300):
+            spoiled = place.copy()
+            spoiled[random.integers(3)] = value
+            bad += [(spoiled, _RADIUS, bench.skill.base_frame), (place, value, bench.skill.base_frame)]
+        bad += [(place, -_RADIUS, bench.skill.base_frame), (place, _RADIUS, "nowhere")]
+        for number, (centre, radius, frame) in enumerate(bad):
+            marker = sphere_marker("bad", number, centre, radius, (1.0, 0.0, 0.0, 1.0), frame, stamp)
+            bench.relays["obstacles"].send(MarkerArray(markers=[marker]))
+        require_refused(bench, findings, "obstacles", len(bad), before, "nowhere")
+        require_unchanged(bench, findings, phase, since)
+        if phase == START:
+            bench.send_goal()
+        bench.finish(findings)
+
+
+class ObstaclesLossy(Fault):
+    name = "obstacles_lossy"
+    criterion = "30 % of obstacle messages lost, others overtaking each other: no contact with a sphere that comes"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        relay = bench.relays["obstacles"]
+        bench.relays["obstacle_point"].passing = False
+        relay.delay = lambda: float(random.uniform(0.0, 0.06))
+        relay.overtaking = True
+        relay.change = lambda message: [message] if random.uniform() > 0.3 else []
+        # Near the goal it stays beside it: what runs into an arm that stands is not evaded.
+        if phase == START:
+            bench.send_goal()
+            bench.wait(lambda: len(bench.path), "a way")
+        place = bench.ahead(_AHEAD) if phase != GOAL else bench.goal[:3] + 0.25 * outwards(bench.goal[:3])
+        begin = place + _AHEAD * outwards(place)
+        line = {"kind": "line", "start": begin.tolist(), "end": place.tolist(), "speed": _SPEED, "radius": _RADIUS}
+        bench.show_scene({"ball": line})
+        bench.spend(3.0)
+        findings.note(f"smallest clearance {1000.0 * bench.least_clearance:.0f} mm")
+        findings.require(bench.contacts == 0, f"contact in {bench.contacts} steps")
+        relay.release()
+        bench.show_scene({})
+        bench.finish(findings)
+
+
+class ObstacleTeleports(Fault):
+    name = "obstacle_teleports"
+    criterion = (
+        "a sphere is suddenly on the way ahead: another certified way or hold <= 3 ticks after receipt; no contact "
+        "where it is beyond the braking distance + 5 cm"
+    )
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        bench.relays["obstacle_point"].passing = False
+        bench.show_scene(static(_AWAY))
+        if phase == START:
+            bench.send_goal()
+            bench.wait(lambda: len(bench.path) and bench.status.code == "OK", "a way")
+        place = bench.ahead(_AHEAD + float(random.uniform(0.0, 0.05)))
+        relay, heard = bench.relays["obstacles"], []
+
+        def watched(message: MarkerArray) -> Iterable[MarkerArray]:
+            at = [marker.pose.position for marker in message.markers]
+            if not heard and any(abs(point.x - place[0]) + abs(point.y - place[1]) < 1e-6 for point in at):
+                heard.append((time.monotonic(), bench.tool))
+                bench.least_clearance = np.inf
+            return [message]
+
+        relay.change = watched
+        bench.show_scene(static(place))
+        bench.wait(lambda: heard, "the sphere's new place")
+        receipt, tool = heard[0]
+        seen = [status for status in bench.statuses if status.sent <= receipt][-1].number("clearance")
+
+        def answered(status: Status) -> bool:
+            return status.code != "OK" or abs(status.number("clearance") - seen) > _CHANGED
+
+        bench.wait(lambda: bench.least_clearance < np.inf, "a clearance")
+        room = bench.least_clearance
+        ticks, status = bench.ticks_until(receipt, answered, "an answer to the sphere")
+        findings.at_most(f"{status.code} after", ticks, TICKS, "ticks")
+        bench.spend(1.5)
+        braking = float(np.linalg.norm(bench.tool - tool)) if bench.status.code != "OK" else 0.0
+        findings.note(f"room {room:.3f} m, {bench.status.code} after {braking:.3f} m, contacts {bench.contacts}")
+        if room > braking + _ROOM:
+            findings.require(bench.contacts == 0, f"contact in {bench.contacts} steps")
+        relay.release()
+        bench.show_scene({})
+        bench.finish(findings)
+
+
+class PlannersObstacle(Fault):
+    """A sphere that the planner alone is told of appears, and vanishes."""
+
+    code: str
+
+    @abstractmethod
+    def sphere(self, bench: Bench) -> tuple[np.ndarray, float]:
+        """Centre (3,) [m] and radius [m]."""
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        if phase == START:
+            bench.tell_spheres([self.sphere(bench)])
+            bench.send_goal()
+            bench.verdict(self.code)
+            findings.require(bench.status.number("speed") == 0.0, "the arm was set moving")
+        else:
+            since = bench.tell_spheres([self.sphere(bench)])
+            ticks, _ = bench.ticks_until(since, lambda status: status.code == self.code, self.code)
+            findings.at_most(f"{self.code} after", ticks, TICKS, "ticks")
+            findings.at_most("at rest after", bench.wait(lambda: bench.status.number("speed") == 0.0, "rest"), STOP)
+        bench.spend(0.3)
+        codes = {status.code for status in bench.statuses[-20:]}
+        findings.require(codes == {self.code}, f"at rest the planner said {', '.join(sorted(codes))}")
+        since = bench.tell_spheres([])
+        ticks, _ = bench.ticks_until(since, lambda status: status.code == "OK", "OK")
+        findings.at_most("OK again after", ticks, TICKS, "ticks")
+        bench.finish(findings)
+
+
+class ObstacleOnRobot(PlannersObstacle):
+    name = "obstacle_on_robot"
+    criterion = "a sphere appears on the hand: IN_COLLISION <= 3 ticks, hold, no way through it; resumes by itself"
+    code = "IN_COLLISION"
+
+    def sphere(self, bench: Bench) -> tuple[np.ndarray, float]:
+        # A little before the hand, where it will come to rest.
+        place = bench.tool if len(bench.path) == 0 or bench.rests else bench.ahead(0.05)
+        return place, 0.12
+
+
+class AllBlocked(PlannersObstacle):
+    name = "all_blocked"
+    criterion = "the goal is blocked, then freed: NO_FEASIBLE_PATH <= 3 ticks, hold; resumes by itself <= 3 ticks after"
+    code = "NO_FEASIBLE_PATH"
+    phases = (START, MOTION)
+
+    def sphere(self, bench: Bench) -> tuple[np.ndarray, float]:
+        return bench.goal[:3], 0.06
+
+
+class ManyObstacles(Fault):
+    name = "many_obstacles"
+    criterion = "1 to 50 obstacles, then none: misses counted, the plan afterwards the same bytes as before"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        before, misses = self._plan(bench), bench.status.number("deadline_misses")
+        if phase == START:
+            bench.send_goal()
+        for count in (1, 2, 5, 10, 20, 50):
+            directions = random.normal(size=(count, 3))
+            centres = 0.9 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+            bench.tell_spheres([(centre + (0.3, 0.0, 0.4), _RADIUS) for centre in centres])
+            bench.spend(0.2)
+        bench.tell_spheres([])
+        bench.spend(0.1)
+        findings.note(f"{bench.status.number('deadline_misses') - misses:.0f} misses")
+        findings.require(self._plan(bench) == before, "the plan afterwards is another one")
+        bench.finish(findings)
+
+    def _plan(self, bench: Bench) -> list[Any]:
+        start, goal = bench.skill.start_pose, bench.goal
+        request = GetPlan.Request(start=goal_message(bench, start), goal=goal_message(bench, goal))
+        poses = bench.call(GetPlan, "plan", request).plan.poses
+        if not poses:
+            raise FaultSkipped("the skill has no plan from its own start to its goal")
+        return [pose.pose for pose in poses]
+
+
+class ObstaclesDeleted(Fault):
+    name = "obstacles_deleted"
+    criterion = "DELETEALL and lifetimes are honoured: the planner forgets a sphere on the goal and goes on"
+    phases = (START, MOTION)
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        if phase == START:
+            bench.send_goal()
+            bench.verdict("OK")
+        marker = self._marker(bench)
+        marker.lifetime.nanosec = 300_000_000
+        bench.relays["obstacles"].send(MarkerArray(markers=[marker]))
+        blocked = bench.verdict("NO_FEASIBLE_PATH")
+        bench.relays["obstacles"].send(MarkerArray(markers=[self._marker(bench)]))
+        bench.relays["obstacles"].send(MarkerArray(markers=[self._everything(bench)]))
+        bench.verdict("OK", "", blocked.sent, patience=3.0)
+        bench.finish(findings)
+
+    def _marker(self, bench: Bench) -> Marker:
+        stamp = bench.node.get_clock().now().to_msg()
+        return sphere_marker("short", 0, bench.goal[:3], 0.06, (1.0, 0.0, 0.0, 1.0), bench.skill.base_frame, stamp)
+
+    def _everything(self, bench: Bench) -> Marker:
+        return Marker(header=Header(frame_id=bench.skill.base_frame), action=Marker.DELETEALL)
+
+
+OBSTACLE_FAULTS = (
+    ObstaclesSilent, ObstaclesSilentKept, ObstaclesNotFinite, ObstaclesLossy, ObstacleTeleports, ObstacleOnRobot,
+    AllBlocked, ManyObstacles, ObstaclesDeleted,
+)  # fmt: skip

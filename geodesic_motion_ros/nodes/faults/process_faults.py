@@ -1,0 +1,152 @@
+"""Faults of the processes: nodes are killed, stopped, starved, and come back."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from geodesic_motion_ros.nodes.faults.bench import START_PATIENCE, Bench
+from geodesic_motion_ros.nodes.faults.fault import MOTION, START, Fault, Findings
+from geodesic_motion_ros.nodes.faults.state_faults import REACTION, STOP
+from geodesic_motion_ros.nodes.parameter_tables import PLANNER, TWIN
+
+_STATE_TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == "state_timeout")
+_COMMAND_TIMEOUT = next(parameter.default for parameter in TWIN if parameter.name == "command_timeout")
+_RATE = next(parameter.default for parameter in PLANNER if parameter.name == "rate")
+#: How long the arm is given to be seen at rest [s].
+_SEEN = 0.3
+#: Graphs of nodes are looked at once a second.
+_CONFLICT = 2.5
+#: Length of a stop [s]; more ticks than this in a row at once are a burst, in a time that normally holds one.
+_STOPPED, _BURST = 1.0, 3
+
+
+class PlannerKilled(Fault):
+    name = "planner_killed"
+    criterion = (
+        "SIGKILL of the planner: the twin rests within what was commanded (a stream of poses: command_timeout and a "
+        "stop); a new planner begins where the arm is"
+    )
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        horizon = bench.status.number("time_to_goal") if phase != START else 0.0
+        bench.processes.end("planner", signal.SIGKILL)
+        allowed = (_COMMAND_TIMEOUT + STOP if bench.skill.space == "task" else horizon) + _SEEN
+        bench.spend(0.1)
+        findings.at_most("twin at rest after", 0.1 + bench.wait(lambda: bench.rests, "the twin's rest"), allowed)
+        bench.judge(findings)
+        killed = time.monotonic()
+        bench.restart("planner")
+        bench.begin_anew()
+        bench.verdict("NO_GOAL", "", killed, START_PATIENCE)
+        bench.finish(findings)
+
+
+class TwinKilled(Fault):
+    name = "twin_killed"
+    criterion = "SIGKILL of the twin: STALE_STATE <= 100 ms after state_timeout; goes on only after fresh states"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        bench.processes.end("twin", signal.SIGKILL)
+        since = bench.joints[-1][0] + _STATE_TIMEOUT
+        status = bench.verdict("STALE_STATE", "joint_states", since)
+        findings.at_most("STALE_STATE after", 1000.0 * (status.sent - since), 1000.0 * REACTION, "ms")
+        bench.spend(STOP)
+        killed = time.monotonic()
+        bench.restart("twin")
+        bench.wait(lambda: bench.joints[-1][0] > killed, "the twin", START_PATIENCE)
+        fresh = bench.joints[-1][0]
+        early = {status.code for status in bench.statuses if killed < status.sent < fresh} - {"STALE_STATE"}
+        findings.require(not early, f"without an arm the planner said {', '.join(sorted(early))}")
+        # It stands at its start again, and is not where it was sent: the goal is to be sent again.
+        bench.verdict("NO_GOAL", "", killed)
+        bench.finish(findings)
+
+
+class PlannerStopped(Fault):
+    name = "planner_stopped"
+    criterion = "SIGSTOP of the planner for 1 s: no burst of ticks, misses counted, nothing with an old stamp"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        misses = bench.status.number("deadline_misses")
+        bench.processes.send("planner", signal.SIGSTOP)
+        bench.spend(_STOPPED)
+        resumed = time.monotonic()
+        bench.processes.send("planner", signal.SIGCONT)
+        bench.wait(lambda: bench.status.sent > resumed + 0.5, "the planner")
+        sent = np.array([status.sent for status in bench.statuses if status.sent > resumed])
+        most = max(int(np.sum((sent >= moment) & (sent < moment + 1.0 / _RATE))) for moment in sent)
+        findings.at_most("ticks in a period", most, _BURST, "")
+        missed = bench.status.number("deadline_misses") - misses
+        findings.note(f"{missed:.0f} misses")
+        findings.require(missed >= 0.9 * _STOPPED * _RATE, f"only {missed:.0f} misses were counted")
+        bench.finish(findings)
+
+
+class CoresLoaded(Fault):
+    name = "cores_loaded"
+    criterion = "two busy processes on each core: >= 95 ticks a second or DEGRADED said, misses counted, no contact"
+    phases = (START, MOTION)
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        with _busy_cores(2):
+            if phase == START:
+                bench.send_goal()
+                bench.verdict("OK")
+            since, told = bench.status, len(bench.health)
+            bench.spend(3.0)
+            now = bench.status
+            rate = (now.number("tick") - since.number("tick")) / (now.sent - since.sent)
+            misses = now.number("deadline_misses") - since.number("deadline_misses")
+            degraded = any("DEGRADED" in text for text in bench.health[told:])
+            findings.note(f"{rate:.1f} ticks a second, {misses:.0f} misses{', DEGRADED said' if degraded else ''}")
+            findings.require(rate >= 0.95 * _RATE or degraded, f"{rate:.1f} ticks a second and nothing was said")
+            findings.require(misses > 0 or rate > 0.99 * _RATE, "no misses were counted")
+        findings.require(bench.contacts == 0, f"contact in {bench.contacts} steps")
+        bench.finish(findings)
+
+
+class SecondCommander(Fault):
+    name = "second_commander"
+    criterion = "a second publisher on the topic of the commands: CONFLICT, both named, stop"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        since = time.monotonic()
+        rival = bench.node.create_publisher(bench.command_kind, bench.command_topic, 1)
+        status = bench.verdict("CONFLICT", bench.node.get_name(), since)
+        findings.at_most("CONFLICT after", status.sent - since, _CONFLICT)
+        findings.at_most("at rest after", bench.wait(lambda: bench.status.number("speed") == 0.0, "rest"), STOP)
+        bench.node.destroy_publisher(rival)
+        bench.verdict("NO_GOAL")
+        bench.finish(findings)
+
+
+@contextmanager
+def _busy_cores(each: int) -> Iterator[None]:
+    """So many processes on each core that do nothing but work, no more important than others."""
+    context = multiprocessing.get_context("spawn")
+    count = each * len(os.sched_getaffinity(0))
+    workers = [context.Process(target=_work, daemon=True) for _ in range(count)]
+    try:
+        for worker in workers:
+            worker.start()
+        yield
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.join()
+
+
+def _work() -> None:
+    os.setpriority(os.PRIO_PROCESS, 0, 0)
+    while True:
+        sum(range(100_000))
+
+
+PROCESS_FAULTS = (PlannerKilled, TwinKilled, PlannerStopped, CoresLoaded, SecondCommander)
