@@ -168,21 +168,22 @@ def build_configuration_graph(
     """
     grid = LatentGrid(np.asarray(lower, dtype=float), np.asarray(upper, dtype=float), tuple(shape))
     lattice = grid.nodes()
-    kept = rms_sigma(decoder.uncertainty(lattice)) <= sigma_limit
+    sigma = decoder.uncertainty(lattice)
+    kept = rms_sigma(sigma) <= sigma_limit
     refuse_unsupported(kept, sigma_limit, "rad")
-    latent, number = lattice[kept], grid.numbering(kept)
+    latent, sigma, number = lattice[kept], sigma[kept], grid.numbering(kept)
     edges = grid.edges(number, neighbours)
 
-    sigma_chain = _along_edges(decoder, latent, edges, pieces)
+    sigma_chain = _along_edges(decoder, latent, sigma, edges, pieces)
     edges, sigma_chain = _supported(edges, sigma_chain, sigma_limit)
-    decoded = decoder.decode(latent)
+    configurations = decoder.configurations(latent)
     steps = math.sqrt(pieces) * metric.sigma_weight * np.diff(sigma_chain, axis=1)
     sigma_fixed = metric.joint_weight**2 * np.sum(steps**2, axis=(1, 2))
-    jacobians = body_point_jacobians(decoded.configurations, body.frames, body.offsets, robot.chain)
+    jacobians = body_point_jacobians(configurations, body.frames, body.offsets, robot.chain)
     sigma_shares = _projected_energies(edges, jacobians, steps)
     if math.isfinite(energy_limit):
-        points = place_body_points(decoded.configurations, body.frames, body.offsets, robot.chain)
-        turned, shares = _chord_energies(edges, decoded.configurations, points, sigma_shares, np.ones(len(edges)))
+        points = place_body_points(configurations, body.frames, body.offsets, robot.chain)
+        turned, shares = _chord_energies(edges, configurations, points, sigma_shares, np.ones(len(edges)))
         energy = metric.joint_weight**2 * turned + sigma_fixed + shares.sum(axis=1)
         usable = energy <= energy_limit
         edges, sigma_fixed, sigma_shares = edges[usable], sigma_fixed[usable], sigma_shares[usable]
@@ -193,7 +194,7 @@ def build_configuration_graph(
         sigma_limit=sigma_limit,
         energy_limit=energy_limit,
         latent=latent,
-        sigma=rms_sigma(decoded.sigma),
+        sigma=rms_sigma(sigma),
         progress=progress,
         ridge_shares=ridge_shares,
         component=connected_pieces(edges, len(latent)),
@@ -205,7 +206,7 @@ def build_configuration_graph(
         metric=metric,
         robot=robot,
         body=body,
-        configurations=decoded.configurations,
+        configurations=configurations,
         _sigma_fixed=sigma_fixed,
         _sigma_shares=sigma_shares,
     )
@@ -215,12 +216,15 @@ def _progress_map(codes: np.ndarray, grid: LatentGrid, ridges: Ridges | None, ke
     return ProgressMap.from_codes(codes, grid) if ridges is None else ProgressMap.from_ridges(ridges, grid, kept)
 
 
-def _along_edges(decoder: JointSpaceDecoder, latent: np.ndarray, edges: np.ndarray, pieces: int) -> np.ndarray:
-    """Sigma [rad] at both ends of every edge and at its inner cuts, (m, pieces + 1, eta)."""
-    fractions = np.arange(pieces + 1) / pieces
-    start, step = latent[edges[:, 0]], latent[edges[:, 1]] - latent[edges[:, 0]]
-    cuts = start[:, None] + fractions[None, :, None] * step[:, None]
-    return decoder.uncertainty(cuts.reshape(-1, latent.shape[1])).reshape(len(edges), pieces + 1, -1)
+def _along_edges(
+    decoder: JointSpaceDecoder, latent: np.ndarray, sigma: np.ndarray, edges: np.ndarray, pieces: int
+) -> np.ndarray:
+    """Sigma [rad] at both ends of every edge and at its inner cuts, (m, pieces + 1, eta); `sigma` (n, eta) of nodes."""
+    first, second = edges.T
+    inner = np.arange(1, pieces)[:, None] / pieces
+    cuts = latent[first, None] + inner * (latent[second] - latent[first])[:, None]
+    between = decoder.uncertainty(cuts.reshape(-1, latent.shape[1])).reshape(*cuts.shape[:2], sigma.shape[1])
+    return np.concatenate([sigma[first, None], between, sigma[second, None]], axis=1)
 
 
 def _supported(edges: np.ndarray, sigma_chain: np.ndarray, sigma_limit: float) -> tuple[np.ndarray, np.ndarray]:
