@@ -41,7 +41,7 @@ class CloudThread:
     """Calls `make` with the newest message, and `take` with what that returns and when the message arrived.
 
     Messages that come while one is worked on replace each other: none waits behind another. `failed` is told of an
-    exception, and the next message tried.
+    exception, and the next message tried. `clock` tells when [s].
     """
 
     def __init__(
@@ -49,8 +49,9 @@ class CloudThread:
         make: Callable[[Any], Any],
         take: Callable[[Any, float], None],
         failed: Callable[[BaseException], None],
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._make, self._take, self._failed = make, take, failed
+        self._make, self._take, self._failed, self._clock = make, take, failed, clock
         self._changed = threading.Condition()
         self._waiting: tuple[Any, float] | None = None
         self._generation = 0
@@ -70,7 +71,7 @@ class CloudThread:
     def put(self, message: Any) -> None:
         """Hand over a message, which has just arrived."""
         with self._changed:
-            self._waiting = message, time.monotonic()
+            self._waiting = message, self._clock()
             self._changed.notify()
 
     def forget(self) -> None:

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_planner import JointSpacePlanner, PreparedGoal
@@ -73,15 +74,17 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     def stop(self, verdict: Verdict) -> CycleOutput:
         return self._output(self.planner.stop(self._now, verdict))
 
-    def _command(self, verdict: Verdict, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
+    def _command(
+        self, verdict: Verdict, inputs: CycleInputs[np.ndarray], advance: float, deadline: Deadline
+    ) -> CycleOutput:
         # Taking a goal may have cost time, and what is planned begins a moment from now.
-        self._now = inputs.now + max(0.0, self._clock() - inputs.steady)
+        self._now = inputs.now + (0.0 if inputs.simulated else self._clock() - self._began)
         if verdict.ok and self._displaced:
             reason = "a skill of joint space cannot follow a task frame that is not the base frame"
             verdict = Verdict(VerdictCode.BAD_INPUT, reason)
         if not verdict.ok:
             return self._output(self.planner.stop(self._now, verdict))
-        return self._output(self.planner.tick(self._now, self._deadline(inputs, period)))
+        return self._output(self.planner.tick(self._now, deadline))
 
     def _output(self, plan: JointPlan) -> CycleOutput:
         trajectory = self._to_send(plan)
@@ -125,9 +128,9 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self.planner.clear_goal()
 
     def _set_obstacles(self, inputs: CycleInputs[np.ndarray]) -> Verdict:
-        # Heard by the steady clock; trajectories are stamped with another.
+        # Trajectories are stamped with another clock than they are heard by.
         longest = self.planner.settings.prediction
-        return self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.steady, longest, inputs.now))
+        return self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.heard, longest, inputs.now))
 
     def _take_task_frame(self, frame: Pose | None) -> None:
         if frame is None or frame is self._task_frame:

@@ -31,6 +31,7 @@ from geodesic_motion_ros.nodes.messages import (
     read_pose,
     seconds,
 )
+from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.refusals import Refusals
@@ -72,6 +73,7 @@ class PlannerInputs:
         self._frame: str = parameters["base_frame"]
         self.frames = frames_of(node)
         self.refusals = Refusals(node.get_logger().warning)
+        self._time = NodeTime(node.get_clock())
         self._lock = threading.Lock()
         self._tracker = ObstacleTracker()
         self._joints: np.ndarray | None = None
@@ -84,7 +86,7 @@ class PlannerInputs:
         self._hold = False
         self._publishers: tuple[str, ...] = ()
         self._cloud_figures = CloudFigures()
-        self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
+        self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed, self._time.running)
         self._subscribe(JointState, "joint_states", self._on_joint_states, RECENT)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
         self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
@@ -104,7 +106,8 @@ class PlannerInputs:
 
     def snapshot(self) -> CycleInputs:
         """What is known now."""
-        now = time.monotonic()
+        moment = self._time.read()
+        now = moment.running
         with self._lock:
             joints, taken = self._joints, self._joints_taken
             goal, number, hold = self._goal, self._goal_number, self._hold
@@ -124,13 +127,15 @@ class PlannerInputs:
             task_frame=task_frame,
             goal_in_task_frame=relative,
             publishers=publishers,
-            now=self._clock_now(),
-            steady=now,
+            now=moment.now,
+            heard=now,
+            simulated=moment.simulated,
+            set_by=moment.set_by,
         )
 
     def ages(self) -> dict[str, float]:
         """Seconds since each input that has spoken was last heard; of joint states since they were taken."""
-        now = time.monotonic()
+        now = self._time.running()
         with self._lock:
             ages = self._tracker.ages(now)
             if self._joints is not None:
@@ -155,7 +160,7 @@ class PlannerInputs:
         """Forget all obstacles and what was expected of their topics; returns how many there were."""
         self._cloud_thread.forget()
         with self._lock:
-            count = len(self._tracker.current(time.monotonic()))
+            count = len(self._tracker.current(self._time.running()))
             self._tracker.clear()
         return count
 
@@ -169,18 +174,12 @@ class PlannerInputs:
     def _on_joint_states(self, message: JointState) -> None:
         joints = read_joint_positions(message, self._robot.joint_names)
         check_limits(joints, self._robot)
-        taken = time.monotonic() - self._transit(seconds(message.header.stamp))
+        moment = self._time.read()
+        if moment.now == 0.0:
+            raise MessageRefused("use_sim_time is set, and nothing has been heard on /clock: its age cannot be told")
+        taken = moment.running - _transit(seconds(message.header.stamp), moment.now)
         with self._lock:
             self._joints, self._joints_taken = joints, taken
-
-    def _transit(self, stamp: float) -> float:
-        """Seconds a message was under way by its stamp; 0 without a stamp or with one from the future."""
-        if stamp == 0.0:
-            return 0.0
-        return max(0.0, self._clock_now() - stamp)
-
-    def _clock_now(self) -> float:
-        return 1e-9 * self._node.get_clock().now().nanoseconds
 
     def _on_goal(self, message: PoseStamped) -> None:
         in_task_frame = message.header.frame_id == TASK_FRAME
@@ -219,7 +218,7 @@ class PlannerInputs:
                 updates.append(read_marker(marker, self._frame, self.frames))
         with self._lock:
             if len(updates) == len(message.markers):
-                self._tracker.hear("obstacles", time.monotonic())
+                self._tracker.hear("obstacles", self._time.running())
             for update in updates:
                 self._apply("obstacles", update)
 
@@ -229,7 +228,7 @@ class PlannerInputs:
             self._apply("obstacle_marker", update)
 
     def _apply(self, source: str, update: MarkerUpdate) -> None:
-        now = time.monotonic()
+        now = self._time.running()
         if update.action == "put":
             self._tracker.put(
                 source, update.key, update.centre, update.radius, now, update.lifetime, update.stamp, update.solid
@@ -244,7 +243,7 @@ class PlannerInputs:
         radius = self._parameters["obstacle_point_radius"]
         stamp = seconds(message.header.stamp)
         with self._lock:
-            self._tracker.put("obstacle_point", ("", 0), centre, radius, time.monotonic(), 0.0, stamp)
+            self._tracker.put("obstacle_point", ("", 0), centre, radius, self._time.running(), 0.0, stamp)
 
     def _on_cloud(self, message: PointCloud2) -> None:
         # one that is of no use must not take the place of one that waits
@@ -280,3 +279,8 @@ class PlannerInputs:
     def _cloud_failed(self, error: BaseException) -> None:
         self.refusals.add("obstacle_cloud", f"internal error, see the log: {error!r}")
         self._node.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
+
+
+def _transit(stamp: float, now: float) -> float:
+    """Seconds a message was under way by its stamp; 0 without a stamp or with one from the future."""
+    return 0.0 if stamp == 0.0 else max(0.0, now - stamp)

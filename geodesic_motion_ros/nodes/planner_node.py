@@ -24,7 +24,7 @@ from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
-from geodesic_motion_ros.nodes.running import LoopingNode, run_node
+from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
 from geodesic_motion_ros.nodes.skill_kinds import joint_settings, kind_of, task_settings
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
@@ -67,9 +67,9 @@ class PlannerNode(LoopingNode):
         self._period = 1.0 / values["rate"]
         self._loop = SteadyLoop(self._tick, values["rate"], self._died, name="planner")
         self._view_thread = self._make_view(skill)
-        self.create_timer(1.0 / values["path_rate"], self._show_path)
-        self.create_timer(1.0, self._show_health)
-        self.create_timer(1.0, self._look_for_rivals)
+        self.create_timer(1.0 / values["path_rate"], self._show_path, clock=STEADY)
+        self.create_timer(1.0, self._show_health, clock=STEADY)
+        self.create_timer(1.0, self._look_for_rivals, clock=STEADY)
         self.create_service(GetPlan, "plan", self._on_plan)
         self.create_service(SetBool, "~/hold", self._on_hold)
         self.create_service(Trigger, "~/clear_obstacles", self._on_clear_obstacles)
@@ -138,7 +138,7 @@ class PlannerNode(LoopingNode):
             return
         inputs, output = self._newest
         path = None if output.reference is None else output.reference.latent
-        obstacles = inputs.obstacles.moved_on(inputs.steady, 0.0, inputs.now)
+        obstacles = inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.now)
         self._outputs.view(self._view.render(obstacles, path, output.verdict.code.name))
 
     def _view_died(self, error: BaseException) -> None:

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.planner import PreparedGoal, ReactivePlanner
 from geodesic_motion_ros.quaternions import angle_between
@@ -50,22 +51,22 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
     def stop(self, verdict: Verdict) -> CycleOutput:
         return self._move(verdict, None, 0.0)
 
-    def _command(self, verdict: Verdict, inputs: CycleInputs[Pose], period: float) -> CycleOutput:
+    def _command(self, verdict: Verdict, inputs: CycleInputs[Pose], advance: float, deadline: Deadline) -> CycleOutput:
         now = self.follower.position, self.follower.quaternion, self.follower.speed
         if verdict.ok:
-            plan = self.planner.tick(*now, self._deadline(inputs, period))
+            plan = self.planner.tick(*now, deadline)
             verdict, reference = plan.verdict, plan.reference
         else:
             reference = self.planner.stop(*now)
-        return self._move(verdict, reference, period)
+        return self._move(verdict, reference, advance)
 
-    def _move(self, verdict: Verdict, reference: TaskSpaceReference | None, period: float) -> CycleOutput:
+    def _move(self, verdict: Verdict, reference: TaskSpaceReference | None, advance: float) -> CycleOutput:
         if reference is None:
             self.follower.hold()
         else:
             self.follower.accept(reference)
         known = self.follower.ready and self._lost is None
-        commanded = self.follower.advance(period) if known else None
+        commanded = self.follower.advance(advance) if known else None
         to_goal = reference if verdict.ok else None
         return CycleOutput(
             verdict, self._goal_verdict, commanded, reference=to_goal,
@@ -90,7 +91,7 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
         self.planner.clear_goal()
 
     def _set_obstacles(self, inputs: CycleInputs[Pose]) -> Verdict:
-        return self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.steady, 0.0, inputs.now))
+        return self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.now))
 
     def _take_task_frame(self, frame: Pose | None) -> None:
         if frame is None or frame is self._task_frame:

@@ -17,6 +17,7 @@ from types import FrameType
 from typing import Any
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
@@ -30,6 +31,9 @@ from geodesic_motion_ros.nodes.usage import usage, wants_help
 # half a control period.
 _SWITCH_INTERVAL = 0.00005
 _NICENESS, _LAST = -10, 19
+
+#: Of timers that go on while a simulation stands.
+STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 
 class LoopingNode(Node, ABC):

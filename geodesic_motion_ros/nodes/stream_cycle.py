@@ -1,9 +1,9 @@
 """What the cycles of all planners have in common, without ROS: judge the inputs, take goals, know where the arm is.
 
 What is commanded never jumps: it moves along certified references or stands still. When the arm is found further than
-a tolerance from where it was sent (it was moved, blocked, or restarted), or was unknown for long, the goal is dropped,
-and nothing is commanded until the arm has rested for a moment: then what is commanded is where the arm already is, and
-the next goal sets it moving again.
+a tolerance from where it was sent (it was moved, blocked, or restarted), or was unknown for long, or when the clock was
+set, the goal is dropped, and nothing is commanded until the arm has rested for a moment: then what is commanded is
+where the arm already is, and the next goal sets it moving again.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ Place = TypeVar("Place", Pose, np.ndarray)
 
 #: Share of a period after which a tick begins nothing new: what it has begun then ends within the period.
 DEADLINE_SHARE = 0.5
+#: What is commanded moves on by at most this [s] of a simulation in one cycle.
+LONGEST_ADVANCE = 0.1
 #: What is said of a goal while it is being prepared.
 PREPARING = "the newest goal is being prepared"
 #: An arm that was lost rests when it has stayed this long [s] near one place.
@@ -56,7 +58,9 @@ class CycleInputs(Generic[Place]):
     goal_in_task_frame : whether the goal was given in that frame.
     publishers : names of the nodes that publish the commands; more than one and the arm must not move.
     now : time of the clock that trajectories are stamped with [s].
-    steady : time of the clock that obstacles are heard by [s].
+    heard : time of the clock that obstacles are heard by [s], which is never set.
+    simulated : whether both are of a simulation, which may stand, run slowly or fast.
+    set_by : sum of all jumps of `now` so far [s].
     """
 
     measured: Place | None
@@ -70,7 +74,9 @@ class CycleInputs(Generic[Place]):
     goal_in_task_frame: bool = False
     publishers: tuple[str, ...] = ()
     now: float = 0.0
-    steady: float = 0.0
+    heard: float = 0.0
+    simulated: bool = False
+    set_by: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -118,7 +124,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
     state_timeout : [s] a joint state older than this stops the arm.
     resume_timeout : [s] when the state returns after less than this, the motion resumes; after more, the goal is
         dropped.
-    clock : tells the time that `CycleInputs.steady` is of [s].
+    clock : tells the time that a cycle takes [s].
     background : prepares goals while cycles go on; None: a cycle does it, and takes longer.
     """
 
@@ -139,19 +145,30 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._goal_verdict = Verdict(VerdictCode.NO_GOAL, "no goal has been given")
         self._has_goal = False
         self._missing = False  # whether joint states have been missing for longer than resume_timeout
+        self._jump = 0.0  # of the clock [s], since the arm last was where it was sent
+        self._set_by = 0.0
+        self._began = self._heard = 0.0
         self._lost: _Lost | None = None
         self._obstacles_version = -1
 
     def run(self, inputs: CycleInputs[Place], period: float) -> CycleOutput:
-        """One cycle; what is commanded moves on by `period` [s]."""
+        """One cycle of a period [s]; what is commanded moves on by that, or by what has passed of a simulation."""
+        self._began = self._clock()
+        advance = self._advance(inputs, period)
         self._take_task_frame(inputs.task_frame)
         self._take_goal(inputs)
         obstacles_taken = self._take_obstacles(inputs)
-        verdict = self._ready(inputs, period)
-        return self._command(obstacles_taken if verdict.ok else verdict, inputs, period)
+        verdict = self._ready(inputs, advance)
+        deadline = Deadline(self._began + DEADLINE_SHARE * period, self._clock)
+        return self._command(obstacles_taken if verdict.ok else verdict, inputs, advance, deadline)
 
-    def _deadline(self, inputs: CycleInputs[Place], period: float) -> Deadline:
-        return Deadline(inputs.steady + DEADLINE_SHARE * period, self._clock)
+    def _advance(self, inputs: CycleInputs[Place], period: float) -> float:
+        passed, self._heard = inputs.heard - self._heard, inputs.heard
+        jump, self._set_by = inputs.set_by - self._set_by, inputs.set_by
+        if jump != 0.0:
+            self._jump = jump
+            self._drop_goal(f"the clock was set by {jump:+.1f} s")
+        return min(passed, LONGEST_ADVANCE) if inputs.simulated else period
 
     # ------------------------------------------- what differs between the kinds of skill
 
@@ -160,8 +177,8 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         """A cycle in which nothing may be trusted: stay, and say why."""
 
     @abstractmethod
-    def _command(self, verdict: Verdict, inputs: CycleInputs[Place], period: float) -> CycleOutput:
-        """Plan where the verdict is OK, stop otherwise, and move on."""
+    def _command(self, verdict: Verdict, inputs: CycleInputs[Place], advance: float, deadline: Deadline) -> CycleOutput:
+        """Plan where the verdict is OK, stop otherwise, and move on by `advance` [s]."""
 
     @abstractmethod
     def _preparation(self, inputs: CycleInputs[Place]) -> Callable[[], Prepared | Verdict]:
@@ -238,9 +255,9 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             self._obstacles_version = inputs.obstacles.version
         return verdict
 
-    def _ready(self, inputs: CycleInputs[Place], period: float) -> Verdict:
+    def _ready(self, inputs: CycleInputs[Place], advance: float) -> Verdict:
         """OK when a plan may be asked for; the reason otherwise, the gravest first."""
-        judged = self._stale_state(inputs) or self._follow_measured(inputs, period) or self._rivals(inputs)
+        judged = self._stale_state(inputs) or self._follow_measured(inputs, advance) or self._rivals(inputs)
         if judged is not None:
             return judged
         if inputs.hold:
@@ -265,14 +282,14 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             VerdictCode.STALE_STATE, f"joint_states: the newest is {age:.3f} s old, allowed are {allowed:g} s"
         )
 
-    def _follow_measured(self, inputs: CycleInputs[Place], period: float) -> Verdict | None:
+    def _follow_measured(self, inputs: CycleInputs[Place], advance: float) -> Verdict | None:
         """Begin at the measured place, and again where an arm that was lost has come to rest."""
         measured = inputs.measured
         assert measured is not None  # _stale_state came first
         if not self._knows_where():
             self._begin_at(measured, inputs.now)
         elif self._lost is not None:
-            if not self._rests(measured, period):
+            if not self._rests(measured, advance):
                 return self._lost.verdict
             self._begin_at(measured, inputs.now)
         else:
@@ -284,29 +301,32 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
 
     def _begin_at(self, measured: Place, now: float) -> None:
         self._stand_at(measured, now)
-        self._lost, self._missing = None, False
+        self._lost, self._missing, self._jump = None, False, 0.0
 
-    def _rests(self, measured: Place, period: float) -> bool:
-        """Look at a lost arm a period [s] later; whether it has rested for long enough."""
+    def _rests(self, measured: Place, advance: float) -> bool:
+        """Look at a lost arm again after a time [s]; whether it has rested for long enough."""
         assert self._lost is not None
         if self._moved(measured, self._lost.near):
             self._lost.near, self._lost.rested = measured, 0.0
         else:
-            self._lost.rested += period
+            self._lost.rested += advance
         return self._lost.rested >= REST_TIME
 
     def _loss(self, measured: Place, taken: float) -> _Lost | None:
         """Why what is commanded is no longer to be trusted, and drop the goal; None while the arm follows."""
-        deviation = self._deviation(measured, taken)
-        if deviation is not None:
+        # What was commanded when is not known of a time that another clock has told.
+        deviation = None if self._jump else self._deviation(measured, taken)
+        if self._jump:
+            said = f"the clock was set by {self._jump:+.1f} s"
+        elif deviation is not None:
             where, limit = deviation
             self._drop_goal(f"the arm was {where} from where it was sent")
-            said = f"the arm is {where} from where it was sent (allowed by tracking_tolerance: {limit})"
+            said = f"joint_states: the arm is {where} from where it was sent (allowed by tracking_tolerance: {limit})"
         elif self._missing:
-            said = "the arm is back after a long silence"
+            said = "joint_states: the arm is back after a long silence"
         else:
             return None
-        reason = f"joint_states: {said}: nothing is commanded until it has rested for {REST_TIME:g} s"
+        reason = f"{said}: nothing is commanded until the arm has rested for {REST_TIME:g} s"
         return _Lost(Verdict(VerdictCode.BAD_INPUT, reason), measured)
 
     def _rivals(self, inputs: CycleInputs[Place]) -> Verdict | None:

@@ -1,7 +1,7 @@
 """Node `twin`: a simulated Panda that stands in for the hardware behind the same topics.
 
-Physics runs in real time in a thread of its own, and only that thread touches PyBullet: callbacks leave
-what they want in a mailbox, services wait until it was done.
+Physics runs in real time, or as a simulated clock goes on, in a thread of its own. Only that thread touches PyBullet:
+callbacks leave what they want in a mailbox, services wait until it was done.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import queue
 import sys
 import threading
-import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotDoneInTime
@@ -40,11 +39,12 @@ from geodesic_motion_ros.nodes.messages import (
     seconds,
     sphere_marker,
 )
+from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.publishers import publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
-from geodesic_motion_ros.nodes.running import LoopingNode, run_node
+from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -81,7 +81,7 @@ class TwinNode(LoopingNode):
 
     The arm follows `target_pose`, a stream that must not pause, or `joint_trajectory`, whichever spoke last. Stamps of
     trajectories are of the node's clock; their rules are those of joint_trajectory_controller
-    (`simulation/trajectory_player.py`).
+    (`simulation/trajectory_player.py`). When the clock is set the arm brakes and holds.
 
     `~/contacts` counts the physics steps with contact between arm and obstacles since the last reset, so
     that no contact is lost between messages; `~/clearance` is the smallest distance [m] since the message
@@ -111,6 +111,8 @@ class TwinNode(LoopingNode):
         self._commander = ""
         self._commanded_at = self._deaf_until = -np.inf
         self._clock_offset = ClockOffset()
+        self._time = NodeTime(self.get_clock())
+        self._set_by, self._simulated_until = 0.0, self._time.running()
         self._loop = SteadyLoop(self._tick, values["physics_rate"], self._died, name="physics")
         self._make_interface()
         if values["spawn_at_start"]:
@@ -141,7 +143,7 @@ class TwinNode(LoopingNode):
         )
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/spawn_obstacles", self._on_spawn)
-        self.create_timer(1.0, self._look_for_rivals)
+        self.create_timer(1.0, self._look_for_rivals, clock=STEADY)
 
     def start(self) -> None:
         """Begin physics."""
@@ -155,11 +157,15 @@ class TwinNode(LoopingNode):
     # ------------------------------------------------------------ physics thread
 
     def _tick(self, periods: int) -> None:
-        steps = min(periods, _MOST_STEPS)
         self._serve_mailbox()
+        moment = self._time.read()
+        steps = min(self._steps_due(moment) if moment.simulated else periods, _MOST_STEPS)
+        if moment.set_by != self._set_by:
+            self._set_by, self._clock_offset = moment.set_by, ClockOffset()
+            self._world.hold()
         # what the steps arrive at is the state of now
         arrival = self._world.time + steps * self._world.dt
-        self._world.clock_offset = self._clock_offset.update(1e-9 * self.get_clock().now().nanoseconds, arrival)
+        self._world.clock_offset = self._clock_offset.update(moment.now, arrival)
         self._take_command()
         for _ in range(steps):
             self._step()
@@ -167,6 +173,12 @@ class TwinNode(LoopingNode):
             # a late tick makes several steps at once; what fell due among them is published once
             if every and self._steps // every != (self._steps - steps) // every:
                 publish()
+
+    def _steps_due(self, moment: Moment) -> int:
+        """Whole steps of physics in what has passed of a simulation."""
+        steps = int((moment.running - self._simulated_until) / self._world.dt)
+        self._simulated_until += steps * self._world.dt
+        return steps
 
     def _step(self) -> None:
         self._world.set_obstacles(self._scene.obstacles(self._world.time - self._scene_start))
@@ -179,7 +191,7 @@ class TwinNode(LoopingNode):
     def _take_command(self) -> None:
         with self._command_lock:
             command, self._command = self._command, None
-        now = time.monotonic()
+        now = self._time.running()
         if command is not None:
             self._obey(command, now)
         # a trajectory ends by itself
@@ -290,7 +302,7 @@ class TwinNode(LoopingNode):
         self._world.reset(_initial_joints(self._options.values))
         self._scene_start = self._world.time
         self._contacts, self._least_clearance = 0, np.inf
-        self._commander, self._deaf_until = "", time.monotonic() + _DEAF
+        self._commander, self._deaf_until = "", self._time.running() + _DEAF
         return "the arm is where it started, the scene begins again, contacts count from zero"
 
     def _spawn(self) -> str:

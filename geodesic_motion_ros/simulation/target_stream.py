@@ -44,7 +44,8 @@ class TargetStream:
             return
         # lost targets make the interval a multiple of the period
         periods = max(1.0, np.round(interval / self.period))
-        self.period += 0.1 * (interval / periods - self.period)
+        if interval > 0.0:  # while a simulation stands no time passes between them
+            self.period += 0.1 * (interval / periods - self.period)
         twist = difference / (periods * self.period)
         if np.linalg.norm(twist[:3]) < FASTEST_LINEAR and np.linalg.norm(twist[3:]) < FASTEST_ANGULAR:
             self.twist = twist

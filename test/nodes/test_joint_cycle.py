@@ -99,7 +99,7 @@ def follow(cycle: JointCycle, arm: Arm, inputs: CycleInputs, seconds: float) -> 
     """Run cycles with an arm that plays what is sent; it must be continuous in position, velocity, acceleration."""
     outputs = []
     for _ in range(round(seconds / PERIOD)):
-        inputs = dataclasses.replace(inputs, measured=arm.measured(), now=arm.now, steady=arm.now)
+        inputs = dataclasses.replace(inputs, measured=arm.measured(), now=arm.now, heard=arm.now)
         before = arm.desired(arm.now)
         outputs.append(cycle.run(inputs, PERIOD))
         arm.take(outputs[-1])
@@ -212,6 +212,25 @@ def test_an_arm_that_is_pushed_away_is_lost_stays_and_needs_a_new_goal(cycle, ar
     np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
 
 
+@pytest.mark.parametrize("jump", [5.0, -5.0])
+def test_a_clock_that_was_set_stops_the_arm_where_it_is(cycle, arm, inputs, jump):
+    follow(cycle, arm, inputs, 1.5)
+    where, after = arm.measured(), dataclasses.replace(inputs, set_by=jump)
+    arm.now += jump
+    stopped = cycle.run(dataclasses.replace(after, measured=where, now=arm.now, heard=arm.now), PERIOD)
+    assert f"the clock was set by {jump:+.1f} s" in stopped.verdict.reason
+    reference, begin = stopped.trajectory
+    np.testing.assert_array_equal(reference.positions, np.tile(where, (len(reference.times), 1)))
+    assert begin + reference.times[-1] > arm.now
+    arm.position, arm.played, arm.displaced = where, None, None
+    waiting = follow(cycle, arm, after, 2.0 * REST_TIME)
+    assert waiting[-1].verdict.code is VerdictCode.NO_GOAL
+    assert "the clock was set" in waiting[-1].goal_verdict.reason
+    moving = follow(cycle, arm, dataclasses.replace(after, goal_number=2), 12.0)
+    assert moving[-1].verdict.ok
+    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+
+
 def test_nothing_is_sent_before_there_is_a_goal(cycle, arm, inputs):
     outputs = follow(cycle, arm, dataclasses.replace(inputs, goal=None, goal_number=0), 0.5)
     assert all(output.trajectory is None for output in outputs)
@@ -250,7 +269,7 @@ def test_an_old_state_is_compared_with_what_was_commanded_then(cycle, arm, input
     cycle.tracking_tolerance = 0.2 * fastest * 0.09
     for _ in range(20):
         measured = arm.states[-9][0]
-        output = cycle.run(dataclasses.replace(late, measured=measured, now=arm.now, steady=arm.now), PERIOD)
+        output = cycle.run(dataclasses.replace(late, measured=measured, now=arm.now, heard=arm.now), PERIOD)
         arm.take(output)
         arm.states.append(arm.desired(arm.now))
         arm.now += PERIOD

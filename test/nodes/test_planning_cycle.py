@@ -11,7 +11,7 @@ import pytest
 
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
-from geodesic_motion_ros.nodes.stream_cycle import PREPARING, REST_TIME, CycleInputs, CycleOutput
+from geodesic_motion_ros.nodes.stream_cycle import LONGEST_ADVANCE, PREPARING, REST_TIME, CycleInputs, CycleOutput
 from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.query import QueryBuilder
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -36,7 +36,11 @@ def cycle(planner) -> PlanningCycle:
     planner.clear_goal()
     planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
     return PlanningCycle(
-        planner, state_timeout=0.1, resume_timeout=1.0, tracking_tolerance=0.05, tracking_tolerance_angle=0.3,
+        planner,
+        state_timeout=0.1,
+        resume_timeout=1.0,
+        tracking_tolerance=0.05,
+        tracking_tolerance_angle=0.3,
         clock=lambda: 0.0,
     )
 
@@ -272,6 +276,44 @@ def test_a_second_commander_stops_the_arm_and_drops_the_goal(cycle, inputs):
     alone = cycle.run(dataclasses.replace(inputs, measured=arm, publishers=("/left",)), PERIOD)
     assert alone.verdict.code is VerdictCode.NO_GOAL
     assert "goal dropped: target_pose had more than one publisher" in alone.verdict.reason
+
+
+@pytest.mark.parametrize(("speed", "cycles"), [(0.5, 120), (2.0, 30)])
+def test_the_stream_goes_on_with_a_simulated_clock(cycle, inputs, speed, cycles):
+    """As far as in so much time of a real one, however fast it runs, and no further while it stands."""
+    simulated = dataclasses.replace(inputs, simulated=True)
+    heard, path = 50.0, []
+    for number in range(3 * cycles):
+        stands = cycles <= number < 2 * cycles
+        heard += 0.0 if stands else speed * PERIOD
+        output = cycle.run(dataclasses.replace(simulated, heard=heard), PERIOD)
+        simulated = dataclasses.replace(simulated, measured=output.commanded)
+        path.append(output.commanded[0].copy())
+    np.testing.assert_array_equal(path[cycles], path[2 * cycles - 1])
+    limit = cycle.planner.settings.speed * speed * PERIOD
+    assert np.linalg.norm(np.diff(path, axis=0), axis=1).max() <= 1.001 * limit
+    assert np.linalg.norm(path[-1] - path[0]) > 0.1
+
+
+def test_a_leap_of_simulated_time_is_no_leap_of_the_arm(cycle, inputs):
+    follow(cycle, dataclasses.replace(inputs, simulated=True, heard=10.0), 2)
+    here = cycle.follower.position.copy()
+    leap = dataclasses.replace(inputs, measured=(here, cycle.follower.quaternion), simulated=True, heard=11.9)
+    assert np.linalg.norm(cycle.run(leap, PERIOD).commanded[0] - here) <= 0.2 * LONGEST_ADVANCE
+
+
+@pytest.mark.parametrize("jump", [5.0, -5.0])
+def test_a_clock_that_was_set_drops_the_goal_until_the_arm_has_rested(cycle, inputs, jump):
+    here = follow(cycle, inputs, 60)[-1]
+    arm = (here, cycle.follower.quaternion.copy())
+    after = dataclasses.replace(inputs, measured=arm, now=jump, set_by=jump)
+    outputs = rest(cycle, after)
+    assert outputs[0].verdict.code is VerdictCode.BAD_INPUT
+    assert f"the clock was set by {jump:+.1f} s" in outputs[0].verdict.reason
+    assert outputs[-1].verdict.code is VerdictCode.NO_GOAL
+    assert f"goal dropped: the clock was set by {jump:+.1f} s" in outputs[-1].verdict.reason
+    np.testing.assert_array_equal(outputs[-1].commanded[0], here)
+    assert cycle.run(dataclasses.replace(after, goal_number=2), PERIOD).verdict.ok
 
 
 def test_small_tracking_errors_do_not_disturb_the_stream(cycle, inputs):

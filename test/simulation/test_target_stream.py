@@ -58,6 +58,17 @@ def test_two_targets_at_once_are_one_period_apart() -> None:
     np.testing.assert_allclose(stream.twist[:3], VELOCITY, rtol=0.15)
 
 
+def test_targets_that_are_repeated_while_a_simulation_stands_change_nothing_for_later() -> None:
+    stream = fed(np.arange(100) * 0.01, 0.01)
+    for _ in range(500):
+        stream.accept(*pose_at(0.99), 0.99)
+    np.testing.assert_array_equal(stream.twist, np.zeros(6))
+    for number in range(100, 110):
+        stream.accept(*pose_at(number * 0.01), number * 0.01)
+    np.testing.assert_allclose(stream.twist[:3], VELOCITY, rtol=0.02)
+    np.testing.assert_allclose(stream.period, 0.01, rtol=0.02)
+
+
 def test_a_stream_that_ends_leaves_the_last_target_at_rest() -> None:
     stream = fed(np.arange(100) * 0.01, 0.01)
     np.testing.assert_array_equal(stream.sample(1.05)[2], np.zeros(6))

@@ -1,0 +1,83 @@
+"""The time that a node lives by: real, or that of a simulation, which may stand, run slowly or fast, and be set."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+# A real clock that gains or loses this much [s] against the steady one from one look to the next was set.
+_SET = 0.5
+# So was a simulated one that goes on by more [s] at once.
+_LONGEST_STEP = 2.0
+
+
+class RosTime(Protocol):
+    """What is used of rclpy's Time."""
+
+    nanoseconds: int
+
+
+class RosClock(Protocol):
+    """What is used of rclpy's ROSClock."""
+
+    @property
+    def ros_time_is_active(self) -> bool:
+        """Whether it shows the time of `/clock`."""
+
+    def now(self) -> RosTime:
+        """The time that messages are stamped with."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One look at the clocks.
+
+    Attributes
+    ----------
+    now : the ROS clock [s].
+    running : what has passed [s] of real time, or while a simulated clock is shown of its time; never goes back, and
+        not over a jump.
+    simulated : whether the ROS clock is a simulated one.
+    set_by : sum of all jumps of the ROS clock so far [s].
+    """
+
+    now: float
+    running: float
+    simulated: bool
+    set_by: float
+
+
+class NodeTime:
+    """Looks at a ROS clock and at the steady one; any thread may ask."""
+
+    def __init__(self, clock: RosClock, steady: Callable[[], int] = time.monotonic_ns) -> None:
+        """steady : [ns]."""
+        self._clock, self._steady = clock, steady
+        self._lock = threading.Lock()
+        self._now, self._steady_now = clock.now().nanoseconds, steady()
+        self._running = self._steady_now
+        self._set_by = 0
+
+    def read(self) -> Moment:
+        """The time now."""
+        with self._lock:
+            simulated = self._clock.ros_time_is_active
+            now, steady = self._clock.now().nanoseconds, self._steady()
+            step, real = now - self._now, steady - self._steady_now
+            if simulated:
+                # however long nobody looked: a clock that stands, or runs slowly, was not set
+                jump = 0 if 0 <= step <= 1e9 * _LONGEST_STEP else step
+                self._running += step - jump
+            else:
+                jump = 0 if abs(step - real) <= 1e9 * _SET else step - real
+                self._running += real
+            self._set_by += jump
+            self._now, self._steady_now = now, steady
+            return Moment(1e-9 * now, 1e-9 * self._running, simulated, 1e-9 * self._set_by)
+
+    def running(self) -> float:
+        """`Moment.running` now."""
+        return self.read().running
