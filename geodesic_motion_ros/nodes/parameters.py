@@ -1,8 +1,8 @@
 """Parameters of a node from one table: name, default, meaning, unit, range. YAML, checks and descriptors
 follow it.
 
-`python -m geodesic_motion_ros.nodes.parameters planner` prints the parameter file of a node; a test holds
-`config/*.yaml` to it.
+`python -m geodesic_motion_ros.nodes.parameters planner` prints the parameter file of a node, with `--markdown` a
+table for people; a test holds `config/` to them.
 """
 
 from __future__ import annotations
@@ -22,6 +22,10 @@ from rclpy.parameter import Parameter as RosParameter
 from geodesic_motion_ros.errors import ParameterError
 
 Value = bool | int | float | str | list[float]
+
+_LONGEST_VALUE = 40
+#: What people who write parameters for ROS forget.
+_HINT = " (write 1.0, not 1)"
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,7 @@ class Parameter:
         if isinstance(self.default, list):
             count = f"rows of {self.row}" if self.row else str(len(self.default))
             return f"{count} floats{self._range_text}{self._unit_text}"
-        kinds = {bool: "true or false", int: "an integer", float: "a float (write 1.0, not 1)", str: "a text"}
+        kinds = {bool: "true or false", int: "an integer", float: f"a float{_HINT}", str: "a text"}
         return kinds[type(self.default)] + self._range_text + self._unit_text
 
     @property
@@ -217,14 +221,34 @@ def _remarks(parameter: Parameter) -> str:
     return f" ({', '.join(remarks)})" if remarks else ""
 
 
+def markdown_table(table: Sequence[Parameter]) -> str:
+    """The parameters of a node for people."""
+    lines = ["| parameter | default | allowed | | |", "|---|---|---|---|---|"]
+    for parameter in table:
+        when = "start only" if parameter.read_only else "at any time"
+        allowed = parameter.allowed.replace(_HINT, "")
+        lines.append(
+            f"| `{parameter.name}` | {short_text(parameter.default)} | {allowed} | {when} | {parameter.description} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def short_text(value: Value) -> str:
+    """A value as a parameter file has it, and no more of it than fits into a line."""
+    text = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
+
+
 def main() -> None:
     """Print the parameter file of a node."""
     from geodesic_motion_ros.nodes.parameter_tables import TABLES
 
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("node", choices=TABLES)
-    name = parser.parse_args().node
-    print(yaml_document(name, TABLES[name]), end="")
+    parser.add_argument("--markdown", action="store_true", help="a table for people instead")
+    given = parser.parse_args()
+    table = TABLES[given.node]
+    print(markdown_table(table) if given.markdown else yaml_document(given.node, table), end="")
 
 
 def _yaml_value(value: Value) -> str:

@@ -8,9 +8,7 @@ from collections.abc import Sequence
 from rclpy.utilities import remove_ros_args
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.nodes.parameters import Parameter, Value
-
-_LONGEST_VALUE = 40
+from geodesic_motion_ros.nodes.parameters import Parameter, short_text
 
 
 def wants_help(name: str, arguments: Sequence[str]) -> bool:
@@ -36,12 +34,7 @@ def usage(name: str, table: Sequence[Parameter]) -> str:
         f"parameters with their defaults (config/{name}.yaml is a file of them):",
     ]
     for parameter in table:
-        lines.append(f"  {parameter.name} = {_short(parameter.default)}")
+        lines.append(f"  {parameter.name} = {short_text(parameter.default)}")
         said = f"{parameter.description}; {parameter.allowed}"
         lines += textwrap.wrap(said, 110, initial_indent="      ", subsequent_indent="      ")
     return "\n".join(lines)
-
-
-def _short(value: Value) -> str:
-    text = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
-    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."

@@ -10,10 +10,17 @@ import yaml
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
-from geodesic_motion_ros.nodes.parameters import Parameter, yaml_document
+from geodesic_motion_ros.nodes.parameters import Parameter, markdown_table, yaml_document
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 ALL = [(node, parameter) for node, table in TABLES.items() for parameter in table]
+
+
+@pytest.mark.parametrize("node", TABLES)
+def test_the_table_for_people_is_that_of_the_code(node):
+    assert f"### {node}\n\n{markdown_table(TABLES[node])}" in (CONFIG / "README.md").read_text()
+    for parameter in TABLES[node]:
+        assert "|" not in parameter.description
 
 
 @pytest.mark.parametrize("node", TABLES)
