@@ -4,12 +4,22 @@ The rules are those of the controller of ROS 2 Jazzy with `interpolate_from_desi
 interface (ros2_controllers, joint_trajectory_controller: documentation of "Trajectory Representation" and "Trajectory
 Replacement", `Trajectory::sample` and `validate_trajectory_msg`):
 
-- A new trajectory replaces the old one at once; of a new one that ends in the past nothing is taken.
+- A new trajectory replaces the old one at once; of a new one that ends in the past nothing is taken. One that is
+  refused leaves the old one.
 - Played is the segment that contains the present, however much of the trajectory is over by then.
-- A trajectory without a begin of its own begins when it is received.
+- A trajectory without a begin of its own begins when it is received. One that begins in the future replaces the old one
+  at once all the same.
 - Before the first waypoint the motion goes there from what was desired at the moment of replacement.
 - Between waypoints it is linear where only positions are given, cubic with velocities, quintic with accelerations.
-- After the last waypoint its position is held.
+- After the last waypoint its position is held, for as long as nothing new comes (`cmd_timeout: 0`).
+- A trajectory has all joints in any order and no others, at least one waypoint, positions at each, strictly increasing
+  times, no efforts, and ends with velocities of zero (`allow_nonzero_velocity_at_trajectory_end: false`). An empty one
+  is refused: it stops nothing.
+
+Stricter than the controller, for it would play what no arm should (here or in `nodes/messages.py`): numbers must be
+finite and positions inside the joints' limits, no joint comes twice, velocities and accelerations come at all waypoints
+or at none, accelerations with velocities only. Not there: tolerances that make the controller hold an arm which is held
+back, goals of the action interface, partial trajectories, integration, scaled speed.
 """
 
 from __future__ import annotations

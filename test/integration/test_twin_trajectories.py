@@ -128,8 +128,9 @@ def test_a_replacement_in_motion_gives_no_jump(twin):
     [
         (lambda message: setattr(message.points[3], "positions", [np.nan] * 7), "positions of a trajectory hold nan"),
         (lambda message: setattr(message.header.stamp, "sec", message.header.stamp.sec - 100), "ends in the past"),
+        (lambda message: setattr(message, "points", []), "no points: what is played goes on"),
     ],
-    ids=["in the message", "in its time"],
+    ids=["in the message", "in its time", "empty"],
 )
 def test_a_bad_one_is_refused_and_the_old_one_goes_on(twin, spoil, reason):
     reference = way(START, GOAL)

@@ -87,6 +87,38 @@ def test_before_the_first_waypoint_it_goes_there_from_what_was_desired_at_replac
         np.testing.assert_allclose(player.sample(now + elapsed)[0], expected(elapsed), atol=1e-9)
 
 
+def test_one_that_begins_later_replaces_the_old_at_once_too() -> None:
+    old, new = random_waypoints(11), random_waypoints(12)
+    player = resting()
+    player.replace(old, 0.0, 0.0)
+    desired = player.sample(0.3)
+    player.replace(new, 1.0, 0.3)
+    np.testing.assert_allclose(player.sample(0.3), desired, atol=1e-9)
+    first = 1.0 + float(new.times[0])
+    rows = [np.stack([before, getattr(new, name)[0]]) for before, name in zip(desired, GIVEN, strict=True)]
+    expected = BPoly.from_derivatives(np.array([0.3, first]), np.stack(rows, axis=1))
+    for time in np.linspace(0.3, first, 7):
+        np.testing.assert_allclose(player.sample(time)[0], expected(time), atol=1e-8)
+
+
+def test_a_first_waypoint_at_the_begin_is_not_led_to() -> None:
+    """The controller jumps there; whoever sends it must begin where the arm is."""
+    new = random_waypoints(13)
+    new = JointWaypoints(new.times - new.times[0], new.positions, new.velocities, new.accelerations)
+    player = resting()
+    player.replace(new, 5.0, 5.0)
+    np.testing.assert_allclose(player.sample(5.0)[0], new.positions[0], atol=1e-9)
+
+
+def test_a_last_velocity_of_single_precision_zero_is_rest() -> None:
+    times, positions, velocities = np.array([0.1, 0.2]), np.zeros((2, 2)), np.zeros((2, 2))
+    velocities[-1] = 0.9 * np.finfo(np.float32).eps
+    JointWaypoints(times, positions, velocities)
+    velocities[-1] *= -2.0
+    with pytest.raises(RobotError, match="the last ones must be zero"):
+        JointWaypoints(times, positions, velocities)
+
+
 def test_the_newest_replaces_the_old_at_once() -> None:
     old, new = random_waypoints(5), random_waypoints(6)
     player = resting()
