@@ -130,6 +130,14 @@ class Processes:
             process.kill()
             return process.wait()
 
+    def exit_code(self, name: str) -> int | None:
+        """Of a node that has ended; None while it runs."""
+        return self._running[name][0].poll()
+
+    def log(self, name: str) -> str:
+        """What a node has printed so far."""
+        return self._running[name][1].read_text(errors="replace")
+
     def check(self) -> None:
         """Raise DemoError, with the end of its log, when a process has ended."""
         for name, (process, log) in self._running.items():

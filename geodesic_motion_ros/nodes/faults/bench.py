@@ -15,9 +15,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, PoseStamped
 from nav_msgs.msg import Path
 from rcl_interfaces.msg import SetParametersResult
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.experimental import EventsExecutor
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
@@ -205,6 +205,18 @@ class Bench:
         """Start a node again as it was started last."""
         self.start(name, self._given[name])
 
+    def attempt(self, parameters: Mapping[str, Any]) -> tuple[int, str]:
+        """Start another planner, which is to refuse its parameters: its exit code and what it says."""
+        with Processes(self.folder / "refused", self.environment) as processes:
+            processes.start("planner", _PLANNER | {"skill": self.skill_name, **parameters})
+            began = time.monotonic()
+            self.wait(
+                lambda: processes.exit_code("planner") is not None or time.monotonic() > began + START_PATIENCE,
+                "a refusal", 2.0 * START_PATIENCE,
+            )  # fmt: skip
+            code = processes.exit_code("planner")
+            return (0 if code is None else code), processes.log("planner")
+
     def _wait_for_nodes(self) -> None:
         def ready() -> bool:
             listened = self._goals.get_subscription_count() and all(relay.listeners for relay in self.relays.values())
@@ -303,6 +315,11 @@ class Bench:
         request = SetParametersAtomically.Request()
         request.parameters = [Parameter(key, value=value).to_parameter_msg() for key, value in values.items()]
         return self.call(SetParametersAtomically, f"{name}/set_parameters_atomically", request).result
+
+    def parameter(self, name: str, key: str) -> Any:
+        """The present value of a node's parameter."""
+        response = self.call(GetParameters, f"{name}/get_parameters", GetParameters.Request(names=[key]))
+        return parameter_value_to_python(response.values[0])
 
     def show_scene(self, scene: Mapping[str, Mapping[str, Any]]) -> None:
         """Put obstacles into the twin's world, in the place of those before; as of `simulation/scenes.py`."""
@@ -457,11 +474,6 @@ class Bench:
     def _measured_at(self, moment: float) -> np.ndarray | None:
         before = [configuration for arrived, configuration in self.joints if arrived <= moment]
         return before[-1] if before else None
-
-    @property
-    def commands(self) -> list[float]:
-        """When commands were sent that are not judged yet [s, steady clock]."""
-        return [command.sent for command in self._ear.heard]
 
     # ------------------------------------------------------------------ recording
 

@@ -5,13 +5,22 @@ from __future__ import annotations
 import difflib
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.nodes.faults.clock_faults import CLOCK_FAULTS
 from geodesic_motion_ros.nodes.faults.fault import Fault
 from geodesic_motion_ros.nodes.faults.goal_faults import GOAL_FAULTS
 from geodesic_motion_ros.nodes.faults.obstacle_faults import OBSTACLE_FAULTS
 from geodesic_motion_ros.nodes.faults.process_faults import PROCESS_FAULTS
+from geodesic_motion_ros.nodes.faults.start_faults import START_FAULTS
 from geodesic_motion_ros.nodes.faults.state_faults import STATE_FAULTS
 
-FAULTS: tuple[type[Fault], ...] = (*STATE_FAULTS, *GOAL_FAULTS, *OBSTACLE_FAULTS, *PROCESS_FAULTS)
+FAULTS: tuple[type[Fault], ...] = (
+    *STATE_FAULTS,
+    *GOAL_FAULTS,
+    *OBSTACLE_FAULTS,
+    *PROCESS_FAULTS,
+    *START_FAULTS,
+    *CLOCK_FAULTS,
+)
 
 
 def chosen(names: list[str] | None, long: bool) -> list[Fault]:

@@ -15,6 +15,8 @@ from geodesic_motion_ros.nodes.messages import pose_message
 
 #: How long a motion is watched that must not change [s].
 _WATCHED = 0.3
+#: The arrival of a motion that goes on is known to this [s].
+_SHIFTED = 0.1
 #: Ways this near to each other [m] are the same.
 _SAME = 0.005
 #: An orientation that turns by so much has no way [rad]; a place so far off has none either [m].
@@ -30,9 +32,9 @@ def require_unchanged(bench: Bench, findings: Findings, phase: str, since: float
         return
     others = {status.code for status in after} - {"OK"}
     findings.require(not others, f"the planner said {', '.join(sorted(others))}")
-    if bench.skill.space == "joint":
-        new = sum(sent > since for sent in bench.commands)
-        findings.require(not new, f"{new} new trajectories were sent")
+    arrivals = [status.sent + status.number("time_to_goal") for status in after if status.code == "OK"]
+    shifted = max(arrivals, default=0.0) - min(arrivals, default=0.0)
+    findings.require(shifted <= _SHIFTED, f"the arrival was shifted by {shifted:.3f} s")
 
 
 class GoalsRefused(Fault):

@@ -18,9 +18,8 @@ from geodesic_motion_ros.nodes.parameter_tables import PLANNER, TWIN
 
 _STATE_TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == "state_timeout")
 _COMMAND_TIMEOUT = next(parameter.default for parameter in TWIN if parameter.name == "command_timeout")
+_HORIZON = next(parameter.default for parameter in PLANNER if parameter.name == "horizon")
 _RATE = next(parameter.default for parameter in PLANNER if parameter.name == "rate")
-#: How long the arm is given to be seen at rest [s].
-_SEEN = 0.3
 #: Graphs of nodes are looked at once a second.
 _CONFLICT = 2.5
 #: Length of a stop [s]; more ticks than this in a row at once are a burst, in a time that normally holds one.
@@ -30,14 +29,13 @@ _STOPPED, _BURST = 1.0, 3
 class PlannerKilled(Fault):
     name = "planner_killed"
     criterion = (
-        "SIGKILL of the planner: the twin rests within what was commanded (a stream of poses: command_timeout and a "
-        "stop); a new planner begins where the arm is"
+        "SIGKILL of the planner: the twin rests within the planner's horizon (of a stream of poses: command_timeout) "
+        "and a stop; a new planner begins where the arm is"
     )
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        horizon = bench.status.number("time_to_goal") if phase != START else 0.0
         bench.processes.end("planner", signal.SIGKILL)
-        allowed = (_COMMAND_TIMEOUT + STOP if bench.skill.space == "task" else horizon) + _SEEN
+        allowed = (_COMMAND_TIMEOUT if bench.skill.space == "task" else _HORIZON) + STOP
         bench.spend(0.1)
         findings.at_most("twin at rest after", 0.1 + bench.wait(lambda: bench.rests, "the twin's rest"), allowed)
         bench.judge(findings)
