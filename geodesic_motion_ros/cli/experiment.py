@@ -36,7 +36,7 @@ modes      simulated demonstrations past a pillar on both sides: one way followe
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
 obstacle-laws  the same scenes of spheres on the arm's way under a gaussian, a completed and a hard ambient metric
 volume     one whole-arm skill learned without and with the volume term of the paper's evidence lower bound
-rate       planner and twin as two processes: ticks a second while the goal stays, while it moves, while a sphere moves;
+rate       planner and twin as two processes: ticks a second with a goal that stays or moves, a moving sphere, clouds;
            with a skill of joint space also the time from an obstacle's message to the trajectory that answers it
 
 Table, figure and JSON go to out/experiments/NAME/. avoidance, crossing, goals and modes train skills, each once: they

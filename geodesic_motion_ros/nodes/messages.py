@@ -252,6 +252,17 @@ def _box_or_capsule(kind: int, half_sides: np.ndarray) -> tuple[np.ndarray, floa
     return half_sides, 0.0
 
 
+def cloud_message(points: np.ndarray, frame: str, stamp: Time) -> PointCloud2:
+    """Points (n, 3) [m] as a cloud of single precision."""
+    fields = [
+        PointField(name=name, offset=4 * axis, datatype=PointField.FLOAT32, count=1) for axis, name in enumerate("xyz")
+    ]
+    return PointCloud2(
+        header=Header(frame_id=frame, stamp=stamp), height=1, width=len(points), fields=fields, point_step=12,
+        row_step=12 * len(points), data=np.asarray(points, dtype="<f4").tobytes(), is_dense=True,
+    )  # fmt: skip
+
+
 def read_cloud(message: PointCloud2, base_frame: str, lookup: FrameLookup = base_only) -> tuple[np.ndarray, int]:
     """Points (n, 3) [m] of a cloud, as the base frame sees them, and how many were left out because they are not
     finite (no return).

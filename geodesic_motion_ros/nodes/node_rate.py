@@ -1,8 +1,8 @@
 """How the planner keeps its rate: planner and twin as two processes, at one rate after the other.
 
-Three stretches in each: the goal stays; the goal jumps on a small circle many times a second, each time a new query,
+Four stretches in each: the goal stays; the goal jumps on a small circle many times a second, each time a new query,
 for which the graph is transported anew and its obstacle-free field found again; a sphere moves to and fro through the
-way.
+way; ten times a second comes a point cloud of all that is under the arm.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.nodes.planner_stream import PlannerStream, Spheres
+from geodesic_motion_ros.nodes.planner_stream import Cloud, PlannerStream, Spheres, no_spheres
 from geodesic_motion_ros.nodes.stolen_time import StolenTime
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
@@ -30,6 +30,9 @@ CIRCLE, OBSTACLE, BESIDE, ROOM = 0.010, 0.03, 0.20, 0.05
 HAND = 0.10
 #: Of the sphere that moves: its radius, how far it goes to either side of the way's middle [m], and its period [s].
 MOVING_RADIUS, REACH, ROUND = 0.05, 0.25, 4.0
+#: Of the cloud: its points, the side of the table top that they lie on and what it leaves to the arm above [m], and by
+#: how much it moves from one to the next.
+POINTS, TABLE, UNDER, SHIFT = 10_000, 0.8, 0.08, 0.003
 
 
 @dataclass(frozen=True)
@@ -99,16 +102,17 @@ def measure_rates(
         )
     way = _Way.of(Skill.load(skill))
     beside = _beside(way, obstacles)
-    stretches: list[tuple[str, float, Spheres]] = [
-        ("goal stays", 0.0, beside),
-        (f"goal moves {goals_hz:g} times a second", goals_hz, beside),
-        ("a sphere moves through the way", 0.0, _through(way.tool)),
+    stretches: list[tuple[str, float, Spheres, Cloud | None]] = [
+        ("goal stays", 0.0, beside, None),
+        (f"goal moves {goals_hz:g} times a second", goals_hz, beside, None),
+        ("a sphere moves through the way", 0.0, _through(way.tool), None),
+        (f"clouds of {POINTS} points", 0.0, no_spheres, _table_top(way)),
     ]
     rows = []
     for rate in rates:
-        for name, hertz, spheres in stretches:
+        for name, hertz, spheres, cloud in stretches:
             with PlannerStream(skill, folder / f"{rate:g}_hz" / name.replace(" ", "_"), rate, domain) as stream:
-                stream.spheres = spheres
+                stream.spheres, stream.cloud = spheres, cloud
                 rows.append(_stretch(stream, rate, name, seconds, hertz))
     return rows
 
@@ -157,6 +161,14 @@ def _beside(way: _Way, count: int) -> Spheres:
             centres.append(centre)
     standing = np.array(centres).reshape(-1, 3), np.full(count, OBSTACLE)
     return lambda _: standing
+
+
+def _table_top(way: _Way) -> Cloud:
+    """A level surface under all that moves, seen a little differently each time."""
+    random = np.random.default_rng(0)
+    middle, height = way.tool[:, :2].mean(axis=0), np.min(way.balls[:, 2] - way.radii) - UNDER
+    points = np.column_stack([middle + TABLE * random.uniform(-0.5, 0.5, size=(POINTS, 2)), np.full(POINTS, height)])
+    return lambda time: points + SHIFT * np.array([math.sin(7.0 * time), math.cos(7.0 * time), 0.0])
 
 
 def _through(way: np.ndarray) -> Spheres:

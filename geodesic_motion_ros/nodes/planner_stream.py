@@ -15,19 +15,22 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
 from geodesic_motion_ros.nodes.demo_run import DemoError, Processes, isolated_environment
-from geodesic_motion_ros.nodes.messages import MarkerScene, pose_message, sphere_marker
+from geodesic_motion_ros.nodes.messages import MarkerScene, cloud_message, pose_message, sphere_marker
 from geodesic_motion_ros.skill import Skill
 
-#: Times a second that spheres are told; seconds to wait for the nodes.
-OBSTACLES_HZ, PATIENCE = 30.0, 60.0
+#: Times a second that spheres are told, and that a cloud is; seconds to wait for the nodes.
+OBSTACLES_HZ, CLOUDS_HZ, PATIENCE = 30.0, 10.0, 60.0
 _SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 _GREY = (0.5, 0.5, 0.5, 1.0)
 
 #: Centres (o, 3) and radii (o,) [m] of spheres at a time [s].
 Spheres = Callable[[float], tuple[np.ndarray, np.ndarray]]
+#: Points (n, 3) [m] at a time [s].
+Cloud = Callable[[float], np.ndarray]
 
 
 def no_spheres(_: float) -> tuple[np.ndarray, np.ndarray]:
@@ -53,6 +56,7 @@ class PlannerStream:
     ----------
     spheres : what is told of obstacles, `OBSTACLES_HZ` times a second; each is known by its number from
         `first_number` on.
+    cloud : points (n, 3) [m] at a time [s], told `CLOUDS_HZ` times a second; None: no cloud is told.
     ticks : the planner's, since they were last cleared. code : its newest verdict.
 
     Raises
@@ -67,6 +71,7 @@ class PlannerStream:
         self.skill = Skill.load(skill)
         self.spheres: Spheres = no_spheres
         self.first_number = 0
+        self.cloud: Cloud | None = None
         self.ticks: list[Tick] = []
         self.code = ""
         self._name = skill
@@ -81,7 +86,9 @@ class PlannerStream:
         self._goals = self.node.create_publisher(PoseStamped, "goal_pose", QoSProfile(depth=1))
         self._obstacles = self.node.create_publisher(MarkerArray, "obstacles", _SENSOR)
         self.node.create_subscription(DiagnosticArray, "planner/status", self._on_status, QoSProfile(depth=50))
+        self._clouds = self.node.create_publisher(PointCloud2, "obstacle_cloud", _SENSOR)
         self.node.create_timer(1.0 / OBSTACLES_HZ, self.tell_spheres)
+        self.node.create_timer(1.0 / CLOUDS_HZ, self._tell_cloud)
 
     def __enter__(self) -> PlannerStream:
         try:
@@ -126,6 +133,11 @@ class PlannerStream:
             for number, (centre, radius) in enumerate(zip(*self.spheres(self.now()), strict=True), self.first_number)
         ]
         self._obstacles.publish(self._scene.update(markers, stamp))
+
+    def _tell_cloud(self) -> None:
+        if self.cloud is not None:
+            stamp = self.node.get_clock().now().to_msg()
+            self._clouds.publish(cloud_message(self.cloud(self.now()), self.skill.base_frame, stamp))
 
     def now(self) -> float:
         """The time [s] by the ROS clock."""

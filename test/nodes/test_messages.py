@@ -302,6 +302,13 @@ def shape(kind: int, scale: Sequence[float]) -> Marker:
     return marker
 
 
+def test_a_cloud_that_is_written_is_read_again():
+    points = np.random.default_rng(0).normal(size=(50, 3))
+    read, not_finite = m.read_cloud(m.cloud_message(points, BASE, Time(sec=3)), BASE)
+    np.testing.assert_allclose(read, points, rtol=1e-6)
+    assert not_finite == 0
+
+
 def cloud(points: np.ndarray, kind=PointField.FLOAT32, big=False, padding=4, row_padding=0, height=1) -> PointCloud2:
     """A cloud with the fields in an unusual order, padding after every point and every row."""
     code = {PointField.FLOAT32: "f", PointField.FLOAT64: "d"}[kind]

@@ -14,14 +14,15 @@ from geodesic_motion_ros.nodes import node_rate, reaction_time
 def test_every_stretch_is_measured_and_goals_and_spheres_really_move(tmp_path):
     domain = int(os.environ["ROS_DOMAIN_ID"])
     rows = node_rate.measure_rates("panda_pouring", tmp_path, (50.0,), seconds=2.5, obstacles=3, domain=domain)
-    stays, moves, sphere = rows
-    assert (stays.goals, sphere.goals) == (1, 1)
+    stays, moves, sphere, cloud = rows
+    assert (stays.goals, sphere.goals, cloud.goals) == (1, 1, 1)
     assert moves.goals >= 20
     for row in rows:
         assert 0.0 < row.rate < 60.0
         assert 0.0 < row.tick_p50 <= row.tick_p99
     # Beside the way obstacles are felt and block nothing; a sphere that goes through the middle of it does.
     assert stays.ok_percent == 100.0
+    assert cloud.ok_percent == 100.0
     assert sphere.ok_percent < 100.0
     assert stays.name in node_rate.table(rows)
 
