@@ -439,6 +439,7 @@ class JointSpacePlanner:
         if followed is not None:
             return self._solver.attempts[:1]
         if self._query is not self._without_way:
+            self._attempted = 0
             return self._solver.attempts
         self._attempted = (self._attempted + 1) % len(self._solver.attempts)
         return self._solver.attempts[self._attempted :][:1]
