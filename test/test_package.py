@@ -34,8 +34,8 @@ GROUND = {
 }  # fmt: skip
 RUN = {
     *GROUND, "planner", "planner_settings", "query", "task_frame", "reference", "motion_curve", "time_law",
-    "certificate", "latent_way", "pose_solver", "joint_planner", "joint_solver", "joint_query", "joint_reference", "horizon",
-    "joint_time_law", "joint_limits", "quintic", "cubic_spline", "arm_certificate", "latent_view", "tables",
+    "certificate", "latent_way", "pose_solver", "joint_planner", "joint_solver", "joint_query", "joint_reference",
+    "horizon", "joint_time_law", "joint_limits", "quintic", "cubic_spline", "arm_certificate", "latent_view", "tables",
     "simulation", "nodes",
 }  # fmt: skip
 
