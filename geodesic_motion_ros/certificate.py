@@ -7,10 +7,11 @@ import math
 import numba
 import numpy as np
 
+from geodesic_motion_ros.arm_certificate import arm_clearances, lower_by_cloud, lower_by_solids
 from geodesic_motion_ros.distance_field import field_approach
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.solids import solid_approach
+from geodesic_motion_ros.solids import bounding_radii, solid_approach
 
 
 @numba.njit(cache=True, nogil=True)
@@ -73,6 +74,40 @@ def _curve_clearances(
                 bound = field_approach(points[i, k], points[i + 1, k], squares, placing, result[i] + inside)
                 result[i] = min(result[i], bound - inside)
     return result
+
+
+def motion_clearances(
+    points: np.ndarray,
+    point_radii: np.ndarray,
+    allowances: np.ndarray,
+    times: np.ndarray,
+    rates: np.ndarray,
+    obstacles: Obstacles,
+    prediction: float,
+) -> np.ndarray:
+    """`curve_clearances` of a curve that is passed at `times` (n,) [s] among obstacles that move, (n - 1,) [m].
+
+    Obstacles are where they are at time 0, move linearly for `prediction` [s] and then stand. Between two samples the
+    square of the rate, `rates` (n,) at them, is linear in the curve's parameter: what is passed by then differs from
+    what would be at a steady rate by no more than |r1 - r0| / (4 (r0 + r1)) of the segment.
+    """
+    both = rates[1:] + rates[:-1]
+    uneven = np.divide(np.abs(np.diff(rates)), 4.0 * both, out=np.zeros_like(both), where=both > 0.0)
+    bulges = allowances + uneven[:, None] * np.linalg.norm(np.diff(points, axis=0), axis=2)
+    # An interval without a length would have no velocity.
+    times = times + 1e-9 * np.arange(len(times))
+    every = np.arange(len(point_radii))
+    clearance, nearest = arm_clearances(
+        times, points, bulges, point_radii, every, obstacles.centres, obstacles.radii, obstacles.velocities, prediction
+    )
+    if len(obstacles.solids):
+        lower_by_solids(
+            times, points, bulges, point_radii, every, obstacles.solids, bounding_radii(obstacles.solids),
+            obstacles.solid_velocities, prediction, clearance, nearest,
+        )  # fmt: skip
+    if obstacles.cloud.squares.size:
+        lower_by_cloud(points, bulges, point_radii, every, *obstacles.cloud, clearance, nearest)
+    return clearance
 
 
 def curve_allowance(curve: MotionCurve, points: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.solids import no_solids, solid_rows, solids_moved
+from geodesic_motion_ros.solids import NUMBERS, no_solids, solid_rows, solids_moved
 
 #: Where along its expected motion an obstacle is looked for by the search: shares of the prediction.
 _PREDICTED_AT = (0.0, 0.5, 1.0)
@@ -94,13 +94,15 @@ class Obstacles:
         )
 
     def distinct(self) -> Obstacles:
-        """Standing still, in an order of their own: what is told twice, by two sensors, is one obstacle."""
-        spheres = _distinct_rows(np.column_stack([self.centres, self.radii]))
-        solids = _distinct_rows(self.solids)
-        still = Obstacles.of_spheres(
-            np.ascontiguousarray(spheres[:, :3]), np.ascontiguousarray(spheres[:, 3]), time=self.time
-        )
-        return replace(still, solids=solids, solid_velocities=np.zeros((len(solids), 3)), cloud=self.cloud)
+        """In an order of their own: what is told twice, by two sensors, is one obstacle."""
+        spheres = _distinct_rows(np.column_stack([self.centres, self.radii, self.velocities]))
+        solids = _distinct_rows(np.column_stack([self.solids, self.solid_velocities]))
+        centres, radii, velocities = np.split(spheres, [3, 4], axis=1)
+        return replace(
+            self, centres=np.ascontiguousarray(centres), radii=np.ascontiguousarray(radii[:, 0]),
+            velocities=np.ascontiguousarray(velocities), solids=np.ascontiguousarray(solids[:, :NUMBERS]),
+            solid_velocities=np.ascontiguousarray(solids[:, NUMBERS:]),
+        )  # fmt: skip
 
     def moved(self, rotation: np.ndarray, translation: np.ndarray) -> Obstacles:
         """Seen from another frame: p -> rotation p + translation, (3, 3) and (3,) [m]."""

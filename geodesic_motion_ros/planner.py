@@ -118,14 +118,15 @@ class ReactivePlanner:
     def _warm_up(self) -> None:
         """Load the compiled kernels, or compile them on the first start: no tick of the stream shall wait for that.
 
-        A short stream from the skill's start, with an obstacle, a moving goal and a stop; then all is forgotten.
+        A short stream from the skill's start, with obstacles that stand and then move, a moving goal and a stop; then
+        all is forgotten.
         """
         start, goal = np.split(self.skill.start_pose, [3]), np.split(self.skill.goal_pose, [3])
-        self.take_obstacles(Obstacles.one_of_each(start[0] + [0.0, 0.0, 1.0], np.zeros(3), 0.0))
         self.set_goal(*goal)
         follower = ReferenceFollower(self.settings.speed)
         follower.reset(*start)
-        for shift in (0.0, 0.0, 0.001, 0.001):
+        for shift, velocity in ((0.0, 0.0), (0.0, 0.0), (0.001, 1e-3), (0.001, 1e-3)):
+            self.take_obstacles(Obstacles.one_of_each(start[0] + [0.0, 0.0, 1.0], np.full(3, velocity), 0.0))
             self.set_goal(goal[0] + shift, goal[1])
             plan = self.tick(follower.position, follower.quaternion, follower.speed)
             if plan.reference is not None:
@@ -206,7 +207,7 @@ class ReactivePlanner:
         self._goal = self._query = None
 
     def set_obstacles(self, centres: np.ndarray, radii: np.ndarray) -> Verdict:
-        """Replace all obstacles by spheres, centres (o, 3) and radii (o,) [m] in the base frame.
+        """Replace all obstacles by spheres that stand, centres (o, 3) and radii (o,) [m] in the base frame.
 
         BAD_INPUT names the first obstacle that is not finite or has no positive radius; then the old ones stay.
         """
@@ -219,7 +220,7 @@ class ReactivePlanner:
         return self.take_obstacles(Obstacles.of_spheres(centres, radii))
 
     def take_obstacles(self, obstacles: Obstacles) -> Verdict:
-        """Replace all obstacles by others of every kind, in the base frame; here all of them stand.
+        """Replace all obstacles by others of every kind, in the base frame.
 
         BAD_INPUT names the first that is none; then the old ones stay.
         """
@@ -232,7 +233,12 @@ class ReactivePlanner:
     # ------------------------------------------------------------- planning
 
     def tick(
-        self, position: np.ndarray, quaternion: np.ndarray, speed: float = 0.0, deadline: Deadline = NEVER
+        self,
+        position: np.ndarray,
+        quaternion: np.ndarray,
+        speed: float = 0.0,
+        deadline: Deadline = NEVER,
+        now: float = 0.0,
     ) -> Plan:
         """One step of the stream: reference from the present commanded pose to the goal, and the verdict.
 
@@ -241,16 +247,24 @@ class ReactivePlanner:
         Parameters
         ----------
         position, quaternion : (3,) [m] and (4,) commanded tool pose now; speed : its speed now [m/s].
+        now : time of the clock that those of obstacles are of [s]: those that move are where they are by then.
         """
         start, reason = checked_pose("state", position, quaternion)
         if start is None:
             return refusal(VerdictCode.BAD_INPUT, reason)
         if self._goal is None:
             return refusal(VerdictCode.NO_GOAL, "no goal has been given")
-        scene = self._scene
+        scene = self._scene_at(now)
         here, goal = _to_task(scene.frame, start), self._goal_in_task(scene.frame)
         plan = self._tick_in_task(here, goal, scene, speed, deadline)
         return plan.in_base(scene.frame)
+
+    def _scene_at(self, now: float) -> Scene:
+        """The scene with obstacles that move where they are at a time [s]."""
+        scene = self._scene
+        if scene.in_task.stand:
+            return scene
+        return replace(scene, in_task=scene.in_task.at(now, self.settings.prediction))
 
     def _goal_in_task(self, frame: TaskFrame) -> Pose:
         assert self._goal is not None
@@ -287,7 +301,7 @@ class ReactivePlanner:
         turned = self._turned
         if turned is None or speed <= 0.0 or turned.query is not self._query:
             return None
-        if not turned.obstacles.same_places(scene.in_task):
+        if not _same_and_standing(turned.obstacles, scene.in_task):
             return None
         braking = self._braking(start, scene.in_task, speed)
         return None if braking is None else Plan(braking, turned.verdict, turning=True)
@@ -313,7 +327,7 @@ class ReactivePlanner:
         followed = self._followed
         if motion.rest is None or followed is None or followed.query is not self._query:
             return None
-        if not followed.scene.in_task.same_places(scene.in_task):
+        if not _same_and_standing(followed.scene.in_task, scene.in_task):
             return None
         return self._keep(motion.rest, scene)
 
@@ -334,7 +348,7 @@ class ReactivePlanner:
             return plan
         if not (plan.turning or plan.verdict.ok):
             return plan
-        rest = replace(rest, clearance=self._solver.clearance(rest.curve, scene.in_task))
+        rest = self._solver.certified(rest, scene.in_task)
         nearest = float(np.min(rest.clearance))
         if plan.reference is None or plan.reference.strain > _STRAIN:
             keep = nearest > 0.0 or not self.settings.avoidance
@@ -354,15 +368,18 @@ class ReactivePlanner:
         reason = "stopping first: the way to the goal bends too much for the present speed"
         return Plan(braking, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason), turning=True)
 
-    def stop(self, position: np.ndarray, quaternion: np.ndarray, speed: float) -> TaskSpaceReference | None:
+    def stop(
+        self, position: np.ndarray, quaternion: np.ndarray, speed: float, now: float = 0.0
+    ) -> TaskSpaceReference | None:
         """Ramped stop of the stream from the present commanded pose and speed [m/s], certified like any reference.
 
-        None at rest, before the first reference, and where the way of the stop is not free: stay where you are.
+        None at rest, before the first reference, and where the way of the stop is not free of what stands: stay where
+        you are. now : as of `tick`.
         """
         start, _ = checked_pose("state", position, quaternion)
         if start is None:
             return None
-        scene = self._scene
+        scene = self._scene_at(now)
         reference = self._braking(_to_task(scene.frame, start), scene.in_task, speed)
         return None if reference is None else reference.moved(scene.frame.to_base)
 
@@ -457,7 +474,10 @@ class ReactivePlanner:
         return distance <= self.settings.reanchor_distance and angle <= self.settings.reanchor_angle
 
     def _braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
-        """Come to rest along the reference followed so far; None at rest, or where that would touch an obstacle."""
+        """Come to rest along the reference followed so far; None at rest, or where that would touch what stands.
+
+        What moves may touch the tool where it stands as well.
+        """
         settings = self.settings
         if self._followed is None or speed <= 0.0:
             return None
@@ -474,15 +494,18 @@ class ReactivePlanner:
         braking = braking_law(curve, settings.limits, initial_rate(curve, settings.limits, speed / settings.speed))
         if braking is not None:
             curve, times, rates = braking
-            reference = TaskSpaceReference(
-                times, rates, curve, settings.limits, latent[: len(times)], self._solver.clearance(curve, obstacles)
-            )
+            unknown = np.full(len(times) - 1, np.inf)
+            reference = TaskSpaceReference(times, rates, curve, settings.limits, latent[: len(times)], unknown)
         else:
-            clearance = self._solver.clearance(curve, obstacles)
-            reference = timed_reference(curve, latent, clearance, settings.limits, speed / settings.speed)
-        if settings.avoidance and np.min(reference.clearance) <= 0.0:
+            reference = timed_reference(curve, latent, settings.limits, speed / settings.speed)
+        reference = self._solver.certified(reference, obstacles)
+        if settings.avoidance and obstacles.stand and np.min(reference.clearance) <= 0.0:
             return None
         return reference
+
+
+def _same_and_standing(before: Obstacles, now: Obstacles) -> bool:
+    return before.same_places(now) and before.stand and now.stand
 
 
 def _to_task(frame: TaskFrame, pose: Pose) -> Pose:

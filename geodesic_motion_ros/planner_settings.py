@@ -25,6 +25,8 @@ class SearchSettings:
     ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
     cost_cap : ways that cost more than so many times what a demonstration costs without obstacles count as blocked.
     query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.
+    prediction : obstacles are expected to move on linearly for so long [s], and to stand then. It must be longer than a
+        stop takes, latency included, which is 0.5 s: what comes into sight later cannot be stopped for.
     avoidance : False ignores obstacles altogether; for control experiments only.
     grid_shape, neighbours : of the latent graph; None: the skill's own.
     """
@@ -36,12 +38,13 @@ class SearchSettings:
     ridge_strength: float = 1.0
     cost_cap: float = 20.0
     query_conditioning: bool = True
+    prediction: float = 0.8
     avoidance: bool = True
     grid_shape: tuple[int, ...] | None = None
     neighbours: int | None = None
 
     #: Settings that may be 0.
-    may_be_zero: ClassVar[tuple[str, ...]] = ("obstacle_margin", "ambient_strength", "ridge_strength")
+    may_be_zero: ClassVar[tuple[str, ...]] = ("obstacle_margin", "ambient_strength", "ridge_strength", "prediction")
 
     def __post_init__(self) -> None:
         if self.ambient_law not in LAWS:
@@ -115,8 +118,6 @@ class JointPlannerSettings(SearchSettings):
         demonstrated, over all joints [rad].
     speed_scale, acceleration_scale : share of the joints' velocity limits, and of their acceleration and jerk limits.
     latency : a new reference takes over so long after its planning began [s].
-    prediction : obstacles are expected to move on linearly for so long [s], and to stand then. It must be longer than a
-        stop takes, latency included, which is 0.5 s: what comes into sight later cannot be stopped for.
     refine : make the graph's shortest paths continuous ones, which know no directions of a grid.
     """
 
@@ -125,7 +126,4 @@ class JointPlannerSettings(SearchSettings):
     speed_scale: float = 0.3
     acceleration_scale: float = 0.2
     latency: float = 0.03
-    prediction: float = 0.8
     refine: bool = True
-
-    may_be_zero: ClassVar[tuple[str, ...]] = (*SearchSettings.may_be_zero, "prediction")

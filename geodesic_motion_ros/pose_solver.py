@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
+from geodesic_motion_ros.certificate import curve_allowance, curve_clearances, motion_clearances
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.ambient import obstacle_clearances
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
@@ -44,6 +44,9 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 #: would have to brake there.
 MARGIN_MULTIPLES = (1.0, 2.5)
 _SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
+#: Ways among obstacles that move are certified with this multiple of the obstacle margin: nothing moves exactly as
+#: expected.
+_MOVING_MULTIPLE = 2.0
 #: Dense samples of the published curve per grid step.
 _SAMPLES_PER_STEP = 1.0
 
@@ -136,9 +139,11 @@ class PoseSolver:
         if isinstance(ends, Plan):
             return ends
         reshaping = Reshaping.of(
-            query.body, avoided, settings.ambient_strength, settings.ambient_width_ratio,
+            query.body, avoided.swept(settings.prediction), settings.ambient_strength, settings.ambient_width_ratio,
             max(MARGIN_MULTIPLES) * settings.obstacle_margin, settings.ambient_law,
         )  # fmt: skip
+        # As of ways.
+        needed = 0.0 if avoided.stand else min(_MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
         plan: Plan | None = None
         for multiple in MARGIN_MULTIPLES:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
@@ -150,32 +155,45 @@ class PoseSolver:
                 if plan is not None and deadline.passed:
                     reason = f"out of time: {plan.verdict.reason}"
                     return Plan(None, replace(plan.verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
-                plan = self._certified(query, start, found, scene, widths, motion)
+                plan = self._certified(query, start, found, scene, widths, motion, needed)
                 if plan.reference is not None or plan.turning:
                     return plan
         assert plan is not None
         return plan
 
     def _end_clearance(self, query: Query, start: Pose, obstacles: Obstacles) -> float | Plan:
-        """Smaller clearance [m] of start and goal, or the refusal where one of them is covered."""
-        positions = np.stack([start.position, query.goal.position])
-        quaternions = np.stack([start.quaternion, query.goal.quaternion])
-        body = tool_points(positions, quaternions, self._points)
-        here, there = obstacle_clearances(body, self._point_radii, obstacles, math.inf)
+        """Smaller clearance [m] of start and goal, or the refusal where one of them is covered.
+
+        The goal is to be free of where obstacles are expected to come to a stand.
+        """
+        later = obstacles.at(obstacles.time + self.settings.prediction, self.settings.prediction)
+        here, there = (
+            float(obstacle_clearances(body, self._point_radii, found, math.inf)[0])
+            for body, found in ((self._body(start), obstacles), (self._body(query.goal), later))
+        )
         if here <= 0.0:
             reason = f"the tool overlaps an obstacle by {-1000 * here:.0f} mm where it stands"
             return refusal(VerdictCode.IN_COLLISION, reason, query, clearance=float(here))
         if there <= 0.0:
             reason = f"an obstacle covers the goal by {-1000 * there:.0f} mm"
             return refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query)
-        return float(min(here, there))
+        return min(here, there)
 
-    def clearance(self, curve: MotionCurve, obstacles: Obstacles) -> np.ndarray:
-        """Certified clearance [m] of every segment of a curve: (n - 1,)."""
-        return curve_clearances(
-            tool_points(curve.positions, curve.quaternions, self._points), self._point_radii,
-            curve_allowance(curve, self._points), obstacles,
-        )  # fmt: skip
+    def _body(self, pose: Pose) -> np.ndarray:
+        """Tool points (1, K, 3) [m] at a pose."""
+        return tool_points(pose.position[None], pose.quaternion[None], self._points)
+
+    def certified(self, reference: TaskSpaceReference, obstacles: Obstacles) -> TaskSpaceReference:
+        """A reference that begins now with its clearance among obstacles where they are now, and will be."""
+        curve = reference.curve
+        points = tool_points(curve.positions, curve.quaternions, self._points)
+        allowance = curve_allowance(curve, self._points)
+        if obstacles.stand:
+            return replace(reference, clearance=curve_clearances(points, self._point_radii, allowance, obstacles))
+        clearance = motion_clearances(
+            points, self._point_radii, allowance, reference.times, reference.rates, obstacles, self.settings.prediction
+        )
+        return replace(reference, clearance=clearance)
 
     def _certified(
         self,
@@ -185,8 +203,12 @@ class PoseSolver:
         scene: Scene,
         widths: tuple[float, float],
         motion: Motion,
+        needed: float,
     ) -> Plan:
-        """Smooth, decode, transport, meet the ends exactly, judge the very curve that will be published, time it."""
+        """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be commanded.
+
+        needed : clearance [m] that it must exceed.
+        """
         settings = self.settings
         step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
         latent = smooth_latent(resample_latent(way.polyline, step), widths[0] * _SAMPLES_PER_STEP)
@@ -212,15 +234,15 @@ class PoseSolver:
         if beyond:
             return refusal(VerdictCode.NO_FEASIBLE_PATH, f"the way leads {beyond}", query)
         curve = MotionCurve.through(positions, quaternions, settings.limits, motion.velocity)
-        clearance = self.clearance(curve, scene.in_task)
-        nearest = float(np.min(clearance))
+        reference = self.certified(timed_reference(curve, latent, settings.limits, motion.speed), scene.in_task)
+        nearest = float(np.min(reference.clearance))
         objection = None
-        if settings.avoidance and nearest <= 0.0:
+        if settings.avoidance and nearest <= needed:
             objection = f"the best path would touch an obstacle (clearance {1000 * nearest:.1f} mm)"
         verdict = way_verdict(self.skill, self.graph, query, decoded.sigma, way, nearest, correction, objection)
         if not verdict.ok:
             return Plan(None, verdict)
-        return Plan(timed_reference(curve, latent, clearance, settings.limits, motion.speed), verdict)
+        return Plan(reference, verdict)
 
     def _drawn(
         self, positions: np.ndarray, quaternions: np.ndarray, latent: np.ndarray

@@ -204,13 +204,15 @@ class TaskSpaceReference:
 def timed_reference(
     curve: MotionCurve,
     latent: np.ndarray,
-    clearance: np.ndarray,
     limits: MotionLimits,
     initial_speed: float = 0.0,
 ) -> TaskSpaceReference:
-    """The fastest reference along a curve within the limits, from a speed (over full speed) until rest at its end."""
+    """The fastest reference along a curve within the limits, from a speed (over full speed) until rest at its end.
+
+    Its clearance is not known yet: inf.
+    """
     times, rates, strain = fastest_law(curve, limits, initial_rate(curve, limits, initial_speed))
-    return TaskSpaceReference(times, rates, curve, limits, latent, clearance, strain)
+    return TaskSpaceReference(times, rates, curve, limits, latent, np.full(len(times) - 1, np.inf), strain)
 
 
 def initial_rate(curve: MotionCurve, limits: MotionLimits, speed: float) -> float:

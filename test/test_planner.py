@@ -288,6 +288,45 @@ def test_out_of_time_no_further_attempt_is_made(planner, monkeypatch):
     assert planner.tick(start[:3], start[3:], 0.0, Deadline(np.inf)).verdict.ok
 
 
+def crossing_contact(planner: ReactivePlanner, told: bool, speed: float, side: float) -> tuple[float, float]:
+    """A sphere crosses the way where the tool would be; its least distance [m] while the tool moves, and at the end
+    the tool's from the goal. `told`: whether the planner is told that it moves.
+    """
+    start, goal = planner.skill.start_pose, planner.skill.goal_pose
+    direct = nominal(planner).reference
+    meet = 0.5 * direct.duration
+    along = direct.velocity(meet)[:3]
+    across = side * np.cross(along, [0.0, 0.0, 1.0])
+    velocity = speed * across / np.linalg.norm(across)
+    centre, radius, tool = direct.sample(meet)[0], 0.04, 0.04
+    follower = ReferenceFollower(planner.settings.speed)
+    follower.reset(start[:3], start[3:])
+    assert planner.set_goal(goal[:3], goal[3:]).ok
+    least = np.inf
+    for step in range(800):
+        now = step * PERIOD
+        place = centre + (now - meet) * velocity
+        if follower.speed > 0.0:
+            least = min(least, float(np.linalg.norm(follower.position - place)) - radius - tool)
+        moving = Obstacles.of_spheres(place[None], np.array([radius]), told * velocity[None], now)
+        assert planner.take_obstacles(moving).ok
+        plan = planner.tick(follower.position, follower.quaternion, follower.speed, now=now)
+        follower.hold() if plan.reference is None else follower.accept(plan.reference)
+        follower.advance(PERIOD)
+    return least, float(np.linalg.norm(follower.position - goal[:3]))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("speed", [0.25, 0.6])
+def test_a_sphere_that_crosses_is_grazed_where_its_motion_is_not_known_and_not_where_it_is(planner, speed, side):
+    blind, _ = crossing_contact(planner, False, speed, side)
+    assert blind < 0.002
+    least, left = crossing_contact(planner, True, speed, side)
+    assert least > 0.01
+    # It has passed, and the tool goes on by itself.
+    assert left < 1e-6
+
+
 def test_a_stream_blocked_in_motion_comes_to_rest_along_its_path_without_overlap(planner):
     direct = nominal(planner).reference
     limit = planner.settings.acceleration * PERIOD * 1.01

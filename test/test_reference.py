@@ -29,7 +29,7 @@ def reference(initial_speed: float = 0.0, length: float = 0.5):
     positions = np.stack([length * share, 0.1 * np.sin(3.0 * share), 0.0 * share], axis=1)
     quaternions = slerp(np.array([1.0, 0, 0, 0]), normalise(np.array([1.0, 0.5, 0, 0])), share)
     curve = MotionCurve.through(positions, quaternions, LIMITS)
-    return timed_reference(curve, np.stack([share, share], axis=1), np.full(119, np.inf), LIMITS, initial_speed)
+    return timed_reference(curve, np.stack([share, share], axis=1), LIMITS, initial_speed)
 
 
 def test_resampling_is_even_and_keeps_the_ends():
@@ -101,8 +101,8 @@ def test_a_way_is_bent_to_the_present_motion_and_nowhere_else(degrees):
     step = positions[1] - positions[0]
     assert step @ velocity[:3] >= 0.9 * np.linalg.norm(step) * np.linalg.norm(velocity[:3])
     bent = timed_reference(
-        MotionCurve.through(positions, quaternions, LIMITS, velocity), np.zeros((120, 2)), np.full(119, np.inf),
-        LIMITS, float(LIMITS.fraction(velocity[:3], velocity[3:])),
+        MotionCurve.through(positions, quaternions, LIMITS, velocity), np.zeros((120, 2)), LIMITS,
+        float(LIMITS.fraction(velocity[:3], velocity[3:])),
     )  # fmt: skip
     np.testing.assert_allclose(bent.velocity(0.0), velocity, atol=1e-9)
     assert bent.strain == 1.0

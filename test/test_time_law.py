@@ -28,7 +28,7 @@ def drawn(positions: np.ndarray, turns: np.ndarray) -> MotionCurve:
 
 def reference(curve: MotionCurve, speed: float = 0.0) -> TaskSpaceReference:
     count = len(curve.knots)
-    return timed_reference(curve, np.zeros((count, 2)), np.full(count - 1, np.inf), LIMITS, speed)
+    return timed_reference(curve, np.zeros((count, 2)), LIMITS, speed)
 
 
 def differences(motion: TaskSpaceReference, period: float) -> tuple[np.ndarray, np.ndarray]:

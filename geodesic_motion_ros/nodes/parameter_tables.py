@@ -140,7 +140,7 @@ PLANNER = (
     Parameter(
         "prediction",
         0.8,
-        "Joint-space skills: obstacles are expected to move on as they do for so long, longer than a stop takes",
+        "Obstacles are expected to move on as they do for so long, longer than a stop takes",
         "s",
         0.0,
         5.0,

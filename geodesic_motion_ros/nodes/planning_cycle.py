@@ -54,10 +54,10 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
     def _command(self, verdict: Verdict, inputs: CycleInputs[Pose], advance: float, deadline: Deadline) -> CycleOutput:
         now = self.follower.position, self.follower.quaternion, self.follower.speed
         if verdict.ok:
-            plan = self.planner.tick(*now, deadline)
+            plan = self.planner.tick(*now, deadline, inputs.heard)
             verdict, reference = plan.verdict, plan.reference
         else:
-            reference = self.planner.stop(*now)
+            reference = self.planner.stop(*now, inputs.heard)
         return self._move(verdict, reference, advance)
 
     def _move(self, verdict: Verdict, reference: TaskSpaceReference | None, advance: float) -> CycleOutput:
@@ -91,7 +91,8 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
         self.planner.clear_goal()
 
     def _set_obstacles(self, inputs: CycleInputs[Pose]) -> Verdict:
-        return self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.now))
+        longest = self.planner.settings.prediction
+        return self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.heard, longest, inputs.heard))
 
     def _take_task_frame(self, frame: Pose | None) -> None:
         if frame is None or frame is self._task_frame:

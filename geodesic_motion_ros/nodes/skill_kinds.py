@@ -27,10 +27,10 @@ from geodesic_motion_ros.verdict import Verdict
 
 _SEARCH = (
     "avoidance", "obstacle_margin", "ambient_strength", "ambient_width_ratio", "ambient_law", "cost_cap",
-    "ridge_strength", "query_conditioning",
+    "ridge_strength", "query_conditioning", "prediction",
 )  # fmt: skip
 _TASK = ("maximum_offset", "maximum_offset_angle", "speed", "angular_speed", "acceleration")
-_JOINT = ("maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "prediction", "body_radius", "refine")
+_JOINT = ("maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius", "refine")
 
 
 class SkillKind(ABC):
