@@ -44,6 +44,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--only", type=_names, metavar="NAME,NAME", help="these faults, long ones too")
     parser.add_argument("--phases", type=_phases, default=PHASES, metavar="PHASE,PHASE", help=f"of {', '.join(PHASES)}")
     parser.add_argument("--seeds", type=indices, default="0", metavar="SEED,SEED", help="when exactly, where, how much")
+    parser.add_argument("--soak-minutes", type=float, default=30.0, metavar="MIN", help="how long the fault soak takes")
     parser.add_argument("--all", action="store_true", help="the faults that take minutes as well")
     parser.add_argument(
         "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="its folder, or the name of a shipped one"
@@ -62,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         from geodesic_motion_ros.nodes.demo_run import termination_as_interrupt
         from geodesic_motion_ros.nodes.faults.catalogue import chosen
+        from geodesic_motion_ros.nodes.faults.long_faults import Soak
         from geodesic_motion_ros.nodes.faults.suite import cases, table
     except ModuleNotFoundError as error:
         if error.name and error.name.startswith("geodesic_motion_ros"):
@@ -70,6 +72,9 @@ def run(arguments: argparse.Namespace) -> int:
             f"the faults need {error.name}, which is not installed: source your ROS 2 and install the extra simulation"
         ) from error
     faults = chosen(arguments.only, arguments.all or arguments.list)
+    for fault in faults:
+        if isinstance(fault, Soak):
+            fault.minutes = arguments.soak_minutes
     if arguments.list:
         for fault in faults:
             print(f"{fault.name}{' (long)' if fault.long else ''}\n    {fault.criterion}")
@@ -84,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
             _run_all(arguments, todo, rows)
     finally:
         if rows:
-            print(table(rows))
+            print(f"{table(rows)}\nload of the machine at the end: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
         _write(arguments.json, rows)
     return 1 if any(row.passed is False for row in rows) else 0
 

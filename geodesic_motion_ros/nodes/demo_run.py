@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -96,17 +96,21 @@ class Processes:
         self._running.clear()
 
     def start(
-        self, name: str, parameters: Mapping[str, Any], remapped: Mapping[str, str] = MappingProxyType({})
+        self,
+        name: str,
+        parameters: Mapping[str, Any],
+        remapped: Mapping[str, str] = MappingProxyType({}),
+        before: Sequence[str] = (),
     ) -> None:
         """Start node `name` of this package as `python -m`, with its parameters in a file that can be used again.
 
-        remapped : names of topics and services, each to another one.
+        remapped : names of topics and services, each to another one. before : a command that runs what follows it.
         """
         self._folder.mkdir(parents=True, exist_ok=True)
         file, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         file.write_text(yaml.safe_dump({f"/**/{name}": {"ros__parameters": dict(parameters)}}, sort_keys=False))
         module = f"geodesic_motion_ros.nodes.{name}_node"
-        command = [sys.executable, "-m", module, "--ros-args", "--params-file", str(file)]
+        command = [*before, sys.executable, "-m", module, "--ros-args", "--params-file", str(file)]
         command += [word for names in remapped.items() for word in ("-r", ":=".join(names))]
         with log.open("wb") as output, _interrupts_held():
             # In a session of its own: Ctrl-C reaches the demo alone, which then ends its nodes in order.
@@ -129,6 +133,10 @@ class Processes:
         except subprocess.TimeoutExpired:
             process.kill()
             return process.wait()
+
+    def number(self, name: str) -> int:
+        """The process id of a node."""
+        return self._running[name][0].pid
 
     def exit_code(self, name: str) -> int | None:
         """Of a node that has ended; None while it runs."""

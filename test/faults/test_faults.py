@@ -13,7 +13,10 @@ from geodesic_motion_ros.nodes.faults.suite import cases, run_cases
 pytestmark = pytest.mark.realtime
 
 #: Faults, and the phase in which they are injected here.
-QUICK = {"state_stops": "motion", "state_not_finite": "start"}
+QUICK = {
+    "state_stops": "motion", "state_lacks_joint": "start", "goal_unknown_frame": "motion", "all_blocked": "motion",
+    "planner_stopped": "motion", "skill_altered": "start",
+}  # fmt: skip
 
 
 def test_quick_faults_pass(tmp_path) -> None:

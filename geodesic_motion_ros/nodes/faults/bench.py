@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as FilePath
@@ -55,7 +57,7 @@ START_PATIENCE, PATIENCE = 60.0, 25.0
 #: Topics between twin and planner that a relay stands in.
 RELAYED = {"joint_states": JointState, "obstacles": MarkerArray, "obstacle_point": PointStamped}
 #: What the planner says when commands begin anew at where the arm is.
-_LOST = ("where it was sent", "after a long silence")
+_LOST = "nothing is commanded until"
 #: A status that explains a command is heard this long [s] after it at most.
 _TOLD_AFTER = 0.1
 #: An arm whose joints stay within this [rad] for this long [s] rests.
@@ -102,17 +104,24 @@ class Bench:
     least_clearance [m], contacts : the twin's, likewise.
     """
 
-    def __init__(self, skill: str, folder: FilePath, domain: int) -> None:
-        """skill : a folder, or the name of a shipped skill. folder : for parameter files and logs of the nodes."""
+    def __init__(self, skill: str, folder: FilePath, domain: int, planner_on: Sequence[str] = ()) -> None:
+        """skill : a folder, or the name of a shipped skill. folder : for parameter files and logs of the nodes.
+        planner_on : a command that runs the planner on another host; none: it runs on this one.
+        """
         self.skill_name, self.skill = skill, Skill.load(skill)
         self.robot = Robot.named(self.skill.robot)
         self.goal = self.skill.goal_pose
         self.domain = domain
         self.environment = isolated_environment(domain)
+        if planner_on:
+            self.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
         self.folder = folder
         self.processes = Processes(folder, self.environment)
+        self._planner_on = planner_on
         self._given: dict[str, dict[str, Any]] = {}
         self._context = rclpy.Context()
+        # Read when the context begins, of this process too.
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = self.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"]
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node("bench", context=self._context)
         self._executor = EventsExecutor(context=self._context)
@@ -143,6 +152,9 @@ class Bench:
         self._listen(Path, "path", self._on_path)
         self._listen(Float64, "twin/clearance", self._on_clearance)
         self._listen(UInt32, "twin/contacts", self._on_contacts)
+        # Nor for a collection of all libraries' objects.
+        gc.collect()
+        gc.freeze()
 
     def __enter__(self) -> Bench:
         return self
@@ -170,7 +182,7 @@ class Bench:
         given = {"skill": self.skill_name, **parameters}
         if name == "planner":
             remapped = {topic: f"relayed/{topic}" for topic in RELAYED}
-            self.processes.start(name, _PLANNER | given, remapped)
+            self.processes.start(name, _PLANNER | given, remapped, self._planner_on)
         else:
             self.processes.start(name, given)
         self._given[name] = dict(parameters)
@@ -305,6 +317,11 @@ class Bench:
         if not response.success:
             raise NotSeenError(f"{name}: {response.message}")
         return response.message
+
+    def memory(self, name: str) -> float:
+        """What a node occupies in memory, MB."""
+        status = FilePath(f"/proc/{self.processes.number(name)}/status").read_text()
+        return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1]) / 1024.0
 
     def hold(self, hold: bool) -> None:
         """Ask the planner to hold, or release it."""
@@ -453,7 +470,7 @@ class Bench:
         if before == -math.inf or any(before < moment <= sent for moment in self._anew):
             return True
         return any(
-            before - _TOLD_AFTER < status.sent < sent + _TOLD_AFTER and any(text in status.reason for text in _LOST)
+            before - _TOLD_AFTER < status.sent < sent + _TOLD_AFTER and _LOST in status.reason
             for status in self.statuses
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import NamedTuple
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -12,50 +13,57 @@ from rosgraph_msgs.msg import Clock
 _PERIOD = 0.004
 
 
+class _Course(NamedTuple):
+    """From a moment of the steady clock [s] on: what is shown then [s], and how much more of it in a second."""
+
+    begin: float
+    shown: float
+    speed: float
+
+    def at(self, moment: float) -> float:
+        return self.shown + self.speed * (moment - self.begin)
+
+
 class BenchClock:
-    """What the nodes take for the time.
+    """What the nodes take for the time; the system's until `run(True)`.
 
     Attributes
     ----------
-    simulated : whether it is one of its own; it is the system's until `run(True)`.
-    speed : seconds of it in a second; 0: it is paused.
+    simulated : whether it is one of its own.
     """
 
     def __init__(self, node: Node) -> None:
         self._publisher = node.create_publisher(Clock, "/clock", QoSProfile(depth=1))
-        self._timer = node.create_timer(_PERIOD, self._tell)
         self._message = Clock()
         self.run(False)
+        node.create_timer(_PERIOD, self._tell)
 
     def run(self, simulated: bool) -> None:
         """Begin to be a simulated clock that shows the system's time so far, or be the system's."""
-        self.simulated, self.speed = simulated, 1.0
-        self._shown, self._looked = time.time(), time.monotonic()
+        self.simulated = simulated
+        self._courses = [_Course(time.monotonic(), time.time(), 1.0)]
 
     def set_speed(self, speed: float) -> None:
-        """Run at another speed from now on."""
-        self.now()
-        self.speed = speed
+        """Run at another speed from now on; 0: stand."""
+        self._set(0.0, speed)
 
     def jump(self, seconds: float) -> None:
         """Show so much more, or less, from now on [s]."""
-        self._shown = self.now() + seconds
-
-    def now(self) -> float:
-        """What it shows [s]."""
-        if not self.simulated:
-            return time.time()
-        now = time.monotonic()
-        self._shown += self.speed * (now - self._looked)
-        self._looked = now
-        return self._shown
+        self._set(seconds, self._courses[-1].speed)
 
     def at(self, moment: float) -> float:
-        """What it showed at a moment [s, steady clock] since it was last set."""
-        return self.now() - self.speed * (time.monotonic() - moment)
+        """What it showed at a moment [s, steady clock] since it runs."""
+        if not self.simulated:
+            return time.time() - (time.monotonic() - moment)
+        course = [course for course in self._courses if course.begin <= moment] or self._courses[:1]
+        return course[-1].at(moment)
+
+    def _set(self, jump: float, speed: float) -> None:
+        now = time.monotonic()
+        self._courses.append(_Course(now, self.at(now) + jump, speed))
 
     def _tell(self) -> None:
         if self.simulated:
-            nanoseconds = round(1e9 * self.now())
+            nanoseconds = round(1e9 * self.at(time.monotonic()))
             self._message.clock.sec, self._message.clock.nanosec = divmod(nanoseconds, 10**9)
             self._publisher.publish(self._message)

@@ -8,6 +8,7 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.faults.clock_faults import CLOCK_FAULTS
 from geodesic_motion_ros.nodes.faults.fault import Fault
 from geodesic_motion_ros.nodes.faults.goal_faults import GOAL_FAULTS
+from geodesic_motion_ros.nodes.faults.long_faults import LONG_FAULTS
 from geodesic_motion_ros.nodes.faults.obstacle_faults import OBSTACLE_FAULTS
 from geodesic_motion_ros.nodes.faults.process_faults import PROCESS_FAULTS
 from geodesic_motion_ros.nodes.faults.start_faults import START_FAULTS
@@ -20,6 +21,7 @@ FAULTS: tuple[type[Fault], ...] = (
     *PROCESS_FAULTS,
     *START_FAULTS,
     *CLOCK_FAULTS,
+    *LONG_FAULTS,
 )
 
 

@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 
 from geodesic_motion_ros.nodes.faults.bench import Bench
 from geodesic_motion_ros.nodes.faults.fault import START, Fault, Findings
-from geodesic_motion_ros.nodes.faults.state_faults import refused, require_refused
+from geodesic_motion_ros.nodes.faults.state_faults import refused, require_only_ok, require_refused
 from geodesic_motion_ros.nodes.messages import pose_message
 
 #: How long a motion is watched that must not change [s].
@@ -30,8 +30,7 @@ def require_unchanged(bench: Bench, findings: Findings, phase: str, since: float
     if phase == START:
         findings.require(all(status.number("speed") == 0.0 for status in after), "the arm was set moving")
         return
-    others = {status.code for status in after} - {"OK"}
-    findings.require(not others, f"the planner said {', '.join(sorted(others))}")
+    require_only_ok(findings, after)
     arrivals = [status.sent + status.number("time_to_goal") for status in after if status.code == "OK"]
     shifted = max(arrivals, default=0.0) - min(arrivals, default=0.0)
     findings.require(shifted <= _SHIFTED, f"the arrival was shifted by {shifted:.3f} s")

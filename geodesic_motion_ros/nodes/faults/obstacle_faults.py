@@ -15,7 +15,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from geodesic_motion_ros.nodes.faults.bench import Bench, Status
 from geodesic_motion_ros.nodes.faults.fault import GOAL, MOTION, START, Fault, FaultSkipped, Findings
 from geodesic_motion_ros.nodes.faults.goal_faults import goal_message, require_unchanged
-from geodesic_motion_ros.nodes.faults.state_faults import STOP, refused, require_hold, require_refused
+from geodesic_motion_ros.nodes.faults.state_faults import STOP, refused, require_hold, require_only_ok, require_refused
 from geodesic_motion_ros.nodes.messages import sphere_marker
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 
@@ -74,8 +74,7 @@ class ObstaclesSilentKept(Fault):
             since = time.monotonic()
             bench.arrive()
             bench.wait(lambda: time.monotonic() > since + 2.0 * _TIMEOUT, "silence")
-            codes = {status.code for status in bench.statuses if status.sent > since}
-            findings.require(codes == {"OK"}, f"the planner said {', '.join(sorted(codes))}")
+            require_only_ok(findings, [status for status in bench.statuses if status.sent > since])
         finally:
             bench.set_parameters("planner", obstacle_silence_policy="hold")
 

@@ -9,7 +9,7 @@ from itertools import cycle
 import numpy as np
 from sensor_msgs.msg import JointState
 
-from geodesic_motion_ros.nodes.faults.bench import Bench
+from geodesic_motion_ros.nodes.faults.bench import Bench, Status
 from geodesic_motion_ros.nodes.faults.fault import START, Fault, Findings
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 
@@ -32,9 +32,16 @@ def require_undisturbed(bench: Bench, findings: Findings, phase: str, since: flo
         bench.verdict("OK")
         since = time.monotonic()
     bench.arrive()
-    others = {status.code for status in bench.statuses if status.sent > since} - {"OK"}
-    findings.require(not others, f"the planner said {', '.join(sorted(others))}")
+    require_only_ok(findings, [status for status in bench.statuses if status.sent > since])
     findings.note("goal reached")
+
+
+def require_only_ok(findings: Findings, statuses: list[Status]) -> None:
+    """Every status is OK."""
+    others = [status for status in statuses if status.code != "OK"]
+    if others:
+        said = f"{others[0].code}: {others[0].reason}"
+        findings.require(False, f"{len(others)} of {len(statuses)} statuses were not OK, the first {said}")
 
 
 def require_refused(bench: Bench, findings: Findings, topic: str, at_least: int, before: int, text: str = "") -> None:
