@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 import rclpy
@@ -57,25 +56,22 @@ class PlannerStream:
     spheres : what is told of obstacles, `OBSTACLES_HZ` times a second; each is known by its number from
         `first_number` on.
     cloud : points (n, 3) [m] at a time [s], told `CLOUDS_HZ` times a second; None: no cloud is told.
-    ticks : the planner's, since they were last cleared. code : its newest verdict.
+    ticks : the planner's, since they were last cleared. code, time_to_goal : its newest verdict, and the time that
+        it still needs [s], nan where it is on no way to the goal.
 
     Raises
     ------
     DemoError : a node has ended, or what is waited for does not happen.
     """
 
-    def __init__(
-        self, skill: str, folder: Path, rate: float, domain: int, parameters: Mapping[str, Any] = MappingProxyType({})
-    ) -> None:
-        """rate : of the planner [Hz]; parameters : of its others those that shall not be the defaults."""
+    def __init__(self, skill: str, folder: Path, rate: float, domain: int) -> None:
         self.skill = Skill.load(skill)
         self.spheres: Spheres = no_spheres
         self.first_number = 0
         self.cloud: Cloud | None = None
         self.ticks: list[Tick] = []
-        self.code = ""
-        self._name = skill
-        self._parameters = {"skill": skill, "rate": rate, "latent_view_rate": 0.0, **parameters}
+        self.code, self.time_to_goal = "", math.nan
+        self._name, self._rate = skill, rate
         self._processes = Processes(folder, isolated_environment(domain))
         self._scene = MarkerScene(self.skill.base_frame)
         self._context = rclpy.Context()
@@ -93,7 +89,7 @@ class PlannerStream:
     def __enter__(self) -> PlannerStream:
         try:
             self._processes.start("twin", {"skill": self._name})
-            self._processes.start("planner", self._parameters)
+            self._processes.start("planner", {"skill": self._name, "rate": self._rate, "latent_view_rate": 0.0})
             self.wait(lambda: self.code == "NO_GOAL" and self._goals.get_subscription_count(), PATIENCE)
         except BaseException:
             self.__exit__()
@@ -145,6 +141,6 @@ class PlannerStream:
 
     def _on_status(self, message: DiagnosticArray) -> None:
         values = {pair.key: pair.value for pair in message.status[0].values}
-        self.code = values["code"]
+        self.code, self.time_to_goal = values["code"], float(values["time_to_goal"])
         duration, misses = float(values["last_tick_ms"]), int(values["deadline_misses"])
         self.ticks.append(Tick(self.now(), int(values["tick"]), duration, misses, self.code))

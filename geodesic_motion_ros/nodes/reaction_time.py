@@ -1,7 +1,8 @@
 """From an obstacle's message to the trajectory that answers it, on the wire: a whole-arm skill, three processes.
 
 The arm goes to and fro between the skill's ends. Again and again a sphere appears where the tool is about to be.
-Nothing else changes, so the next trajectory is the answer: another way, or a stop.
+Nothing else changes, so the next trajectory that is not the same motion, told again to lead further, is the answer:
+another way, or a stop.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from rclpy.qos import QoSProfile
@@ -17,6 +17,7 @@ from rclpy.serialization import deserialize_message
 from trajectory_msgs.msg import JointTrajectory
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.messages import seconds
 from geodesic_motion_ros.nodes.planner_stream import PATIENCE, PlannerStream, no_spheres
 from geodesic_motion_ros.robot.body_points import end_effector_poses
@@ -26,8 +27,8 @@ from geodesic_motion_ros.tables import text_table
 
 #: The sphere's radius [m], how far ahead of the tool it appears [s], and for how long [s].
 RADIUS, AHEAD, SHOWN = 0.05, 1.0, 0.4
-#: A trajectory is sent whole, and none again only to reach further: each is an answer.
-_WHOLE = MappingProxyType({"horizon": 60.0})
+#: Motions that are the same so far ahead [s], to rounding [rad], are the same.
+_LOOKED_AT, _ROUNDING = 0.3, 1e-6
 #: It takes the planner so long [s] to find that nothing is in the way any more, and to say no more.
 QUIET = 0.7
 
@@ -45,7 +46,7 @@ class ReactionRow:
 
 
 class _Heard:
-    """The newest trajectory, and when each one came [s]."""
+    """The newest trajectory, and when each one came [s] that was another motion than the one before."""
 
     def __init__(self, stream: PlannerStream) -> None:
         self._stream = stream
@@ -57,11 +58,13 @@ class _Heard:
 
     def _on_trajectory(self, wire: bytes) -> None:
         # What it takes to make Python objects of hundreds of knots is not the planner's time.
-        self.times.append(self._stream.now())
-        self.message = deserialize_message(wire, JointTrajectory)
+        came = self._stream.now()
+        before, self.message = self.message, deserialize_message(wire, JointTrajectory)
+        if not before.points or _apart(before, self.message, came + _LOOKED_AT) > _ROUNDING:
+            self.times.append(came)
 
     def left(self) -> float:
-        """How much of the motion is still to come [s]."""
+        """How much of what was sent is still to come [s]."""
         if not self.message.points:
             return 0.0
         end = seconds(self.message.header.stamp) + seconds(self.message.points[-1].time_from_start)
@@ -72,6 +75,22 @@ class _Heard:
         begin, points = seconds(self.message.header.stamp), self.message.points
         point = next((point for point in points if begin + seconds(point.time_from_start) >= time), points[-1])
         return end_effector_poses(np.array(point.positions)[None], robot.chain)[0][0]
+
+
+def _apart(one: JointTrajectory, other: JointTrajectory, time: float) -> float:
+    """How far apart [rad] two trajectories are at a time [s], in the joint where it is most."""
+    first, second = (_reference(message).sample(time - seconds(message.header.stamp))[0] for message in (one, other))
+    return float(np.max(np.abs(first - second)))
+
+
+def _reference(message: JointTrajectory) -> JointReference:
+    """The motion that a trajectory of the planner tells."""
+    times = np.array([seconds(point.time_from_start) for point in message.points])
+    told = (
+        np.array([getattr(point, name) for point in message.points])
+        for name in ("positions", "velocities", "accelerations")
+    )
+    return JointReference(times, *told, np.zeros((len(times), 0)), np.full(len(times) - 1, np.inf))
 
 
 def measure_reaction(
@@ -90,7 +109,7 @@ def measure_reaction(
         raise ParameterError(f"skill {skill} streams poses: reactions are timed on a skill of joint space")
     rows = []
     for rate in rates:
-        with PlannerStream(skill, folder / f"reaction_{rate:g}_hz", rate, domain, _WHOLE) as stream:
+        with PlannerStream(skill, folder / f"reaction_{rate:g}_hz", rate, domain) as stream:
             answers = 1e3 * np.array(_answers(stream, spheres))
         p50, p99, worst = np.percentile(answers, [50.0, 99.0, 100.0]) if len(answers) else np.full(3, np.nan)
         rows.append(ReactionRow(rate, spheres, len(answers), p50, p99, worst))
@@ -110,7 +129,7 @@ def _answers(stream: PlannerStream, count: int) -> list[float]:
     goals = [stream.skill.goal_pose, stream.skill.start_pose]
     found = []
     for number in range(count):
-        if heard.left() < AHEAD + SHOWN:
+        if not stream.time_to_goal >= AHEAD + SHOWN:
             stream.wait(lambda: heard.left() <= 0.0, PATIENCE)
             before = len(heard.times)
             stream.send_goal(*np.split(goals[0], [3]))
