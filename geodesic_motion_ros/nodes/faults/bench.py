@@ -64,8 +64,6 @@ _TOLD_AFTER = 0.1
 _REST, _REST_TIME = 1e-3, 0.15
 _DEFAULTS = {parameter.name: parameter.default for parameter in PLANNER}
 _PLANNER = {"latent_view_rate": 0.0}
-
-
 #: Times a second that the planner alone is told of spheres; centre [m] and radius [m] of one.
 OBSTACLES_HZ = 30.0
 Sphere = tuple[np.ndarray, float]
@@ -288,10 +286,14 @@ class Bench:
     # ------------------------------------------------------------------ talking
 
     def send_goal(self, pose: np.ndarray | None = None, frame: str | None = None) -> None:
-        """Ask for a tool pose (7,): position [m], quaternion (w, x, y, z); the skill's goal without one."""
+        """Ask for a goal; as of `goal_message`."""
+        self._goals.publish(self.goal_message(pose, frame))
+
+    def goal_message(self, pose: np.ndarray | None = None, frame: str | None = None) -> PoseStamped:
+        """A tool pose (7,) in a frame: position [m], quaternion (w, x, y, z); the skill's goal and frame without."""
         pose = self.goal if pose is None else pose
         stamp = self.node.get_clock().now().to_msg()
-        self._goals.publish(pose_message(pose[:3], pose[3:], frame or self.skill.base_frame, stamp))
+        return pose_message(pose[:3], pose[3:], frame or self.skill.base_frame, stamp)
 
     def publish(self, topic: str, message: Any) -> None:
         """Say something on a topic of the planner, as soon as it listens."""

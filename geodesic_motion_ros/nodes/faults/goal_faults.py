@@ -11,7 +11,6 @@ from geometry_msgs.msg import PoseStamped
 from geodesic_motion_ros.nodes.faults.bench import Bench
 from geodesic_motion_ros.nodes.faults.fault import START, Fault, Findings
 from geodesic_motion_ros.nodes.faults.state_faults import refused, require_only_ok, require_refused
-from geodesic_motion_ros.nodes.messages import pose_message
 
 #: How long a motion is watched that must not change [s].
 _WATCHED = 0.3
@@ -68,7 +67,7 @@ class GoalNotFinite(GoalsRefused):
         for value in (float("nan"), float("inf"), 1e300, -float("inf")):
             pose = bench.goal.copy()
             pose[random.integers(7)] = value
-            goals.append(goal_message(bench, pose))
+            goals.append(bench.goal_message(pose))
         return goals
 
 
@@ -78,7 +77,7 @@ class GoalZeroQuaternion(GoalsRefused):
     text = "zero quaternion"
 
     def messages(self, bench: Bench, random: np.random.Generator) -> Sequence[PoseStamped]:
-        return [goal_message(bench, np.append(bench.goal[:3], np.zeros(4)))]
+        return [bench.goal_message(np.append(bench.goal[:3], np.zeros(4)))]
 
 
 class GoalUnknownFrame(GoalsRefused):
@@ -87,7 +86,7 @@ class GoalUnknownFrame(GoalsRefused):
     text = "nowhere"
 
     def messages(self, bench: Bench, random: np.random.Generator) -> Sequence[PoseStamped]:
-        return [goal_message(bench, bench.goal, "nowhere")]
+        return [bench.goal_message(bench.goal, "nowhere")]
 
 
 class GoalOutside(Fault):
@@ -129,7 +128,7 @@ class SameGoal(Fault):
             before = bench.path
         bench.path = np.zeros((0, 3))
         since = time.monotonic()
-        bench.publish("goal_pose", goal_message(bench, np.append(bench.goal[:3], self.other_form(bench.goal[3:]))))
+        bench.publish("goal_pose", bench.goal_message(np.append(bench.goal[:3], self.other_form(bench.goal[3:]))))
         bench.verdict("OK", "", since + 0.05, of="goal_")
         bench.wait(lambda: len(bench.path), "a way")
         apart = max(float(np.min(np.linalg.norm(before - point, axis=1))) for point in bench.path)
@@ -151,11 +150,6 @@ class GoalSignFlipped(SameGoal):
 
     def other_form(self, quaternion: np.ndarray) -> np.ndarray:
         return -quaternion
-
-
-def goal_message(bench: Bench, pose: np.ndarray, frame: str | None = None) -> PoseStamped:
-    """A goal (7,) as it is sent, in the skill's frame without another."""
-    return pose_message(pose[:3], pose[3:], frame or bench.skill.base_frame, bench.node.get_clock().now().to_msg())
 
 
 GOAL_FAULTS = (GoalNotFinite, GoalZeroQuaternion, GoalUnknownFrame, GoalOutside, GoalNotUnit, GoalSignFlipped)

@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes.faults.bench import Bench, Status
 from geodesic_motion_ros.nodes.faults.fault import GOAL, MOTION, START, Fault, FaultSkipped, Findings
-from geodesic_motion_ros.nodes.faults.goal_faults import goal_message, require_unchanged
+from geodesic_motion_ros.nodes.faults.goal_faults import require_unchanged
 from geodesic_motion_ros.nodes.faults.state_faults import STOP, refused, require_hold, require_only_ok, require_refused
 from geodesic_motion_ros.nodes.messages import sphere_marker
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
@@ -246,7 +246,7 @@ class ManyObstacles(Fault):
 
     def _plan(self, bench: Bench) -> list[Any]:
         start, goal = bench.skill.start_pose, bench.goal
-        request = GetPlan.Request(start=goal_message(bench, start), goal=goal_message(bench, goal))
+        request = GetPlan.Request(start=bench.goal_message(start), goal=bench.goal_message(goal))
         poses = bench.call(GetPlan, "plan", request).plan.poses
         if not poses:
             raise FaultSkipped("the skill has no plan from its own start to its goal")

@@ -15,6 +15,8 @@ from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 
 #: A hold comes this long [s] after an input has exceeded its timeout, and the arm rests this long after at most.
 REACTION, STOP = 0.1, 1.0
+#: How far off a joint state is that is wrong once [rad].
+_GLITCH = 0.5
 _TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == "state_timeout")
 
 
@@ -164,6 +166,28 @@ class StateNotFinite(Fault):
         relay.release()
 
 
+class StateGlitch(Fault):
+    name = "state_glitch"
+    criterion = "one joint state among good ones is 0.5 rad off: no command begins where the arm never was"
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        joint, told = int(random.integers(len(bench.robot.joint_names))), []
+
+        def wrong_once(message: JointState) -> Iterable[JointState]:
+            if not told:
+                centre = 0.5 * (bench.robot.lower[joint] + bench.robot.upper[joint])
+                message.position[joint] += _GLITCH if message.position[joint] < centre else -_GLITCH
+                told.append(message)
+            return [message]
+
+        relay = bench.relays["joint_states"]
+        relay.change = wrong_once
+        bench.wait(lambda: told, "a joint state")
+        bench.spend(0.3)
+        relay.release()
+        bench.finish(findings)
+
+
 STATE_FAULTS = (
-    StateStops, StateLate, StateLittleLate, StateJitter, StateReordered, StateLacksJoint, StateNotFinite,
+    StateStops, StateLate, StateLittleLate, StateJitter, StateReordered, StateLacksJoint, StateNotFinite, StateGlitch,
 )  # fmt: skip
