@@ -34,6 +34,7 @@ crossing   what it costs to change between the clusters of q and -q, and whether
 goals      simulated demonstrations between places that vary: held-out ones predicted from start and goal
 modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
+moving-tool  spheres that cross the tool's way or chase it, with a skill of the tool: no contact where it can brake?
 obstacle-laws  the same scenes of spheres on the arm's way under a gaussian, a completed and a hard ambient metric
 volume     one whole-arm skill learned without and with the volume term of the paper's evidence lower bound
 rate       planner and twin as two processes: ticks a second with a goal that stays or moves, a moving sphere, clouds;
@@ -51,6 +52,7 @@ examples:
   geodesic-motion experiment goals --shown 20
   geodesic-motion experiment modes --save two_ways.npz
   geodesic-motion experiment whole-arm --moving-scenes 500 --processes 2
+  geodesic-motion experiment moving-tool --skill panda_bottle2shelf --scenes 20 --seeds 0,1,2,3 --processes 2
   geodesic-motion experiment obstacle-laws --scenes 200
   geodesic-motion experiment volume --demos joints.npz
   geodesic-motion experiment rate --skill panda_reach_to_grasp --rates 100,250,500
@@ -114,7 +116,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
     )  # fmt: skip
     whole_arm.add_argument(
-        "--parts", type=_parts, default="tubes,one way,all ways,elbow,moving", metavar="PART,PART",
+        "--parts", type=_names, default="tubes,one way,all ways,elbow,moving", metavar="PART,PART",
         help="what is measured",
     )  # fmt: skip
     whole_arm.add_argument("--scenes", type=int, default=40, help="of standing spheres, or of none, in each part")
@@ -122,6 +124,25 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     whole_arm.add_argument("--seed", type=int, default=0, help="of the scenes")
     whole_arm.add_argument("--processes", type=int, default=1, help="that play scenes of moving spheres")
     whole_arm.set_defaults(run=_whole_arm)
+
+    moving_tool = names.add_parser(
+        "moving-tool", help="moving spheres with a skill of the tool", formatter_class=HelpFormatter,
+        description="Spheres cross the tool's way or chase it; each scene is played once more with a planner that is "
+        "not told of them. Exact distances of the tool's spheres are judged 200 times a second: with such a skill "
+        "nothing but the tool avoids obstacles. What counts are contacts of a tool that moved and had had room to "
+        "brake; there should be none.",
+    )  # fmt: skip
+    moving_tool.add_argument(
+        "--skill", default="panda_pouring", metavar="SKILL", help="of task space: its folder, or a shipped name"
+    )
+    moving_tool.add_argument(
+        "--tools", type=_names, default="hand,slim", metavar="TOOL,TOOL",
+        help="hand: tool_spheres of the planner node, 18 cm wide; slim: one sphere of 4 cm at the tool's origin",
+    )  # fmt: skip
+    moving_tool.add_argument("--scenes", type=int, default=40, help="of each seed, with each tool")
+    moving_tool.add_argument("--seeds", type=indices, default="0", metavar="SEEDS", help="of the scenes")
+    moving_tool.add_argument("--processes", type=int, default=1, help="that play scenes")
+    moving_tool.set_defaults(run=_moving_tool)
 
     laws = names.add_parser("obstacle-laws", help="three ambient metrics compared", formatter_class=HelpFormatter)
     laws.add_argument(
@@ -146,7 +167,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     rate.add_argument("--obstacles", type=int, default=10, help="spheres beside the way")
     rate.add_argument("--spheres", type=int, default=100, help="that appear in the way, to time answers; 0: none")
     rate.set_defaults(run=_rate)
-    for experiment in (geodesics, avoidance, crossing, goals, modes, whole_arm, laws, volume, rate):
+    for experiment in (geodesics, avoidance, crossing, goals, modes, whole_arm, moving_tool, laws, volume, rate):
         experiment.add_argument(
             "--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results"
         )
@@ -243,6 +264,26 @@ def _whole_arm(arguments: argparse.Namespace) -> None:
     _hand_over(arguments, folder, report.table(), report.as_dict())
 
 
+def _moving_tool(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.moving_tool import MovingToolSettings, draw_moving_tool, measure_moving_tool
+    from geodesic_motion_ros.nodes.demo_scene import DEFAULTS
+    from geodesic_motion_ros.nodes.skill_kinds import task_settings
+    from geodesic_motion_ros.planner_settings import PlannerSettings
+    from geodesic_motion_ros.skill import Skill
+
+    known = {"hand": task_settings(DEFAULTS), "slim": PlannerSettings()}
+    unknown = [tool for tool in arguments.tools if tool not in known]
+    if unknown:
+        raise ParameterError(f"tools are {', '.join(arguments.tools)}: choose from {', '.join(known)}")
+    tools = {tool: known[tool] for tool in arguments.tools}
+    settings = MovingToolSettings(tools, arguments.scenes, arguments.seeds, arguments.processes)
+    skill = Skill.load(arguments.skill)
+    folder = _folder(arguments)
+    report = measure_moving_tool(skill, settings)
+    draw_moving_tool(report, folder / "moving_tool.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
 def _obstacle_laws(arguments: argparse.Namespace) -> None:
     from geodesic_motion_ros.experiments.obstacle_laws import compare_laws, draw_laws
     from geodesic_motion_ros.skill import Skill
@@ -279,8 +320,8 @@ def _numbers(text: str) -> tuple[float, ...]:
     return tuple(float(number) for number in text.split(","))
 
 
-def _parts(text: str) -> tuple[str, ...]:
-    return tuple(part.strip() for part in text.split(","))
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(","))
 
 
 def _save(path: Path, demonstrations: Demonstrations, said: str) -> None:

@@ -1,6 +1,6 @@
 """The whole arm on one joint-space skill, in parts: nothing in its way, spheres that stand there, spheres that move.
 
-What each part asks, and how it is judged, is told in `tubes.py`, `blocked_arm.py` and `moving_spheres.py`.
+What each part asks, and how it is judged, is told in `tubes.py`, `blocked_arm.py` and `moving_arm.py`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.blocked_arm import KINDS, BlockedScene, BlockedWays, Kind, every
-from geodesic_motion_ros.experiments.moving_spheres import MovingScene, play_moving_scenes
+from geodesic_motion_ros.experiments.moving_arm import MovingArmScene, MovingArmStage
+from geodesic_motion_ros.experiments.moving_spheres import draw_clearances, moving_figures, play_scenes
 from geodesic_motion_ros.experiments.tubes import TubeWay, tube_way
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
@@ -67,7 +68,7 @@ class WholeArmReport:
     settings: WholeArmSettings
     tubes: list[TubeWay]
     blocked: dict[Kind, list[BlockedScene]]
-    moving: list[MovingScene] = field(repr=False)
+    moving: list[MovingArmScene] = field(repr=False)
 
     def tube_summary(self) -> dict[str, int]:
         """The figures of ways without obstacles."""
@@ -101,28 +102,14 @@ class WholeArmReport:
     def moving_summary(self) -> dict[str, float | int]:
         """The figures of moving spheres."""
         scenes = self.moving
-        contacts = Counter(contact for scene in scenes for contact in scene.contacts)
-        ticks = 1e3 * np.concatenate([scene.ticks for scene in scenes])
         worst = np.max([scene.strains for scene in scenes], axis=0)
-        return {
-            "scenes": len(scenes),
-            "spheres": sum(scene.spheres for scene in scenes),
-            "contacts_moving": contacts["moving"],
-            "contacts_moving_without_avoidance": sum(scene.control for scene in scenes),
-            "contacts_no_room": contacts["no room"],
-            "contacts_standing": contacts["standing"],
-            "goals_reached": sum(scene.reached for scene in scenes),
+        return moving_figures(scenes) | {
             "replans": sum(scene.replans for scene in scenes),
             "largest_step_rad": max(scene.step for scene in scenes),
             "samples_over_limits": sum(scene.excess for scene in scenes),
             "velocity_share": float(worst[0]),
             "acceleration_share": float(worst[1]),
             "jerk_share": float(worst[2]),
-            "least_clearance_mm": 1e3 * min(scene.clearance for scene in scenes),
-            "median_duration_s": float(np.median([scene.duration for scene in scenes])),
-            "tick_p50_ms": float(np.percentile(ticks, 50)),
-            "tick_p99_ms": float(np.percentile(ticks, 99)),
-            "tick_longest_ms": float(np.max(ticks)),
         }
 
     def as_dict(self) -> dict[str, Any]:
@@ -133,8 +120,7 @@ class WholeArmReport:
         for kind, scenes in self.blocked.items():
             content[kind] = {"summary": self.blocked_summary(kind), "scenes": [_told(scene) for scene in scenes]}
         if self.moving:
-            told = [{name: value for name, value in asdict(scene).items() if name != "ticks"} for scene in self.moving]
-            content["moving"] = {"summary": self.moving_summary(), "scenes": told}
+            content["moving"] = {"summary": self.moving_summary(), "scenes": [scene.told() for scene in self.moving]}
         return content
 
     def table(self) -> str:
@@ -183,9 +169,8 @@ def measure_whole_arm(
             blocked[kind] = [ways.scene(kind, number, settings.seed) for number in counted]
     moving = []
     if "moving" in settings.parts:
-        moving = play_moving_scenes(
-            skill, settings.planner, settings.moving_scenes, settings.seed, settings.processes, show_progress
-        )
+        stage = skill, settings.planner, settings.seed
+        moving = play_scenes(MovingArmStage, stage, settings.moving_scenes, settings.processes, show_progress)
     return WholeArmReport(settings, tubes, blocked, moving)
 
 
@@ -211,12 +196,8 @@ def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
     if panels:
         figure = Figure(figsize=(6 * len(panels), 4.5), layout="constrained")
         for axes, (counted, clearances) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-            for label, values in clearances.items():
-                if values:
-                    axes.hist(1e3 * np.array(values), bins=20, histtype="step", label=label.format(len(values)))
-            axes.axvline(0.0, color="tab:red", label="contact")
+            draw_clearances(axes, clearances)
             axes.set(xlabel="least clearance of the arm [mm]", ylabel=counted)
-            axes.legend()
         write_figure(figure, folder / "whole_arm.png")
     switches = [
         scene for scenes in report.blocked.values() for scene in scenes

@@ -11,13 +11,8 @@ import pytest
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_queries import draw_query
 from geodesic_motion_ros.experiments.blocked_arm import FREE_HAND, BlockedWays, hand_alone
-from geodesic_motion_ros.experiments.moving_spheres import (
-    DISTANCE_AT_REST,
-    MovingRun,
-    MovingSphere,
-    MovingStage,
-    draw_spheres,
-)
+from geodesic_motion_ros.experiments.moving_arm import MovingArmRun, MovingArmStage, nominal_arm
+from geodesic_motion_ros.experiments.moving_spheres import DISTANCE_AT_REST, MovingSphere, draw_spheres
 from geodesic_motion_ros.experiments.tubes import tube_way
 from geodesic_motion_ros.experiments.whole_arm import (
     WholeArmReport,
@@ -42,12 +37,12 @@ def ways(reach_skill: Skill) -> BlockedWays:
 
 
 @pytest.fixture(scope="module")
-def stage(reach_skill: Skill) -> MovingStage:
-    return MovingStage(reach_skill, COARSE, seed=0)
+def stage(reach_skill: Skill) -> MovingArmStage:
+    return MovingArmStage(reach_skill, COARSE, seed=0)
 
 
 @pytest.fixture(scope="module")
-def report(ways: BlockedWays, stage: MovingStage) -> WholeArmReport:
+def report(ways: BlockedWays, stage: MovingArmStage) -> WholeArmReport:
     settings = WholeArmSettings(blocked_scenes=2, moving_scenes=1, planner=COARSE)
     blocked = {kind: [ways.scene(kind, number, 0) for number in range(2)] for kind in ("one way", "all ways", "elbow")}
     tubes = [tube_way(stage.planner, number, 0) for number in range(4)]
@@ -109,7 +104,7 @@ def test_spheres_begin_clear_of_the_arm(stage) -> None:
     random = np.random.default_rng(3)
     _, nominal = draw_query(stage.planner, random)
     model, robot = CollisionModel.panda(), Robot.panda()
-    for sphere in draw_spheres(stage.planner, nominal, random):
+    for sphere in draw_spheres(nominal_arm(stage.planner, nominal), random):
         posture = nominal.sample(sphere.appears)[0]
         distance, _ = configuration_clearance(
             model, robot, posture, sphere.begin[None], np.array([sphere.radius])
@@ -124,13 +119,13 @@ def test_who_is_to_blame_for_a_contact_is_told(stage) -> None:
     hand, _ = stage.planner.robot.forward(query.goal)
     blocking = MovingSphere(0.06, 0.0, 30.0, hand, np.zeros(3), False)
     driven = MovingSphere(0.04, 0.0, 30.0, elbow + [0.0, 0.0, 0.3], np.array([0.0, 0.0, -0.4]), False)
-    scene = MovingRun(stage.planner, stage.world, stage.geometry, query, [blocking, driven]).play(0, longest=1.5)
+    scene = MovingArmRun(stage.planner, stage.world, stage.geometry, query, [blocking, driven]).play(0, longest=1.5)
     assert scene.contacts == ("standing",)
     assert not scene.reached
     sudden = MovingSphere(
         0.05, 2.0, 2.2, elbow_position(stage.planner.robot, nominal.sample(2.0)[0]), np.zeros(3), False
     )
-    scene = MovingRun(stage.planner, stage.world, stage.geometry, query, [sudden]).play(0, longest=2.3)
+    scene = MovingArmRun(stage.planner, stage.world, stage.geometry, query, [sudden]).play(0, longest=2.3)
     assert scene.contacts == ("no room",)
 
 
