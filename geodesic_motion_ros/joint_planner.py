@@ -126,8 +126,8 @@ class JointSpacePlanner:
         self._solver = JointSolver(skill, self.graph, self.settings, self.robot, self.collision, self.limits)
         self._queries = JointQueryBuilder(skill, self.graph, self.settings, self.collision)
         self._obstacles = Obstacles.none()
-        # The time of the newest tick [s].
-        self._ticked = 0.0
+        # The time of the newest tick [s], and when what it finds comes too late.
+        self._ticked, self._late = 0.0, NEVER
         self._goal: GoalChoice | None = None
         self._query: JointQuery | None = None
         self._played: _Played | None = None
@@ -317,13 +317,14 @@ class JointSpacePlanner:
             return None
         return self._played.reference, self._played.begin
 
-    def tick(self, now: float, deadline: Deadline = NEVER) -> JointPlan:
+    def tick(self, now: float, deadline: Deadline = NEVER, late: Deadline = NEVER) -> JointPlan:
         """One step of the stream at `now` [s]: what is to be played, and the verdict.
 
         DEADLINE_MISSED where the deadline did not leave time for all that could be tried: then the arm stops along its
-        way, and the next ticks go on trying.
+        way, and the next ticks go on trying. So too where `late` has passed by the time that a reference is found: it
+        would take over in the past, and what is being played stays.
         """
-        self._ticked = now
+        self._ticked, self._late = now, late
         if self._played is None:
             return JointPlan(None, now, Verdict(VerdictCode.STALE_STATE, "where the arm stands is not known yet"))
         if self._goal is None:
@@ -354,11 +355,12 @@ class JointSpacePlanner:
         if plan.reference is None:
             return self._stopped(now, plan.verdict)
         nearest = plan.verdict.clearance
-        self._followed = _Followed(query, plan.verdict, self._obstacles, now, nearest, nearest, plan.nodes)
-        return self._play(plan.reference, now, state.time, plan.verdict)
+        found = _Followed(query, plan.verdict, self._obstacles, now, nearest, nearest, plan.nodes)
+        return self._play(plan.reference, now, state.time, found)
 
-    def stop(self, now: float, verdict: Verdict) -> JointPlan:
-        """Come to rest along the way being gone, for a reason."""
+    def stop(self, now: float, verdict: Verdict, late: Deadline = NEVER) -> JointPlan:
+        """Come to rest along the way being gone, for a reason; late : as of `tick`."""
+        self._late = late
         return JointPlan(None, now, verdict) if self._played is None else self._stopped(now, verdict)
 
     def plan(
@@ -484,12 +486,18 @@ class JointSpacePlanner:
             verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
         assert self._followed is not None
         nearest = verdict.clearance
-        self._followed = _Followed(self._followed.query, verdict, self._obstacles, now, nearest, nearest)
-        return self._play(stop, now, switch, verdict)
+        stopping = _Followed(self._followed.query, verdict, self._obstacles, now, nearest, nearest)
+        return self._play(stop, now, switch, stopping)
 
-    def _play(self, reference: JointReference, now: float, switch: float, verdict: Verdict) -> JointPlan:
-        """Hand out what is being played until the switch, and the new reference from there on."""
+    def _play(self, reference: JointReference, now: float, switch: float, followed: _Followed) -> JointPlan:
+        """Hand out what is being played until the switch, and the new reference from there on; nothing if it is too
+        late for that.
+        """
         assert self._played is not None
+        if self._late.passed:
+            reason = f"what was found would take over in the past: a tick took longer than {self.settings.latency:g} s"
+            return JointPlan(None, now, Verdict(VerdictCode.DEADLINE_MISSED, reason))
+        self._followed = followed
         begin = self._played.knot_before(now)
         self._played_before = self._played
         old = self._played.reference
@@ -498,4 +506,4 @@ class JointSpacePlanner:
             old = replace(old, latent=np.repeat(reference.latent[:1], len(old.times), axis=0))
         whole = joined(old, begin - self._played.begin, reference, switch - self._played.begin)
         self._played, self._swept = _Played(whole, begin), None
-        return JointPlan(whole, begin, verdict)
+        return JointPlan(whole, begin, followed.verdict)

@@ -20,6 +20,8 @@ from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pos
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
+#: From the planner's answer to the arm that plays it, at most [s].
+TRANSIT = 0.005
 #: An arm that was lost rests while no joint leaves this interval [rad].
 REST_ANGLE = 0.01
 
@@ -72,7 +74,11 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         return super().run(inputs, period)
 
     def stop(self, verdict: Verdict) -> CycleOutput:
-        return self._output(self.planner.stop(self._now, verdict))
+        return self._output(self.planner.stop(self._now, verdict, self._late()))
+
+    def _late(self) -> Deadline:
+        """What is planned from now on must have been found by then."""
+        return Deadline(self._clock() + self.planner.settings.latency - TRANSIT, self._clock)
 
     def _command(
         self, verdict: Verdict, inputs: CycleInputs[np.ndarray], advance: float, deadline: Deadline
@@ -83,8 +89,8 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             reason = "a skill of joint space cannot follow a task frame that is not the base frame"
             verdict = Verdict(VerdictCode.BAD_INPUT, reason)
         if not verdict.ok:
-            return self._output(self.planner.stop(self._now, verdict))
-        return self._output(self.planner.tick(self._now, deadline))
+            return self._output(self.planner.stop(self._now, verdict, self._late()))
+        return self._output(self.planner.tick(self._now, deadline, self._late()))
 
     def _output(self, plan: JointPlan) -> CycleOutput:
         trajectory = self._to_send(plan)

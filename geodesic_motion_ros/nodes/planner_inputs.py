@@ -34,6 +34,7 @@ from geodesic_motion_ros.nodes.messages import (
 from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.parameters import NodeParameters
+from geodesic_motion_ros.nodes.plausible_joints import PlausibleJoints
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -76,6 +77,7 @@ class PlannerInputs:
         self._time = NodeTime(node.get_clock())
         self._lock = threading.Lock()
         self._tracker = ObstacleTracker()
+        self._plausible = PlausibleJoints(robot)
         self._joints: np.ndarray | None = None
         self._joints_taken = 0.0
         self._goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Verdict | None = None
@@ -178,6 +180,7 @@ class PlannerInputs:
         if moment.now == 0.0:
             raise MessageRefused("use_sim_time is set, and nothing has been heard on /clock: its age cannot be told")
         taken = moment.running - _transit(seconds(message.header.stamp), moment.now)
+        self._plausible.check(joints, taken)
         with self._lock:
             self._joints, self._joints_taken = joints, taken
 

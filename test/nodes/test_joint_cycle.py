@@ -147,6 +147,28 @@ def test_cycles_that_come_back_while_the_arm_brakes_go_on_from_there(cycle, arm,
     np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
 
 
+def test_what_would_take_over_in_the_past_is_not_sent_and_the_next_cycle_finds_it_again(planner, arm, inputs):
+    planner.clear_goal()
+    time = [0.0]
+
+    def slow() -> float:
+        """From one look to the next pass 30 ms, as long as there are two numbers."""
+        time[0] += 0.03 * (len(time) > 1)
+        return time[0]
+
+    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=slow)
+    follow(cycle, arm, inputs, 1.0)
+    holding = dataclasses.replace(inputs, hold=True)
+    time.append(0.0)
+    missed = follow(cycle, arm, holding, PERIOD)[0]
+    assert missed.verdict.code is VerdictCode.DEADLINE_MISSED
+    assert missed.trajectory is None
+    time.pop()
+    stopped = follow(cycle, arm, holding, PERIOD)[0]
+    assert stopped.verdict.code is VerdictCode.HOLD_REQUESTED
+    assert stopped.trajectory is not None
+
+
 def test_a_horizon_shorter_than_the_prediction_is_refused(planner):
     with pytest.raises(ParameterError, match=r"horizon = 0\.5: must not be less than prediction, 0\.8 s"):
         JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=0.5)

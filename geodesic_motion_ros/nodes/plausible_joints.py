@@ -1,0 +1,51 @@
+"""Joint states that no arm can have come to: one alone is a fault of the sensor, two that agree are the arm.
+
+A single wrong state looks like an arm that was pushed far away, and what the planner commands would follow it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geodesic_motion_ros.nodes.messages import MessageRefused
+from geodesic_motion_ros.robot.kinematics import Robot
+
+#: What a state may differ from the one before besides what the joints' speeds allow [rad].
+NOISE = 0.1
+#: After a longer silence [s] the arm may be anywhere.
+FORGOTTEN = 0.5
+
+
+class PlausibleJoints:
+    """Looks at the states of one robot, one after the other."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._known: tuple[np.ndarray, float] | None = None
+        self._doubted: tuple[np.ndarray, float] | None = None
+
+    def check(self, joints: np.ndarray, taken: float) -> None:
+        """Take a state (eta,) [rad] of a time [s].
+
+        Raises
+        ------
+        MessageRefused : the joints cannot have come there since the newest state that was taken, nor from one that was
+            refused just before.
+        """
+        doubted, self._doubted = self._doubted, None
+        jump = None if self._known is None else self._jump(self._known, joints, taken)
+        if jump is not None and (doubted is None or self._jump(doubted, joints, taken) is not None):
+            self._doubted = joints, taken
+            raise MessageRefused(f"{jump}, faster than it can move: the next state is believed if it agrees")
+        self._known = joints, taken
+
+    def _jump(self, before: tuple[np.ndarray, float], joints: np.ndarray, taken: float) -> str | None:
+        """The joint that cannot have come to a state from one before, and how far it is; None where all can."""
+        if taken - before[1] > FORGOTTEN:
+            return None
+        moved = np.abs(joints - before[0])
+        excess = moved - NOISE - max(0.0, taken - before[1]) * self._robot.velocity_limits
+        worst = int(np.argmax(excess))
+        if excess[worst] <= 0.0:
+            return None
+        return f"joint '{self._robot.joint_names[worst]}' has jumped by {moved[worst]:.2f} rad"

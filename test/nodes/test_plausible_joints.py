@@ -1,0 +1,46 @@
+"""A single joint state that cannot be is refused; an arm that really is elsewhere is believed at the second one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.nodes.messages import MessageRefused
+from geodesic_motion_ros.nodes.plausible_joints import FORGOTTEN, PlausibleJoints
+from geodesic_motion_ros.robot.kinematics import Robot
+
+ROBOT = Robot.panda()
+STEP = 0.008
+AWAY = np.array([0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0])
+
+
+@pytest.fixture
+def states() -> PlausibleJoints:
+    joints = PlausibleJoints(ROBOT)
+    joints.check(ROBOT.ready, 10.0)
+    return joints
+
+
+def test_an_arm_at_full_speed_is_believed(states):
+    for number in range(1, 50):
+        states.check(ROBOT.ready + number * STEP * ROBOT.velocity_limits, 10.0 + number * STEP)
+
+
+def test_a_glitch_is_refused_by_the_name_of_its_joint_and_forgotten(states):
+    for number in range(1, 10, 2):
+        with pytest.raises(MessageRefused, match=r"'panda_joint4' has jumped by 0\.50 rad"):
+            states.check(ROBOT.ready + AWAY, 10.0 + number * STEP)
+        states.check(ROBOT.ready, 10.0 + (number + 1) * STEP)
+
+
+def test_two_states_that_agree_are_believed(states):
+    with pytest.raises(MessageRefused):
+        states.check(ROBOT.ready + AWAY, 10.0 + STEP)
+    states.check(ROBOT.ready + AWAY, 10.0 + 2.0 * STEP)
+    states.check(ROBOT.ready + AWAY, 10.0 + 3.0 * STEP)
+    with pytest.raises(MessageRefused):
+        states.check(ROBOT.ready, 10.0 + 4.0 * STEP)
+
+
+def test_after_a_silence_the_arm_may_be_anywhere(states):
+    states.check(ROBOT.ready + AWAY, 10.0 + FORGOTTEN + STEP)
