@@ -491,7 +491,8 @@ class ReactivePlanner:
             quaternions = continuous_signs(np.concatenate([start.quaternion[None], curve.quaternions[1:]]))
             curve = MotionCurve.through(positions, quaternions, settings.limits)
         latent = previous.latent[at:]
-        braking = braking_law(curve, settings.limits, initial_rate(curve, settings.limits, speed / settings.speed))
+        rate = initial_rate(curve, settings.limits, speed / settings.speed)
+        braking = braking_law(curve, settings.limits, rate, min(previous.strain, _STRAIN))
         if braking is not None:
             curve, times, rates = braking
             unknown = np.full(len(times) - 1, np.inf)

@@ -106,9 +106,7 @@ def _largest(knots: np.ndarray, forms: np.ndarray, caps: np.ndarray, strain: flo
 
 
 @numba.njit(cache=True, nogil=True)
-def _fastest(
-    knots: np.ndarray, forms: np.ndarray, largest: np.ndarray, initial: float, strain: float
-) -> np.ndarray:
+def _fastest(knots: np.ndarray, forms: np.ndarray, largest: np.ndarray, initial: float, strain: float) -> np.ndarray:
     """Forward pass: S (n,) with the largest A everywhere."""
     result = np.zeros(len(knots))
     result[0] = initial
@@ -120,18 +118,18 @@ def _fastest(
 
 
 @numba.njit(cache=True, nogil=True)
-def _soonest_rest(
-    knots: np.ndarray, forms: np.ndarray, initial: float
-) -> tuple[np.ndarray, int, float]:
+def _soonest_rest(knots: np.ndarray, forms: np.ndarray, initial: float, strain: float) -> tuple[np.ndarray, int, float]:
     """S (n,) under the hardest braking allowed, and the segment and the share of it where the rest is reached."""
     result = np.zeros(len(knots))
     result[0] = initial
     for i in range(len(forms)):
         step = knots[i + 1] - knots[i]
-        low, high = _accelerations(forms[i], result[i], 1.0)
-        if low > high:
-            # Faster than this bend allows: as hard as on a straight.
-            low = -1.0 / math.sqrt(max(forms[i, 0, 2], forms[i, 3, 2]))
+        low, high = _accelerations(forms[i], result[i], strain)
+        more = 1.1 * strain
+        while low > high and more < 1e6:
+            # Faster than this bend allows.
+            low, high = _accelerations(forms[i], result[i], more)
+            more *= 1.1
         after = result[i] + 2.0 * step * low
         if after <= 0.0:
             return result, i, -0.5 * result[i] / (low * step)
@@ -171,14 +169,16 @@ def fastest_law(curve: MotionCurve, limits: MotionLimits, initial_rate: float) -
 
 
 def braking_law(
-    curve: MotionCurve, limits: MotionLimits, initial_rate: float
+    curve: MotionCurve, limits: MotionLimits, initial_rate: float, strain: float = 1.0
 ) -> tuple[MotionCurve, np.ndarray, np.ndarray] | None:
     """The beginning of a curve on which the soonest rest is reached, with times (n,) [s] and rates u' (n,).
 
-    None where the curve is too short for it.
+    Accelerations may be `strain` times as large as the limits, in a segment whose bend the rate is too fast for 1.1
+    times that, or 1.21, ... A law that is left for a stop says its own strain: with less, the next bend would be
+    reached faster than by the law. None where the curve is too short for a rest.
     """
     forms, _ = _arrays(curve, limits)
-    squared, segment, share = _soonest_rest(curve.knots, forms, initial_rate**2)
+    squared, segment, share = _soonest_rest(curve.knots, forms, initial_rate**2, strain)
     if segment == len(forms):
         return None
     cut = curve.until(segment, share)

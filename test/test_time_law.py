@@ -31,6 +31,12 @@ def reference(curve: MotionCurve, speed: float = 0.0) -> TaskSpaceReference:
     return timed_reference(curve, np.zeros((count, 2)), LIMITS, speed)
 
 
+def stop(curve: MotionCurve, rate: float, strain: float = 1.0) -> TaskSpaceReference:
+    cut, times, rates = braking_law(curve, LIMITS, rate, strain)
+    count = len(times)
+    return TaskSpaceReference(times, rates, cut, LIMITS, np.zeros((count, 2)), np.full(count - 1, np.inf))
+
+
 def differences(motion: TaskSpaceReference, period: float) -> tuple[np.ndarray, np.ndarray]:
     """Velocities (n, 6) and accelerations (n - 1, 6) of samples `period` [s] apart, from rest and to rest."""
     times = np.arange(-2.0 * period, motion.duration + 3.0 * period, period)
@@ -167,9 +173,7 @@ def test_braking_is_the_soonest_rest_within_the_limits(seed):
     whole = reference(drawn(np.stack([0.5 * share, 0.0 * share, 0.0 * share], axis=1) + waves, waves))
     half = int(np.searchsorted(whole.times, 0.5 * whole.duration))
     going = whole.rest(half, 0.5)
-    cut, times, rates = braking_law(going.curve, LIMITS, going.rates[0])
-    count = len(times)
-    halt = TaskSpaceReference(times, rates, cut, LIMITS, np.zeros((count, 2)), np.full(count - 1, np.inf))
+    halt = stop(going.curve, going.rates[0])
     np.testing.assert_allclose(halt.velocity(0.0), going.velocity(0.0), atol=1e-9)
     assert halt.rate(halt.duration) == 0.0
     velocities, accelerations = differences(halt, 0.001)
@@ -177,8 +181,45 @@ def test_braking_is_the_soonest_rest_within_the_limits(seed):
     assert moving.max() <= SMOOTH * LIMITS.acceleration
     assert halt.duration >= np.linalg.norm(velocities[2, :3]) / LIMITS.acceleration * 0.98
     assert braking_law(whole.curve.until(3, 0.5), LIMITS, 1.0) is None
-    for point in cut.positions:
+    for point in halt.positions:
         assert np.linalg.norm(going.curve.positions - point, axis=1).min() < 0.01
+
+
+@pytest.mark.parametrize("excess", [1.02, 1.04])
+def test_braking_in_a_bend_that_is_too_fast_exceeds_the_limit_by_a_tenth_and_no_more(excess):
+    angles = np.linspace(0.0, 2.0 * np.pi, 200)
+    radius = 0.04
+    circle = drawn(radius * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1), np.zeros((200, 3)))
+    # Centripetal alone: speed^2 / radius.
+    speed = excess * np.sqrt(LIMITS.acceleration * radius)
+    halt = stop(circle, speed / float(np.linalg.norm(circle.tangents[0, :3])))
+    assert np.linalg.norm(halt.velocity(0.0)[:3]) == pytest.approx(speed)
+    assert halt.rate(halt.duration) == 0.0
+    _, accelerations = differences(halt, 0.001)
+    moving = np.linalg.norm(accelerations[3:-4, :3], axis=1)
+    assert LIMITS.acceleration * 1.02 < moving.max() <= 1.12 * LIMITS.acceleration
+    assert halt.duration < 1.6 * speed / LIMITS.acceleration
+
+
+def test_a_stop_before_a_bend_takes_no_more_than_the_law_that_it_leaves():
+    # A straight, half a turn: a strained law brakes before it as late as it can.
+    straight, angles, radius = np.linspace(-0.06, 0.0, 60)[:-1], np.linspace(0.0, np.pi, 100), 0.01
+    along = np.concatenate([straight, radius * np.sin(angles)])
+    across = np.concatenate([0.0 * straight, radius * (1.0 - np.cos(angles))])
+    curve = drawn(np.stack([along, across, 0.0 * along], axis=1), np.zeros((len(along), 3)))
+    speeds = np.linspace(0.5, 1.2, 71)
+    going = next(law for law in (reference(curve, speed) for speed in speeds) if law.strain > 1.0)
+    assert going.strain == 1.1
+    strongest = {going.strain: 0.0, 1.0: 0.0}
+    for time in np.linspace(0.02, 0.4, 10) * going.duration:
+        left = going.rest(int(np.searchsorted(going.times, time)), 0.5)
+        for strain in strongest:
+            _, accelerations = differences(stop(left.curve, left.rates[0], strain), 0.001)
+            moving = np.linalg.norm(accelerations[3:-4, :3], axis=1)
+            strongest[strain] = max(strongest[strain], moving.max() / LIMITS.acceleration)
+    assert strongest[going.strain] <= 1.1 * SMOOTH
+    # The control: one that brakes less is in the bend too fast.
+    assert strongest[1.0] > 1.3
 
 
 def test_quaternions_of_a_timed_curve_keep_their_hemisphere():
