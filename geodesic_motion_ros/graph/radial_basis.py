@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numba
 import numpy as np
+
+#: From so many points on it is worth it to share them among threads: when a graph is decoded, not in a tick.
+_MANY = 20_000
 
 
 def radial_basis(latent: np.ndarray, centres: np.ndarray, rate: float, weights: np.ndarray) -> np.ndarray:
@@ -13,7 +19,13 @@ def radial_basis(latent: np.ndarray, centres: np.ndarray, rate: float, weights: 
 
     Kernels below exp(-40), which is below the rounding of the others' sum wherever a point is near any, are left out.
     """
-    return _radial_basis(np.ascontiguousarray(latent, dtype=float), centres, rate, np.ascontiguousarray(weights))
+    latent, weights = np.ascontiguousarray(latent, dtype=float), np.ascontiguousarray(weights)
+    if len(latent) < _MANY:
+        return _radial_basis(latent, centres, rate, weights)
+    parts = np.array_split(latent, os.cpu_count() or 1)
+    with ThreadPoolExecutor(len(parts)) as threads:
+        worked_out = threads.map(partial(_radial_basis, centres=centres, rate=rate, weights=weights), parts)
+        return np.concatenate(list(worked_out))
 
 
 @numba.njit(cache=True, nogil=True)

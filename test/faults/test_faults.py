@@ -15,10 +15,7 @@ pytestmark = pytest.mark.realtime
 #: It moves slowly: an arm that a busy machine simulates can follow.
 SKILL = "panda_pouring"
 #: Faults, and the phase in which they are injected here.
-QUICK = {
-    "state_stops": "motion", "state_lacks_joint": "start", "goal_unknown_frame": "motion", "all_blocked": "motion",
-    "planner_stopped": "motion", "skill_altered": "start",
-}  # fmt: skip
+QUICK = {"state_stops": "motion", "all_blocked": "motion", "planner_stopped": "motion", "skill_altered": "start"}
 
 
 #: A machine that others share stands still for longer than criteria allow, now and then: then a fault is run again.

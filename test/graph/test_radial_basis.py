@@ -30,3 +30,11 @@ def test_views_of_other_memory_layouts_are_taken():
     latent, centres, weights = random.normal(size=(40, 4))[::2, ::2], random.normal(size=(6, 2)), random.random((6, 3))
     given = radial_basis(latent, centres, 1.0, weights.T)
     np.testing.assert_array_equal(given, radial_basis(latent.copy(), centres, 1.0, weights.T.copy()))
+
+
+def test_many_points_are_worked_out_as_few_are() -> None:
+    random = np.random.default_rng(5)
+    centres, weights = random.normal(size=(20, 3)), random.uniform(size=(7, 20))
+    latent = random.normal(size=(30_001, 3))
+    few = np.concatenate([radial_basis(part, centres, 2.0, weights) for part in np.array_split(latent, 7)])
+    np.testing.assert_array_equal(radial_basis(latent, centres, 2.0, weights), few)
