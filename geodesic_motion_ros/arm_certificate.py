@@ -115,19 +115,10 @@ class ArmCertifier:
 
     def certify_swept(self, swept: SweptArm, obstacles: Obstacles, horizon: float) -> Certificate:
         """`certify` for where a reference takes the arm; obstacles are where they are at its time 0."""
-        times, placed, bulges = swept.times, swept.placed, swept.bulges
-        clearance, sphere = arm_clearances(
-            times, placed, bulges, self._radii, self._moving, obstacles.centres, obstacles.radii, obstacles.velocities,
-            horizon,
-        )  # fmt: skip
-        if len(obstacles.solids):
-            lower_by_solids(
-                times, placed, bulges, self._radii, self._moving, obstacles.solids, bounding_radii(obstacles.solids),
-                obstacles.solid_velocities, horizon, clearance, sphere,
-            )  # fmt: skip
-        if obstacles.cloud.squares.size:
-            lower_by_cloud(placed, bulges, self._radii, self._moving, *obstacles.cloud, clearance, sphere)
-        return Certificate(times, clearance, sphere, swept.self_clearance, swept.pair)
+        clearance, sphere = clearances_in_motion(
+            swept.times, swept.placed, swept.bulges, self._radii, self._moving, obstacles, horizon
+        )
+        return Certificate(swept.times, clearance, sphere, swept.self_clearance, swept.pair)
 
     def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
         """Why a reference must not be followed, naming the link; None where `margin` [m] is kept from obstacles and
@@ -145,6 +136,29 @@ class ArmCertifier:
 
     def _link(self, sphere: int) -> str:
         return self._robot.link_names[self._frames[sphere]]
+
+
+def clearances_in_motion(
+    times: np.ndarray,
+    placed: np.ndarray,
+    bulges: np.ndarray,
+    radii: np.ndarray,
+    spheres: np.ndarray,
+    obstacles: Obstacles,
+    horizon: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """`arm_clearances` from obstacles of every kind, which are where they are at time 0."""
+    clearance, nearest = arm_clearances(
+        times, placed, bulges, radii, spheres, obstacles.centres, obstacles.radii, obstacles.velocities, horizon
+    )
+    if len(obstacles.solids):
+        lower_by_solids(
+            times, placed, bulges, radii, spheres, obstacles.solids, bounding_radii(obstacles.solids),
+            obstacles.solid_velocities, horizon, clearance, nearest,
+        )  # fmt: skip
+    if obstacles.cloud.squares.size:
+        lower_by_cloud(placed, bulges, radii, spheres, *obstacles.cloud, clearance, nearest)
+    return clearance, nearest
 
 
 @numba.njit(cache=True, nogil=True)

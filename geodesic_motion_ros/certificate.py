@@ -7,11 +7,11 @@ import math
 import numba
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import arm_clearances, lower_by_cloud, lower_by_solids
+from geodesic_motion_ros.arm_certificate import clearances_in_motion
 from geodesic_motion_ros.distance_field import field_approach
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.solids import bounding_radii, solid_approach
+from geodesic_motion_ros.solids import solid_approach
 
 
 @numba.njit(cache=True, nogil=True)
@@ -97,16 +97,7 @@ def motion_clearances(
     # An interval without a length would have no velocity.
     times = times + 1e-9 * np.arange(len(times))
     every = np.arange(len(point_radii))
-    clearance, nearest = arm_clearances(
-        times, points, bulges, point_radii, every, obstacles.centres, obstacles.radii, obstacles.velocities, prediction
-    )
-    if len(obstacles.solids):
-        lower_by_solids(
-            times, points, bulges, point_radii, every, obstacles.solids, bounding_radii(obstacles.solids),
-            obstacles.solid_velocities, prediction, clearance, nearest,
-        )  # fmt: skip
-    if obstacles.cloud.squares.size:
-        lower_by_cloud(points, bulges, point_radii, every, *obstacles.cloud, clearance, nearest)
+    clearance, _ = clearances_in_motion(times, points, bulges, point_radii, every, obstacles, prediction)
     return clearance
 
 

@@ -22,10 +22,10 @@ from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference, joined, load_references, stopping_reference
-from geodesic_motion_ros.joint_solver import MOVING_MULTIPLE, Attempt, JointPlan, JointSolver, MotionState
+from geodesic_motion_ros.joint_solver import Attempt, JointPlan, JointSolver, MotionState
 from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, JointPlannerSettings
 from geodesic_motion_ros.query import checked_pose
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -322,7 +322,7 @@ class JointSpacePlanner:
 
         DEADLINE_MISSED where the deadline did not leave time for all that could be tried: then the arm stops along its
         way, and the next ticks go on trying. So too where `late` has passed by the time that a reference is found: it
-        would take over in the past, and what is being played stays.
+        would take over in the past. A way that is still free is gone on; without one, `stop` is to be asked for.
         """
         self._ticked, self._late = now, late
         if self._played is None:
@@ -346,7 +346,7 @@ class JointSpacePlanner:
                 return self._continued(now, followed)
         known = followed.nodes if followed is not None and followed.keeps_off else None
         plan = self._solver.solve(query, state, obstacles, self._worthwhile_attempts(followed), deadline, known)
-        if followed is not None and not self._gains(plan, followed, state):
+        if followed is not None and (late.passed or not self._gains(plan, followed, state)):
             found_again = plan.reference is None and plan.verdict.ok
             looked = followed.looked if found_again else followed.verdict.clearance
             self._followed = replace(followed, obstacles=self._obstacles, searched=now, looked=looked)
@@ -418,8 +418,7 @@ class JointSpacePlanner:
         followed = self._followed
         if followed is None or followed.query is not self._query or not followed.verdict.ok:
             return None
-        before, obstacles = followed.obstacles, self._obstacles
-        unchanged = before.same_places(obstacles) and obstacles.stand and before.stand
+        unchanged = followed.obstacles.unmoved_in(self._obstacles)
         return JointPlan(None, now, followed.verdict) if unchanged or not self.settings.avoidance else None
 
     def _free_way(self, state: MotionState, obstacles: Obstacles) -> _Followed | None:
@@ -495,7 +494,10 @@ class JointSpacePlanner:
         """
         assert self._played is not None
         if self._late.passed:
-            reason = f"what was found would take over in the past: a tick took longer than {self.settings.latency:g} s"
+            reason = (
+                "what was found would take over in the past: the tick took longer than the setting latency, "
+                f"{self.settings.latency:g} s, leaves; more latency, or a less busy machine, would do"
+            )
             return JointPlan(None, now, Verdict(VerdictCode.DEADLINE_MISSED, reason))
         self._followed = followed
         begin = self._played.knot_before(now)

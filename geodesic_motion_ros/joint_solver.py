@@ -21,7 +21,7 @@ from geodesic_motion_ros.joint_query import JointQuery
 from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way, way_verdict
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, JointPlannerSettings
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -47,9 +47,6 @@ _ATTEMPTS = (
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in _ATTEMPTS)
 #: Samples of the curve per grid step.
 _SAMPLES_PER_STEP = 1.0
-#: Ways among obstacles that move are certified with this multiple of the obstacle margin: nothing moves exactly as
-#: expected.
-MOVING_MULTIPLE = 2.0
 
 
 @dataclass(frozen=True)

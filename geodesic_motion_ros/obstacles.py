@@ -93,6 +93,10 @@ class Obstacles:
             np.array_equal(getattr(self, name), getattr(other, name)) for name in names
         )
 
+    def unmoved_in(self, later: Obstacles) -> bool:
+        """Whether a later scene has the same obstacles at the same places, and none of both moves."""
+        return self.same_places(later) and self.stand and later.stand
+
     def distinct(self) -> Obstacles:
         """In an order of their own: what is told twice, by two sensors, is one obstacle."""
         spheres = _distinct_rows(np.column_stack([self.centres, self.radii, self.velocities]))

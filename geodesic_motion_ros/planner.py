@@ -301,7 +301,7 @@ class ReactivePlanner:
         turned = self._turned
         if turned is None or speed <= 0.0 or turned.query is not self._query:
             return None
-        if not _same_and_standing(turned.obstacles, scene.in_task):
+        if not turned.obstacles.unmoved_in(scene.in_task):
             return None
         braking = self._braking(start, scene.in_task, speed)
         return None if braking is None else Plan(braking, turned.verdict, turning=True)
@@ -327,7 +327,7 @@ class ReactivePlanner:
         followed = self._followed
         if motion.rest is None or followed is None or followed.query is not self._query:
             return None
-        if not _same_and_standing(followed.scene.in_task, scene.in_task):
+        if not followed.scene.in_task.unmoved_in(scene.in_task):
             return None
         return self._keep(motion.rest, scene)
 
@@ -503,10 +503,6 @@ class ReactivePlanner:
         if settings.avoidance and obstacles.stand and np.min(reference.clearance) <= 0.0:
             return None
         return reference
-
-
-def _same_and_standing(before: Obstacles, now: Obstacles) -> bool:
-    return before.same_places(now) and before.stand and now.stand
 
 
 def _to_task(frame: TaskFrame, pose: Pose) -> Pose:

@@ -12,6 +12,10 @@ from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.graph.ambient import LAWS, AmbientLaw
 from geodesic_motion_ros.motion_curve import MotionLimits
 
+#: Ways among obstacles that move are certified with this multiple of the obstacle margin: nothing moves exactly as
+#: expected.
+MOVING_MULTIPLE = 2.0
+
 
 @dataclass(frozen=True)
 class SearchSettings:

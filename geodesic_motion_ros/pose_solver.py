@@ -21,7 +21,7 @@ from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
 from geodesic_motion_ros.motion_curve import MotionCurve, distinct
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.query import Pose, Query
 from geodesic_motion_ros.reference import (
@@ -44,9 +44,6 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 #: would have to brake there.
 MARGIN_MULTIPLES = (1.0, 2.5)
 _SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
-#: Ways among obstacles that move are certified with this multiple of the obstacle margin: nothing moves exactly as
-#: expected.
-_MOVING_MULTIPLE = 2.0
 #: Dense samples of the published curve per grid step.
 _SAMPLES_PER_STEP = 1.0
 
@@ -142,8 +139,8 @@ class PoseSolver:
             query.body, avoided.swept(settings.prediction), settings.ambient_strength, settings.ambient_width_ratio,
             max(MARGIN_MULTIPLES) * settings.obstacle_margin, settings.ambient_law,
         )  # fmt: skip
-        # As of ways.
-        needed = 0.0 if avoided.stand else min(_MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
+        # Ends may stay closer here too.
+        needed = 0.0 if avoided.stand else min(MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
         plan: Plan | None = None
         for multiple in MARGIN_MULTIPLES:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
@@ -238,7 +235,7 @@ class PoseSolver:
         nearest = float(np.min(reference.clearance))
         objection = None
         if settings.avoidance and nearest <= needed:
-            objection = f"the best path would touch an obstacle (clearance {1000 * nearest:.1f} mm)"
+            objection = f"the best path comes within {nearest:.3f} m of an obstacle; {needed:.3f} m are to be kept"
         verdict = way_verdict(self.skill, self.graph, query, decoded.sigma, way, nearest, correction, objection)
         if not verdict.ok:
             return Plan(None, verdict)

@@ -90,7 +90,13 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             verdict = Verdict(VerdictCode.BAD_INPUT, reason)
         if not verdict.ok:
             return self._output(self.planner.stop(self._now, verdict, self._late()))
-        return self._output(self.planner.tick(self._now, deadline, self._late()))
+        began = self._clock()
+        plan = self.planner.tick(self._now, deadline, self._late())
+        if plan.verdict.code is VerdictCode.DEADLINE_MISSED and plan.reference is None:
+            # What is being played is not certified any more: a stop from the present on, which takes no search.
+            self._now += 0.0 if inputs.simulated else self._clock() - began
+            plan = self.planner.stop(self._now, plan.verdict, self._late())
+        return self._output(plan)
 
     def _output(self, plan: JointPlan) -> CycleOutput:
         trajectory = self._to_send(plan)

@@ -169,6 +169,34 @@ def test_what_would_take_over_in_the_past_is_not_sent_and_the_next_cycle_finds_i
     assert stopped.trajectory is not None
 
 
+def test_a_search_that_took_too_long_is_followed_by_a_stop_from_the_present_on(planner, arm, inputs, monkeypatch):
+    planner.clear_goal()
+    time, stall, solve = [0.0], 0.05, planner._solver.solve
+
+    def stalled(*arguments):
+        plan = solve(*arguments)
+        time[0] += stall
+        return plan
+
+    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: time[0])
+    follow(cycle, arm, inputs, 1.0)
+    monkeypatch.setattr(planner._solver, "solve", stalled)
+    # A new goal: the way being gone leads elsewhere, and another one is looked for.
+    back = dataclasses.replace(inputs, goal=arm.states[0][0], goal_number=2)
+    before = arm.played
+    output = cycle.run(dataclasses.replace(back, measured=arm.measured(), now=arm.now, heard=arm.now), PERIOD)
+    assert output.verdict.code is VerdictCode.DEADLINE_MISSED
+    reference, begin = output.trajectory
+    # The arm hears of the stop after the stall: until then, and until a latency later, it is what is being played.
+    for since in (0.0, stall, stall + planner.settings.latency - 1e-3):
+        now = arm.now + since
+        if now >= begin:
+            np.testing.assert_allclose(reference.sample(now - begin), before[0].sample(now - before[1]), atol=1e-6)
+    assert begin <= arm.now + stall
+    assert begin + reference.duration < arm.now + stall + 0.6
+    assert np.any(reference.velocities[0])
+
+
 def test_a_horizon_shorter_than_the_prediction_is_refused(planner):
     with pytest.raises(ParameterError, match=r"horizon = 0\.5: must not be less than prediction, 0\.8 s"):
         JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=0.5)
