@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -15,10 +17,21 @@ from geodesic_motion_ros.demonstrations.readers import (
     read_demonstrations,
     read_joint_demonstrations,
 )
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.skill import Skill
+
+
+@contextmanager
+def needing(what: str, remedy: str) -> Iterator[None]:
+    """Imports of what may not be installed: what needs it, and what to do then, is said in one line."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name and error.name.startswith("geodesic_motion_ros"):
+            raise
+        raise GeodesicMotionError(f"{what} {error.name}, which is not installed: {remedy}") from error
 
 
 class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescriptionHelpFormatter):

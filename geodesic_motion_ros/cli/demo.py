@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from geodesic_motion_ros.cli.arguments import HelpFormatter
-from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.cli.arguments import HelpFormatter, needing
 
 _DESCRIPTION = """\
 A simulated Panda does a shipped skill three times over real ROS 2: without an obstacle, with one that moves into the
@@ -26,13 +25,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Hand over to the demo; it parses its own options."""
-    try:
+    remedy = "run `make demo`, or source your ROS 2 and install the extras simulation and learn"
+    with needing("the demo needs", remedy):
         from geodesic_motion_ros.nodes.demo_node import main
-    except ModuleNotFoundError as error:
-        if error.name and error.name.startswith("geodesic_motion_ros"):
-            raise
-        raise GeodesicMotionError(
-            f"the demo needs {error.name}, which is not installed: run `make demo`, or source your ROS 2 and install "
-            "the extras simulation and learn"
-        ) from error
     return main(arguments.options) or 0

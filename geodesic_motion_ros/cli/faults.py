@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, writable
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, needing, writable
 from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.nodes.faults.fault import PHASES
 
@@ -60,17 +60,11 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the faults asked for, print the table, write the file; 1 where a row has failed."""
-    try:
+    with needing("the faults need", "source your ROS 2 and install the extra simulation"):
         from geodesic_motion_ros.nodes.demo_run import termination_as_interrupt
         from geodesic_motion_ros.nodes.faults.catalogue import chosen
         from geodesic_motion_ros.nodes.faults.long_faults import Soak
         from geodesic_motion_ros.nodes.faults.suite import cases, table
-    except ModuleNotFoundError as error:
-        if error.name and error.name.startswith("geodesic_motion_ros"):
-            raise
-        raise GeodesicMotionError(
-            f"the faults need {error.name}, which is not installed: source your ROS 2 and install the extra simulation"
-        ) from error
     faults = chosen(arguments.only, arguments.all or arguments.list)
     for fault in faults:
         if isinstance(fault, Soak):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from geodesic_motion_ros.cli.arguments import HelpFormatter
-from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.cli.arguments import HelpFormatter, needing
 
 _DESCRIPTION = """\
 Sends the goal of a skill to a planner that runs, once, and prints what the planner says; the arm goes. For those who
@@ -37,12 +36,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Print the goal, send it, print the answer."""
     from geodesic_motion_ros.skill import Skill
 
-    try:
+    with needing("a goal needs", "source your ROS 2"):
         from geodesic_motion_ros.nodes.goal_sender import by_hand, send_goal
-    except ModuleNotFoundError as error:
-        if error.name and error.name.startswith("geodesic_motion_ros"):
-            raise
-        raise GeodesicMotionError(f"a goal needs {error.name}, which is not installed: source your ROS 2") from error
     skill = Skill.load(arguments.skill)
     goal = skill.goal_pose.copy()
     goal[:3] += arguments.move
