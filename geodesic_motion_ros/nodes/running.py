@@ -134,13 +134,15 @@ def _initialise(args: list[str] | None) -> None:
 
 
 def go_first() -> None:
-    """Run before whatever else keeps the cores busy, where that is allowed.
+    """Run before whatever else keeps the cores busy, where that is allowed: all threads of this process.
 
-    All Python threads of the process need the same priority: a low one that is preempted while it holds the
-    interpreter lock would stop the control loop as well. Threads inherit it from the one that starts them.
+    One of low priority that is preempted while it holds a lock would stop the control loop as well: a Python thread the
+    interpreter's, one of Fast DDS that of a topic. Threads inherit the priority from the one that starts them.
     """
     with suppress(PermissionError):
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
+        for thread in os.listdir("/proc/self/task"):
+            with suppress(ProcessLookupError):
+                os.setpriority(os.PRIO_PROCESS, int(thread), _NICENESS)
 
 
 def _share_one_core() -> None:
