@@ -7,6 +7,8 @@ One file per command. A command's libraries (torch, matplotlib, rclpy) are impor
 from __future__ import annotations
 
 import argparse
+import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -53,10 +55,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status. argparse leaves by SystemExit on a wrong command line and on --help."""
     arguments = build_parser().parse_args(argv)
     try:
-        return arguments.run(arguments) or 0
+        status = arguments.run(arguments) or 0
+        sys.stdout.flush()
+        return status
     except GeodesicMotionError as error:
         print(f"geodesic-motion: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("geodesic-motion: interrupted", file=sys.stderr)
         return 130
+    except BrokenPipeError:
+        # Whoever reads has seen enough, as `head` has; what is left to be written at the end goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE

@@ -29,6 +29,19 @@ def test_help_names_every_command_and_gives_examples() -> None:
     assert "geodesic-motion train --demos" in done.stdout
 
 
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_has_seen_enough_is_no_error(unbuffered) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        module("faults", "--list"), cwd=REPOSITORY, stdout=writing, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+    )  # fmt: skip
+    os.close(writing)
+    assert done.stderr == ""
+    assert done.returncode == 128 + signal.SIGPIPE
+
+
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command != "demo"])
 def test_help_of_a_command_gives_an_example_that_its_parser_understands(command, capsys) -> None:
     with pytest.raises(SystemExit) as left:
