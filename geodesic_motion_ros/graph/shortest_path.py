@@ -27,6 +27,10 @@ from geodesic_motion_ros.graph.search_memory import SearchMemory, lent_memory
 _BATCH = 64
 #: So many batches are about half a millisecond: then the time is looked at, where there is a deadline.
 _BATCHES, _UNLIMITED = 4, 1 << 62
+#: Looks at the time without a way, after which any way is looked for.
+_PATIENCE = 3
+#: How much more what is left to go counts than what lies behind, where any way will do.
+_GREED = 20.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -251,6 +255,65 @@ def _go_on(
 
 
 @numba.njit(cache=True, nogil=True)
+def _go_on_greedily(
+    first_slot: np.ndarray,
+    neighbour: np.ndarray,
+    edge_of: np.ndarray,
+    base: np.ndarray,
+    fixed: np.ndarray,
+    shares: np.ndarray,
+    reshaping: Reshaping,
+    margin: float,
+    to_target: np.ndarray,
+    target: int,
+    batches: int,
+    memory: SearchMemory,
+) -> float:
+    """Weighted A* (I. Pohl, "Heuristic search viewed as path finding in a graph", Artificial Intelligence 1, 1970) from
+    the source, for so many batches of nodes: a way found among far fewer nodes than the cheapest.
+
+    Returns the cost of the first way to the target; inf without one yet, and for good where no node is left.
+    """
+    (
+        (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
+        centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
+        listed, following, looked, factors, touched, clearance,
+    ) = reshaping  # fmt: skip
+    costs, predecessor, arrival, all_keys, all_items, places, size, _, _, written, count, _, _ = memory
+    cost, keys, items, place = costs[0], all_keys[0], all_items[0], places[0]
+    for _ in range(_BATCH * batches):
+        if size[0] == 0:
+            break
+        u = items[0]
+        size[0] = take(keys, items, place, size[0])
+        for slot in range(first_slot[u], first_slot[u + 1]):
+            v, edge = neighbour[slot], edge_of[slot]
+            through = cost[u] + base[edge]
+            if place[v] == TAKEN or through >= cost[v]:
+                continue
+            if not looked[v]:
+                look(
+                    v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
+                    solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
+                    listed, following, looked, factors, touched, clearance,
+                )  # fmt: skip
+            if clearance[v] < margin and v != target:
+                continue
+            if touched[u] or touched[v]:
+                through = cost[u] + edge_weight(fixed, shares, factors, edge, u, v)
+            if not through < cost[v]:
+                continue
+            if cost[v] == math.inf and v != target:
+                written[count[0]] = v
+                count[0] += 1
+            cost[v], predecessor[0, v], arrival[0, v] = through, u, edge
+            if v == target:
+                return through
+            size[0] = put(keys, items, place, size[0], v, through + _GREED * to_target[v])
+    return math.inf
+
+
+@numba.njit(cache=True, nogil=True)
 def _lower_bound(keys: np.ndarray, size: np.ndarray) -> float:
     """The larger of the smallest keys of two heaps; inf where one of them is empty."""
     return max(keys[0, 0], keys[1, 0]) if size[0] > 0 and size[1] > 0 else math.inf
@@ -384,7 +447,8 @@ def shortest_path_from_both_ends(
     from_landmark : (n,) obstacle-free cost to some node that the source can reach, the nearer to it the better: by the
         triangle inequality the source is no nearer to a node than the difference of their costs.
     cap : only paths that are cheaper count.
-    deadline : when it has passed the best path so far is the answer, with the bound that is proved by then.
+    deadline : when it has passed the best path so far is the answer, with the bound that is proved by then. With one,
+        a search that has found none after some time looks for any path, and then for the cheapest again.
     """
     if not math.isfinite(to_target[source]):
         return ShortestPath(_NOTHING, _NOTHING, math.inf, math.inf)
@@ -394,18 +458,52 @@ def shortest_path_from_both_ends(
         found = best < cap
         best, meeting, bound = best if found else cap, -1, to_target[source]
         _begin(to_target, from_landmark, source, target, memory)
-        batches = _UNLIMITED if deadline.at == math.inf else _BATCHES
+        batches, looks = _UNLIMITED if deadline.at == math.inf else _BATCHES, 0
         while bound < best:
             best, meeting, bound = _go_on(
                 *graph, to_target, from_landmark, source, target, best, meeting, batches, memory
             )
+            looks += 1
             if deadline.passed:
                 break
+            if looks == _PATIENCE and not found and meeting < 0:
+                ends = to_target, from_landmark, source, target
+                cost, count, least = _any_path(adjacency, graph, *ends, deadline, memory.nodes, memory.edges)
+                found, best = cost < best, min(best, cost)
+                bound = max(bound, min(best, least))
         if meeting >= 0:
             found, count = True, _trace(meeting, source, target, memory)
         if not found:
             return ShortestPath(_NOTHING, _NOTHING, math.inf, bound)
         return ShortestPath(memory.nodes[: count + 1].copy(), memory.edges[:count].copy(), best, bound)
+
+
+def _any_path(
+    adjacency: Adjacency,
+    graph: tuple,
+    to_target: np.ndarray,
+    from_landmark: np.ndarray,
+    source: int,
+    target: int,
+    deadline: Deadline,
+    nodes: np.ndarray,
+    edges: np.ndarray,
+) -> tuple[float, int, float]:
+    """The cost of some path, its number of edges, and what every path costs at least: inf where it is proved that there
+    is none, else 0. The path is written to nodes (n,) and edges (n,).
+
+    graph : all that kernels want first.
+    """
+    with lent_memory(adjacency) as memory:
+        _begin(to_target, from_landmark, source, target, memory)
+        memory.cost[0, target] = cost = math.inf
+        while cost == math.inf and memory.size[0] > 0 and not deadline.passed:
+            cost = _go_on_greedily(*graph, to_target, target, _BATCHES, memory)
+        if cost == math.inf:
+            return cost, 0, cost if memory.size[0] == 0 else 0.0
+        count = _trace(target, source, target, memory)
+        nodes[: count + 1], edges[:count] = memory.nodes[: count + 1], memory.edges[:count]
+        return cost, count, 0.0
 
 
 def load_search_from_both_ends(
@@ -428,6 +526,7 @@ def load_search_from_both_ends(
         best, _ = _field_way(*graph, to_target, node, node, memory.nodes, memory.edges)
         _begin(to_target, from_landmark, node, node, memory)
         _go_on(*graph, to_target, from_landmark, node, node, best, -1, _BATCHES, memory)
+        _go_on_greedily(*graph, to_target, node, _BATCHES, memory)
         _trace(node, node, node, memory)
 
 

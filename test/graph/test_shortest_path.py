@@ -1,6 +1,7 @@
 """A* with the obstacle-free field against scipy's Dijkstra on the fully reweighted graph."""
 
 import itertools
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -307,6 +308,41 @@ def test_stopped_at_any_time_the_answer_is_a_path_with_a_true_gap_or_none_with_a
         assert cost == whole.cost
         np.testing.assert_array_equal(found.nodes, whole.nodes)
     assert stops > 10
+
+
+def test_a_search_in_a_hurry_finds_some_way_long_before_the_cheapest(monkeypatch):
+    monkeypatch.setattr(searches, "_BATCHES", 1)
+    patience = searches._PATIENCE
+    scene = Scene(0, (30, 30, 30), 26)
+    ends = 3, len(scene.points) - 3
+    way = scene.points[scene.from_both_ends(scene.reshaped(0), 0.0, *ends).nodes, 0]
+    middle = way[len(way) // 2]
+    for radius in (0.2, 0.4):
+        reshaping = scene.among(middle[None], np.array([radius]))
+        whole = scene.from_both_ends(reshaping, 0.0, *ends)
+        answers = []
+        for looks in (1 << 30, patience):
+            monkeypatch.setattr(searches, "_PATIENCE", looks)
+            answers.append(scene.from_both_ends(reshaping, 0.0, *ends, deadline=Countdown(patience + 6)))
+        slow, hurried = answers
+        assert math.isinf(slow.cost)
+        assert whole.cost < hurried.cost < 5.0 * whole.cost
+        assert hurried.bound < whole.cost
+        scene.check(hurried, reshaping, 0.0, *ends)
+
+
+def test_a_search_in_a_hurry_that_has_reached_every_node_it_can_knows_that_there_is_no_way(monkeypatch):
+    monkeypatch.setattr(searches, "_BATCHES", 1)
+    monkeypatch.setattr(searches, "_PATIENCE", 1)
+    scene = Scene(0, (30, 30, 30), 26)
+    ends = 3, len(scene.points) - 3
+    from_start = np.linalg.norm(scene.points[:, 0] - scene.points[ends[0], 0], axis=1)
+    shell = scene.points[np.abs(from_start - 0.8) < 0.1, 0]
+    reshaping = scene.among(shell, np.full(len(shell), 0.1))
+    # All that is left of the search is the look at the time at its begin: what is proved is proved by the other one.
+    monkeypatch.setattr(searches, "_go_on", lambda *arguments: (np.inf, -1, 0.0))
+    found = scene.from_both_ends(reshaping, 0.0, *ends, deadline=Countdown(100))
+    assert (len(found.nodes), found.cost, found.bound) == (0, np.inf, np.inf)
 
 
 def test_the_obstacle_free_field_is_a_consistent_heuristic_under_obstacles():
