@@ -26,7 +26,7 @@ NOT_SOURCE = shutil.ignore_patterns(
 ROS = re.compile(r"(rclpy|\w+_msgs|builtin_interfaces|std_srvs|rcl_interfaces)(\.|$)")
 TORCH = re.compile(r"(torch|pytorch_kinematics)(\.|$)")
 BULLET = re.compile(r"pybullet(_data)?(\.|$)")
-UPPER = re.compile(rf"{PACKAGE}\.(manifold|experiments|benchmarks|cli)(\.|$)")
+UPPER = re.compile(rf"{PACKAGE}\.(manifold|experiments|benchmarks|comparison|cli)(\.|$)")
 MAY_TRAIN = {"manifold", "experiments", "cli"}
 GROUND = {
     "graph", "robot", "skill", "sheet", "joint_sheet", "regression", "quaternions", "errors", "verdict", "deadline",
@@ -282,7 +282,8 @@ def test_only_the_simulation_and_teachers_import_pybullet() -> None:
 
 def test_every_part_of_the_package_has_its_place() -> None:
     pictures = {"plots", "joint_plots", "isosurface"}
-    assert all_parts() == RUN | MAY_TRAIN | pictures | {"benchmarks", "demonstrations", "__init__", "__main__"}
+    others = {"benchmarks", "comparison", "demonstrations", "__init__", "__main__"}
+    assert all_parts() == RUN | MAY_TRAIN | pictures | others
 
 
 def test_torch_stays_in_the_learning_tower() -> None:

@@ -12,7 +12,18 @@ import signal
 import sys
 from collections.abc import Sequence
 
-from geodesic_motion_ros.cli import bench, demo, demonstrate, evaluate, experiment, faults, goal, inspect, train
+from geodesic_motion_ros.cli import (
+    bench,
+    benchmark,
+    demo,
+    demonstrate,
+    evaluate,
+    experiment,
+    faults,
+    goal,
+    inspect,
+    train,
+)
 from geodesic_motion_ros.cli.arguments import HelpFormatter
 from geodesic_motion_ros.errors import GeodesicMotionError
 
@@ -33,6 +44,7 @@ examples:
   geodesic-motion demo
   geodesic-motion goal skills/pouring
   geodesic-motion bench --quick
+  geodesic-motion benchmark --scenes 2
   geodesic-motion faults --only state_stops
 
 `geodesic-motion COMMAND --help` explains a command. Exit status: 0 done, 2 something asked for is not possible (one
@@ -46,7 +58,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="geodesic-motion", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in (demonstrate, train, evaluate, inspect, demo, goal, experiment, bench, faults):
+    for command in (demonstrate, train, evaluate, inspect, demo, goal, experiment, bench, benchmark, faults):
         command.add_command(commands)
     return parser
 

@@ -18,6 +18,7 @@ A sphere that touches is taken away.
 
 from __future__ import annotations
 
+import math
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -57,6 +58,7 @@ class MovingSphere:
     Attributes
     ----------
     begin : (3,) centre where it appears [m]. velocity : (3,) [m/s]; of a chasing one its magnitude counts.
+    rests : when it comes to a stand [s].
     """
 
     radius: float
@@ -65,6 +67,7 @@ class MovingSphere:
     begin: np.ndarray
     velocity: np.ndarray
     chases: bool
+    rests: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +180,7 @@ class SpheresInMotion:
             for?
         """
         present = self._present(now)
-        velocities = np.array([self._velocity(i) for i in present]).reshape(-1, 3)
+        velocities = np.array([self._velocity(i, now) for i in present]).reshape(-1, 3)
         radii = np.array([self._spheres[i].radius for i in present])
         for i, velocity in zip(present, velocities, strict=True):
             if i not in self._room:
@@ -189,7 +192,7 @@ class SpheresInMotion:
         """Move on by one step, to a time [s]. A sphere appears where it begins."""
         for i in self._present(until):
             if self._spheres[i].appears < until - STEP:
-                self._centres[i] = self._centres[i] + STEP * self._velocity(i)
+                self._centres[i] = self._centres[i] + STEP * self._velocity(i, until - STEP)
 
     def judge(self, now: float, moves: bool, distance: Callable[[np.ndarray, float], float]) -> None:
         """Count contacts of a body that moves or stands. What touches is taken away.
@@ -213,8 +216,10 @@ class SpheresInMotion:
     def _present(self, now: float) -> list[int]:
         return [i for i, sphere in self._spheres.items() if sphere.appears <= now < sphere.vanishes]
 
-    def _velocity(self, i: int) -> np.ndarray:
+    def _velocity(self, i: int, now: float) -> np.ndarray:
         sphere = self._spheres[i]
+        if now >= sphere.rests:
+            return np.zeros(3)
         if not sphere.chases:
             return sphere.velocity
         towards = self._chased() - self._centres[i]

@@ -1,0 +1,92 @@
+"""`benchmark`: reactions to moving obstacles that keep the skill, beside what people use today."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, needing, seed, writable
+
+_DESCRIPTION = """\
+Plays seeded scenes on a simulated Panda with every method, the same stream of obstacles for each of them, and judges
+what the arm does: by PyBullet's distances of its meshes, and by how near it stays to the demonstrations.
+
+families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone; crossing; chasing;
+          gate: closes on the hand's way, and opens again; crowd: five that stand and five that cross
+methods   ours; ours, hard (no soft metric); ours, soft (nothing removed or certified); replay (of the nearest
+          demonstration, blind: the control); and peers, which are left out where their libraries are not installed:
+          pip install 'geodesic_motion_ros[benchmark]'
+columns   success: the goal within 10 mm and 0.1 rad, no contact; hits: scenes that ended as the moving arm touched a
+          sphere, hit: as a sphere touched the arm that stood; refused: ended short of the goal, untouched, with a
+          reason told; lost: without one; least, clear: least and median smallest clearance; dtw, orient: distance and
+          angle from the closest demonstration; jerk: root mean square [rad/s^3]; time: to the goal; p50, p99: processor
+          time of ticks that answered something new; held: share of the ticks within 10 ms of processor time.
+          Clearance, similarity, jerk and time are those of successes. Intervals: Wilson, bootstrap of the median
+tables    scenes in which at least half of the demonstrations stay free, and the rest
+
+A slow method is flattered: however long it thinks, its answer reaches the arm one tick later. What was played is kept
+in the output folder and not played again.
+"""
+_EPILOG = """\
+examples:
+  geodesic-motion benchmark
+  geodesic-motion benchmark --scenes 100 --processes 2 --json out/benchmark.json
+  geodesic-motion benchmark --methods 'ours; replay' --families crossing,gate --scenes 20
+"""
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser of the command line."""
+    parser = commands.add_parser(
+        "benchmark", help="reactions to moving obstacles, beside replay, primitives, sampling and barriers",
+        description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
+    )  # fmt: skip
+    parser.add_argument(
+        "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="its folder, or the name of a shipped one"
+    )
+    parser.add_argument("--scenes", type=int, default=6, metavar="N", help="of each family")
+    parser.add_argument("--methods", type=_names(";"), metavar="NAME;NAME", help="all that can run without it")
+    parser.add_argument("--families", type=_names(","), metavar="NAME,NAME", help="all without it")
+    parser.add_argument("--seed", type=seed, default=0, help="of the scenes")
+    parser.add_argument("--processes", type=int, default=1, help="that play scenes")
+    parser.add_argument("--out", type=Path, default=Path("out/benchmark"), metavar="FOLDER", help="for results")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Play what has not been played, print the tables, write the files."""
+    with needing("the benchmark needs", "pip install 'geodesic_motion_ros[simulation]'"):
+        from geodesic_motion_ros.comparison.catalogue import ROWS, chosen
+        from geodesic_motion_ros.comparison.families import FAMILIES
+        from geodesic_motion_ros.comparison.report import Report
+        from geodesic_motion_ros.comparison.run import BenchmarkSettings, play_benchmark
+    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.tables import write_json
+
+    methods = chosen(arguments.methods)
+    left_out = [f"{name} ({row.missing} is not installed)" for name, row in ROWS.items() if row.missing]
+    settings = BenchmarkSettings(
+        methods, arguments.families or FAMILIES, arguments.scenes, arguments.seed, arguments.processes
+    )
+    skill = Skill.load(arguments.skill)
+    for path in (arguments.out / "table.txt", arguments.json):
+        writable(path)
+    if arguments.methods is None and left_out:
+        print(f"left out: {', '.join(left_out)}")
+    played = list(play_benchmark(skill, settings, arguments.out))
+    told = {name: ROWS[name].told for name in methods}
+    report = Report(skill.name, settings.seed, played, told)
+    print(report.table())
+    (arguments.out / "table.txt").write_text(report.table() + "\n")
+    write_json(arguments.out / "figures.json", report.as_dict())
+    if arguments.json is not None:
+        write_json(arguments.json, report.as_dict())
+    print(f"wrote table and figures to {arguments.out}")
+
+
+def _names(separator: str):
+    def names(text: str) -> tuple[str, ...]:
+        return tuple(name.strip() for name in text.split(separator))
+
+    return names

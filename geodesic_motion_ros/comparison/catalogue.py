@@ -1,0 +1,83 @@
+"""The rows of the comparison by their names, and what each of them needs to be installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.method import Method
+from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row.
+
+    Attributes
+    ----------
+    make : the method in an arena; imports what it needs.
+    told : what it is, in a line. needs : modules that must be installed.
+    """
+
+    make: Callable[[Arena], Method]
+    told: str
+    needs: tuple[str, ...] = ()
+
+    @property
+    def missing(self) -> str:
+        """The first module that is needed and not installed, or ''."""
+        return next((name for name in self.needs if find_spec(name) is None), "")
+
+
+def _ours(arena: Arena) -> Method:
+    from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
+
+    return Geodesics(arena)
+
+
+def _hard(arena: Arena) -> Method:
+    from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
+
+    return Geodesics(arena, "hard")
+
+
+def _soft(arena: Arena) -> Method:
+    from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
+
+    return Geodesics(arena, "soft")
+
+
+def _replay(arena: Arena) -> Method:
+    from geodesic_motion_ros.comparison.methods.replay import Replay
+
+    return Replay(arena)
+
+
+ROWS: dict[str, Row] = {
+    "ours": Row(_ours, "geodesics of the learned metric, hard and soft"),
+    "ours, hard": Row(_hard, "the same without the soft metric: nodes removed, references certified"),
+    "ours, soft": Row(_soft, "the same without the hard part: the metric grows towards obstacles, as in the paper"),
+    "replay": Row(_replay, "the nearest demonstration, blind: the control"),
+}
+
+
+def chosen(names: tuple[str, ...] | None) -> tuple[str, ...]:
+    """Rows by their names; all whose libraries are installed without any.
+
+    Raises
+    ------
+    ParameterError : there is no such row. GeodesicMotionError : a row that was asked for lacks a library.
+    """
+    if names is None:
+        return tuple(name for name, row in ROWS.items() if not row.missing)
+    for name in names:
+        if name not in ROWS:
+            raise ParameterError(f"there is no method '{name}': choose from {'; '.join(ROWS)}")
+        if ROWS[name].missing:
+            raise GeodesicMotionError(
+                f"the method '{name}' needs {ROWS[name].missing}, which is not installed: "
+                "pip install 'geodesic_motion_ros[benchmark]'"
+            )
+    return names

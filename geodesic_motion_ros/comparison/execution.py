@@ -1,0 +1,208 @@
+"""One method plays one scene: the arm in physics, the stream of obstacles, and a judge who knows of no planner.
+
+The arm is a Panda in PyBullet that plays what it is sent by the rules of joint_trajectory_controller, inside its limits
+of velocity and acceleration. Obstacles are judged 200 times a second by PyBullet's distance of the arm's collision
+meshes, where they are measured to be, from each sphere. A scene ends
+
+- at the goal: the tool is measured within `REACHED` and `REACHED_ANGLE` of the goal pose, and rests;
+- at the first contact, of the arm in motion or of the arm as it stands;
+- after `LONGEST`, or where the arm has stood for `GIVEN_UP` since there were spheres that move or will go.
+
+Success is the first of these. A contact is one *outside braking room* where the arm moved, and had been far enough from
+the sphere when it was first told of it to stop in time.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+
+from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.method import Answer, JointState, Method
+from geodesic_motion_ros.comparison.scene import Scene
+from geodesic_motion_ros.comparison.ways import chased_point
+from geodesic_motion_ros.demonstrations.curves import PoseCurve
+from geodesic_motion_ros.demonstrations.similarity import compare
+from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.experiments.moving_spheres import STEP_HZ, STEPS_PER_TICK, SpheresInMotion, needed_room
+from geodesic_motion_ros.joint_reference import PERIOD
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
+from geodesic_motion_ros.simulation.world import PandaWorld
+
+#: The goal is reached within so much [m], [rad]; an arm rests whose joints are all slower than this [rad/s].
+REACHED, REACHED_ANGLE, RESTING = 0.01, 0.1, 0.02
+#: A scene ends after so long [s], or where the arm has stood for so long while nothing will change.
+LONGEST, GIVEN_UP = 15.0, 2.0
+#: Distances are looked for up to this [m].
+LOOKED_FOR = 0.3
+#: Every so many steps the posture is kept for what is said of similarity.
+_KEPT = 4
+#: A tick is in time within this [s].
+DEADLINE = 0.01
+
+Contact = Literal["", "moving", "standing", "no room"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What became of one scene.
+
+    Attributes
+    ----------
+    mostly_free : whether at least half of the demonstrations stayed free.
+    reached : whether the goal was reached, after `duration` [s]. contact : what ended the scene, where a contact did.
+    refusal : why the method was on no way to the goal at the end, where it said so.
+    clearance : least distance [m] of the arm in motion from a sphere, no more than LOOKED_FOR.
+    dtw, orientation : of the tool's way from that of the closest demonstration [m], [rad].
+    jerk : root mean square of the command's jerk, over all joints [rad/s^3].
+    replans : processor time [s] of the ticks that answered something new; ticks, in_time : how many ticks there were,
+        and how many took no more processor time than DEADLINE.
+    """
+
+    mostly_free: bool
+    reached: bool
+    contact: Contact
+    refusal: str
+    duration: float
+    clearance: float
+    dtw: float
+    orientation: float
+    jerk: float
+    replans: tuple[float, ...]
+    ticks: int
+    in_time: int
+
+    @property
+    def success(self) -> bool:
+        return self.reached and not self.contact
+
+    @property
+    def refused(self) -> bool:
+        """Whether the method said that it had no way, and touched nothing."""
+        return not self.reached and not self.contact and bool(self.refusal)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For a file; `Outcome(**...)` reads it."""
+        return asdict(self)
+
+
+class Stage:
+    """The arm in physics and the judge's meshes: what scenes are played with, one after the other."""
+
+    def __init__(self, arena: Arena) -> None:
+        self.arena = arena
+        self.world, self.geometry = PandaWorld(rate_hz=STEP_HZ), CollisionGeometry.panda()
+
+    def play(self, scene: Scene, method: Method) -> tuple[Outcome, np.ndarray]:
+        """What became of the scene, and the measured postures (n, eta) [rad], 50 a second."""
+        return _Run(self, scene, method).play()
+
+
+class _Run:
+    """One scene being played."""
+
+    def __init__(self, stage: Stage, scene: Scene, method: Method) -> None:
+        self._arena, self._world, self._geometry = stage.arena, stage.world, stage.geometry
+        self._scene, self._method = scene, method
+        self._spheres = SpheresInMotion(
+            scene.spheres, lambda: chased_point(self._arena, scene.tool_chased, self._world.joint_positions)
+        )
+        self._world.reset(scene.start)
+        self._commanded = [self._world.commanded_positions]
+        self._postures: list[np.ndarray] = []
+        self._refusal = ""
+        self._replans: list[float] = []
+        self._ticks, self._in_time = 0, 0
+
+    def play(self) -> tuple[Outcome, np.ndarray]:
+        world, pending = self._world, Answer()
+        self._method.reset(self._scene)
+        stood, reached, step = 0.0, False, 0
+        while step < LONGEST * STEP_HZ:
+            now = step / STEP_HZ
+            if step % STEPS_PER_TICK == 0:
+                self._hand_over(pending)
+                pending = self._tick(now)
+            step += 1
+            world.step()
+            self._spheres.move(step / STEP_HZ)
+            self._commanded.append(world.commanded_positions)
+            posture = world.joint_positions
+            if step % _KEPT == 0:
+                self._postures.append(posture)
+            moves = bool(np.max(np.abs(world.joint_velocities)) > RESTING)
+            self._geometry.place(posture)
+            self._spheres.judge(step / STEP_HZ, moves, partial(self._geometry.clearance, cutoff=LOOKED_FOR))
+            if self._spheres.contacts:
+                break
+            reached = not moves and self._at_goal()
+            stood = 0.0 if moves or self._will_change(step / STEP_HZ) else stood + world.dt
+            if reached or stood >= GIVEN_UP:
+                break
+        self._postures.append(world.joint_positions)
+        return self._outcome(reached, step / STEP_HZ), np.array(self._postures)
+
+    def _tick(self, now: float) -> Answer:
+        obstacles = Obstacles.of_spheres(*self._spheres.seen(now, self._has_room), now)
+        state = JointState(self._world.joint_positions, self._world.joint_velocities)
+        began = time.thread_time()
+        answer = self._method.tick(now, obstacles, state)
+        took = time.thread_time() - began
+        if answer.waypoints is not None:
+            self._replans.append(took)
+        self._ticks += 1
+        self._in_time += took <= DEADLINE
+        self._refusal = answer.refusal
+        return answer
+
+    def _hand_over(self, answer: Answer) -> None:
+        if answer.waypoints is None:
+            return
+        try:
+            self._world.set_joint_trajectory(answer.waypoints, answer.begin)
+        except RobotError as error:
+            # As the controller does: what was played goes on.
+            self._refusal = f"the controller refused: {error}"
+
+    def _has_room(self, centre: np.ndarray, radius: float, speed: float) -> bool:
+        """Whether a sphere is far enough for an arm at rest to take note of: all are in sight before it moves."""
+        self._geometry.place(self._world.joint_positions)
+        return self._geometry.clearance(centre, radius) > needed_room(0.0, PERIOD, speed)
+
+    def _will_change(self, now: float) -> bool:
+        """Whether spheres are there that will move or go."""
+        return any(math.isfinite(sphere.vanishes) and now < sphere.vanishes for sphere in self._scene.spheres)
+
+    def _at_goal(self) -> bool:
+        position, quaternion = self._world.tool_pose()
+        goal = self._scene.goal_pose
+        near = float(np.linalg.norm(position - goal[0])) <= REACHED
+        return near and float(angle_between(quaternion, goal[1])) <= REACHED_ANGLE
+
+    def _outcome(self, reached: bool, duration: float) -> Outcome:
+        contacts = self._spheres.contacts
+        executed = self._arena.tool_curve(np.array(self._postures))
+        dtw, orientation = _to_closest(executed, [
+            self._arena.tool_curve(item.positions) for item in self._scene.demonstrations
+        ])  # fmt: skip
+        jerks = np.diff(self._commanded, 3, axis=0) * STEP_HZ**3
+        return Outcome(
+            mostly_free=self._scene.mostly_free, reached=reached, contact=contacts[0] if contacts else "",
+            refusal="" if reached else self._refusal, duration=duration,
+            clearance=float(min(self._spheres.clearance, LOOKED_FOR)), dtw=dtw, orientation=orientation,
+            jerk=float(np.sqrt(np.mean(np.sum(jerks**2, axis=1)))) if len(jerks) else 0.0,
+            replans=tuple(self._replans), ticks=self._ticks, in_time=self._in_time,
+        )  # fmt: skip
+
+
+def _to_closest(executed: PoseCurve, demonstrations: list[PoseCurve]) -> tuple[float, float]:
+    """DTW [m] and mean angle [rad] from the demonstration with the least DTW."""
+    closest = min((compare(executed, item) for item in demonstrations), key=lambda one: one.dtw)
+    return closest.dtw, closest.orientation

@@ -1,0 +1,64 @@
+"""Method: what a row of the comparison has to offer, and what it is told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from geodesic_motion_ros.comparison.scene import Scene
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
+
+
+@dataclass(frozen=True)
+class JointState:
+    """What is measured of the arm: (eta,) [rad], [rad/s]."""
+
+    positions: np.ndarray
+    velocities: np.ndarray
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a method says in one tick.
+
+    Attributes
+    ----------
+    waypoints : what the arm is to play from `begin` [s] on, in the place of everything before; None: that goes on.
+    refusal : why the arm is not on a way to the goal; empty where it is.
+    """
+
+    waypoints: JointWaypoints | None = None
+    begin: float = 0.0
+    refusal: str = ""
+
+    @classmethod
+    def playing(cls, reference: JointReference, begin: float, refusal: str = "") -> Answer:
+        """Play a reference."""
+        waypoints = JointWaypoints(
+            reference.times, reference.positions, reference.velocities, reference.accelerations
+        )
+        return cls(waypoints, begin, refusal)
+
+
+class Method(Protocol):
+    """A way of moving an arm among obstacles. One of them plays one scene at a time.
+
+    Attributes
+    ----------
+    settings : what the table says of how it is set up; a result is valid for these.
+    """
+
+    settings: dict[str, Any]
+
+    def reset(self, scene: Scene) -> None:
+        """The arm stands at the scene's start, at time 0, and is to go to its goal."""
+
+    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
+        """Called every 10 ms of simulated time with true positions and velocities of the obstacles, all that are there.
+
+        What is answered reaches the arm one tick later, however long it was thought about.
+        """

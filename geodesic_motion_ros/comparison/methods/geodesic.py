@@ -1,0 +1,59 @@
+"""Ours: the joint-space planner of this package; whole, with its hard part alone, and with its soft part alone."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from typing import Literal
+
+import numpy as np
+
+from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.method import Answer, JointState
+from geodesic_motion_ros.comparison.scene import Scene
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.robot.body_points import BodyPoints
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
+
+Part = Literal["whole", "hard", "soft"]
+
+
+class Geodesics:
+    """Shortest paths of the learned metric.
+
+    *hard*: nodes in obstacles are removed and references certified, but the metric does not grow towards obstacles.
+    *soft*: the metric grows, but nothing is removed or certified, as in the paper.
+    """
+
+    def __init__(self, arena: Arena, part: Part = "whole", planner: JointPlannerSettings | None = None) -> None:
+        """planner : settings; the defaults without them."""
+        settings = planner or JointPlannerSettings()
+        if part == "hard":
+            settings = replace(settings, ambient_law="hard")
+        collision = no_body(arena.robot) if part == "soft" else arena.collision
+        self._planner = JointSpacePlanner(arena.skill, settings, collision)
+        self.settings = {"part": part, **asdict(settings)}
+
+    def reset(self, scene: Scene) -> None:
+        """Forget all that was before."""
+        self._planner.take_obstacles(Obstacles.none())
+        self._planner.stand_at(scene.start, 0.0)
+        self._planner.set_goal_configuration(scene.goal)
+
+    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
+        """The planner knows what it has sent: it does not look at the measured state."""
+        self._planner.take_obstacles(obstacles)
+        plan = self._planner.tick(now)
+        refusal = "" if plan.verdict.ok else f"{plan.verdict.code.name}: {plan.verdict.reason}"
+        if plan.reference is None or now >= plan.begin + plan.reference.duration:
+            return Answer(refusal=refusal)
+        return Answer.playing(plan.reference, plan.begin, refusal)
+
+
+def no_body(robot: Robot) -> CollisionModel:
+    """A body that no obstacle can touch: a millimetre inside the shoulder."""
+    frame = robot.link_names.index("panda_link1")
+    points = BodyPoints(("panda_link1",), np.array([frame], dtype=np.int64), np.zeros((1, 3)))
+    return CollisionModel(points, np.array([1e-3]), np.array([True]), np.empty((0, 2), dtype=np.int64))

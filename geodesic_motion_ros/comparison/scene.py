@@ -1,0 +1,58 @@
+"""Scenes: a start, a goal and spheres on the ways of the demonstrations between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.families import FAMILIES, SPARED, Family, draw_family
+from geodesic_motion_ros.comparison.ways import Ways
+from geodesic_motion_ros.demonstrations.curves import Pose
+from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.joint_reference import JointReference
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One scene, the same for every method.
+
+    Attributes
+    ----------
+    start, goal : (eta,) [rad]. goal_pose : of the tool there.
+    spheres : of the scene. tool_chased : whether chasing ones move towards the tool, or the elbow.
+    demonstrations : those shown, moved to start and goal and played.
+    free : (N,) bool, which of them stay free (`ways.py`).
+    """
+
+    family: Family
+    number: int
+    seed: int
+    start: np.ndarray
+    goal: np.ndarray
+    goal_pose: Pose
+    spheres: tuple[MovingSphere, ...]
+    tool_chased: bool
+    demonstrations: tuple[JointReference, ...]
+    free: np.ndarray
+
+    @property
+    def mostly_free(self) -> bool:
+        """Whether at least half of the demonstrations stay free."""
+        return float(np.mean(self.free)) >= SPARED
+
+
+def draw_scene(arena: Arena, family: Family, number: int, seed: int) -> Scene:
+    """Scene number `number` of a family: the start of one demonstration, the goal of another one, and spheres.
+
+    Demonstrations are spared in scenes of even number. A scene depends on nothing else but its family, its number and
+    the seed. ParameterError where there is no place for the spheres.
+    """
+    random = np.random.default_rng([seed, FAMILIES.index(family), number])
+    first, last = random.integers(len(arena.shown), size=2)
+    start, goal = arena.shown[first, 0], arena.shown[last, -1]
+    tool_chased = bool(random.uniform() < 0.5)
+    played = tuple(arena.timed(path) for path in arena.moved(start, goal))
+    spheres, free = draw_family(family, Ways(arena, played, tool_chased), random, spared=number % 2 == 0)
+    return Scene(family, number, seed, start, goal, arena.robot.forward(goal), spheres, tool_chased, played, free)

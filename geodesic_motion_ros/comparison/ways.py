@@ -1,0 +1,116 @@
+"""Ways: the demonstrations between the start and the goal of a scene, as spheres are drawn on them.
+
+A demonstration *stays free* where, moved to the scene's start and goal and played from the beginning within the
+arena's limits, none of the arm's collision spheres touches a sphere of the scene until its end. Spheres that chase
+chase it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.experiments.blocked_arm import HAND
+from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.robot.swivel import elbow_position
+
+#: Between the instants at which the ways are looked at [s].
+_PERIOD = 0.02
+#: Links that come so far on the way move [m].
+_MOVES = 0.15
+#: Part of a way on which spheres are drawn.
+_INTERIOR = (0.2, 0.8)
+#: How far spheres are drawn from the body's place, as a standard deviation [m].
+_OFF = 0.03
+
+
+def chased_point(arena: Arena, tool: bool, configuration: np.ndarray) -> np.ndarray:
+    """What chasing spheres move towards, (3,) [m]: the tool or the elbow in a configuration (eta,) [rad]."""
+    return arena.robot.forward(configuration)[0] if tool else elbow_position(arena.robot, configuration)
+
+
+class Ways:
+    """The body on every way at instants from 0 on.
+
+    Attributes
+    ----------
+    hand : (B,) bool, which of the body's spheres are of the hand.
+    """
+
+    def __init__(self, arena: Arena, references: Sequence[JointReference], tool_chased: bool) -> None:
+        self._radii = arena.body_radii
+        self._links = np.array(arena.collision.points.names)[arena.collision.moving]
+        self.hand = self._links == HAND
+        self.durations = [reference.duration for reference in references]
+        instants = [np.append(np.arange(0.0, duration, _PERIOD), duration) for duration in self.durations]
+        postures = [item.samples(times)[0] for item, times in zip(references, instants, strict=True)]
+        self._times = instants
+        self._bodies = [arena.body(item) for item in postures]
+        self._chased = [np.array([chased_point(arena, tool_chased, one) for one in item]) for item in postures]
+        comes_far = np.linalg.norm(np.ptp(self._bodies[0], axis=0), axis=-1) > _MOVES
+        self._moving = np.unique(self._links[comes_far])
+
+    def place(self, random: np.random.Generator) -> tuple[int, float, np.ndarray]:
+        """A way, a time on it [s], and a place (3,) [m] in or near a link that moves, there and then."""
+        way = int(random.integers(len(self._bodies)))
+        at = int(random.uniform(*_INTERIOR) * len(self._times[way]))
+        of_link = np.flatnonzero(self._links == random.choice(self._moving))
+        place = self._bodies[way][at, random.choice(of_link)] + random.normal(scale=_OFF, size=3)
+        return way, float(self._times[way][at]), place
+
+    def hand_motion(self, random: np.random.Generator) -> tuple[float, np.ndarray, np.ndarray]:
+        """A time on a way [s], the middle of the hand then (3,) [m], and the horizontal direction (3,) it moves in."""
+        way = int(random.integers(len(self._bodies)))
+        at = int(random.uniform(*_INTERIOR) * len(self._times[way]))
+        middle = self._bodies[way][at - 1 : at + 2, self.hand].mean(axis=1)
+        along = (middle[2] - middle[0]) * [1.0, 1.0, 0.0]
+        return float(self._times[way][at]), middle[1], along / max(float(np.linalg.norm(along)), 1e-9)
+
+    def chased(self, random: np.random.Generator) -> np.ndarray:
+        """A place (3,) [m] at which what is chased is at some time."""
+        way = self._chased[random.integers(len(self._chased))]
+        return way[int(random.uniform(*_INTERIOR) * len(way))]
+
+    def start_clearance(self, centres: np.ndarray, radius: float) -> float:
+        """Least distance [m] of the arm at the start from a sphere at centres (n, 3)."""
+        return self._clearance(self._bodies[0][0], centres, radius)
+
+    def goal_clearance(self, centres: np.ndarray, radius: float) -> float:
+        """Least distance [m] of the arm at the goal from a sphere at centres (n, 3)."""
+        return self._clearance(self._bodies[0][-1], centres, radius)
+
+    def clearances(self, way: int, centre: np.ndarray, radius: float) -> np.ndarray:
+        """Least distance (B,) [m] of each of the body's spheres from a sphere that stands, on a way."""
+        return np.min(np.linalg.norm(self._bodies[way] - centre, axis=-1), axis=0) - self._radii - radius
+
+    def free_of(self, spheres: Sequence[MovingSphere]) -> np.ndarray:
+        """Which ways stay free of spheres, (N,) bool."""
+        return np.array([not any(self._touches(way, sphere) for sphere in spheres) for way in range(len(self._bodies))])
+
+    def _clearance(self, body: np.ndarray, centres: np.ndarray, radius: float) -> float:
+        apart = np.linalg.norm(body - np.asarray(centres)[:, None], axis=-1) - self._radii
+        return float(np.min(apart)) - radius
+
+    def _touches(self, way: int, sphere: MovingSphere) -> bool:
+        times = self._times[way]
+        there = (times >= sphere.appears) & (times < sphere.vanishes)
+        centres = _centres(sphere, times, self._chased[way])[there]
+        apart = np.linalg.norm(self._bodies[way][there] - centres[:, None], axis=-1) - self._radii
+        return bool(np.any(apart <= sphere.radius))
+
+
+def _centres(sphere: MovingSphere, times: np.ndarray, chased: np.ndarray) -> np.ndarray:
+    """Where a sphere is (n, 3) [m] at times (n,) [s] at which it chases what is at `chased` (n, 3)."""
+    if not sphere.chases:
+        moved = np.clip(times - sphere.appears, 0.0, sphere.rests - sphere.appears)
+        return sphere.begin + moved[:, None] * sphere.velocity
+    speed, centre, centres = float(np.linalg.norm(sphere.velocity)), sphere.begin, [sphere.begin]
+    for now, span, point in zip(times[:-1], np.diff(times), chased[:-1], strict=True):
+        towards = point - centre
+        step = speed * span / max(float(np.linalg.norm(towards)), 1e-9) if now < sphere.rests else 0.0
+        centre = centre + step * towards
+        centres.append(centre)
+    return np.array(centres)
