@@ -55,6 +55,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         help="ROS domain of the nodes; one of its own, so that nothing disturbs it",
     )  # fmt: skip
     add_json(parser)
+    parser.add_argument(
+        "--markdown", type=Path, metavar="FILE", help="write a table with a line for each fault as well"
+    )
     parser.set_defaults(run=run)
 
 
@@ -64,7 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
         from geodesic_motion_ros.nodes.demo_run import termination_as_interrupt
         from geodesic_motion_ros.nodes.faults.catalogue import chosen
         from geodesic_motion_ros.nodes.faults.long_faults import Soak
-        from geodesic_motion_ros.nodes.faults.suite import cases, table
+        from geodesic_motion_ros.nodes.faults.report import markdown, table
+        from geodesic_motion_ros.nodes.faults.suite import cases
     faults = chosen(arguments.only, arguments.all or arguments.list)
     for fault in faults:
         if isinstance(fault, Soak):
@@ -74,6 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"{fault.name}{' (long)' if fault.long else ''}\n    {fault.criterion}")
         return 0
     writable(arguments.json)
+    writable(arguments.markdown)
     todo = cases(faults, arguments.phases, arguments.seeds)
     if not todo:
         raise GeodesicMotionError(f"none of these faults has a phase {' or '.join(arguments.phases)}")
@@ -82,9 +87,11 @@ def run(arguments: argparse.Namespace) -> int:
         with termination_as_interrupt():
             _run_all(arguments, todo, rows)
     finally:
+        _write(arguments.json, rows)
+        if arguments.markdown is not None:
+            arguments.markdown.write_text(markdown(rows))
         if rows:
             print(f"{table(rows)}\nload of the machine at the end: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-        _write(arguments.json, rows)
     return 1 if any(row.passed is False for row in rows) else 0
 
 

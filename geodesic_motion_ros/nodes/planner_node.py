@@ -18,7 +18,7 @@ import numpy as np
 from nav_msgs.srv import GetPlan
 from std_srvs.srv import SetBool, Trigger
 
-from geodesic_motion_ros.errors import ParameterError, PlanningError, SkillError
+from geodesic_motion_ros.errors import ParameterError, PlanningError, RobotError, SkillError
 from geodesic_motion_ros.nodes.messages import FrameLookup, MessageRefused, path_message, read_pose
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
@@ -48,7 +48,10 @@ class PlannerNode(LoopingNode):
     def _build(self) -> None:
         self._options = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
         skill = Skill.load(self._options["skill"])
-        self._kind = kind_of(skill, self._options.values)
+        try:
+            self._kind = kind_of(skill, self._options.values)
+        except RobotError as error:
+            raise SkillError(f"{self._options['skill']}: {error}") from error
         robot = self._kind.robot
         if skill.tool_frame != robot.tool_link:
             raise SkillError(

@@ -30,8 +30,9 @@ Place = TypeVar("Place", Pose, np.ndarray)
 
 #: Share of a period after which a tick begins nothing new: what it has begun then ends within the period.
 DEADLINE_SHARE = 0.5
-#: What is commanded moves on by at most this [s] of a simulation in one cycle.
-LONGEST_ADVANCE = 0.1
+#: What is commanded moves on by at most this [s] of a simulation in one cycle, so that a late one is no step of the
+#: arm: 4 mm and 0.016 rad at the default speeds.
+LONGEST_ADVANCE = 0.02
 #: What is said of a goal while it is being prepared.
 PREPARING = "the newest goal is being prepared"
 #: An arm that was lost rests when it has stayed this long [s] near one place.

@@ -56,6 +56,12 @@ class Scene:
     def among(self, centres: np.ndarray, radii: np.ndarray) -> Reshaping:
         return self.among_all(Obstacles.of_spheres(centres, radii))
 
+    def weights(self, reshaping: Reshaping) -> np.ndarray:
+        """Of all edges (m,)."""
+        look_at(np.arange(len(self.points)), reshaping)
+        known = self.fixed, self.shares, reshaping.factors
+        return np.array([edge_weight(*known, edge, *ends) for edge, ends in enumerate(self.edges)])
+
     def among_all(self, obstacles: Obstacles, law: AmbientLaw = "gaussian") -> Reshaping:
         return Reshaping.of(NodeBody.of_tool(self.points, self.radii), obstacles, 1e3, 0.5, 0.1, law)
 
@@ -213,6 +219,17 @@ def test_when_all_obstacles_have_gone_the_path_is_what_it_was_to_the_last_bit():
     look_at(np.arange(len(scene.points)), reshaping)
     np.testing.assert_array_equal(reshaping.factors, 1.0)
     assert not np.any(reshaping.touched)
+
+
+def test_when_all_obstacles_have_gone_every_weight_is_what_it_was():
+    """To the last bit, after 1 to 50 obstacles; while they are there many weigh more."""
+    scene = Scene(1, (30, 30), 16)
+    before = scene.weights(scene.reshaped(0))
+    for count in (1, 2, 5, 10, 20, 50):
+        among = scene.weights(scene.reshaped(count))
+        assert np.all(among >= before)
+        assert np.sum(among > before) > 50
+    assert scene.weights(scene.reshaped(0)).tobytes() == before.tobytes()
 
 
 def test_the_order_of_obstacles_does_not_matter_and_one_far_away_changes_nothing():

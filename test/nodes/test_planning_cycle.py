@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.nodes.faults.judge import LARGEST_STEP, LARGEST_STEP_POSITION
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
 from geodesic_motion_ros.nodes.stream_cycle import LONGEST_ADVANCE, PREPARING, REST_TIME, CycleInputs, CycleOutput
@@ -300,6 +301,8 @@ def test_a_leap_of_simulated_time_is_no_leap_of_the_arm(cycle, inputs):
     here = cycle.follower.position.copy()
     leap = dataclasses.replace(inputs, measured=(here, cycle.follower.quaternion), simulated=True, heard=11.9)
     assert np.linalg.norm(cycle.run(leap, PERIOD).commanded[0] - here) <= 0.2 * LONGEST_ADVANCE
+    assert cycle.planner.settings.speed * LONGEST_ADVANCE <= LARGEST_STEP_POSITION
+    assert cycle.planner.settings.angular_speed * LONGEST_ADVANCE <= LARGEST_STEP
 
 
 @pytest.mark.parametrize("jump", [5.0, -5.0])

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,12 +24,26 @@ class FaultSkipped(GeodesicMotionError):
     """A fault cannot be injected on this machine, or means nothing for this skill; says why."""
 
 
+class NotSeenError(GeodesicMotionError):
+    """What was waited for has not happened."""
+
+
+class Figure(NamedTuple):
+    """Something that was measured, and what it may be at most."""
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+
+
 @dataclass
 class Findings:
-    """What was measured in one run, and what of it is not as it must be: sentences both."""
+    """What was measured in one run, and what of it is not as it must be: sentences both; and the figures among it."""
 
     measured: list[str] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
+    figures: list[Figure] = field(default_factory=list)
 
     def note(self, text: str) -> None:
         """Say what was seen."""
@@ -40,9 +54,14 @@ class Findings:
         if not condition:
             self.failures.append(failure)
 
+    def figure(self, name: str, value: float, limit: float, unit: str) -> None:
+        """Note a figure whose limit is looked after elsewhere."""
+        self.note(f"{name} {value:.3g} {unit}".rstrip())
+        self.figures.append(Figure(name, value, limit, unit))
+
     def at_most(self, name: str, value: float, limit: float, unit: str = "s") -> None:
         """Note a figure, which must not be larger than a limit, or nan."""
-        self.note(f"{name} {value:.3g} {unit}")
+        self.figure(name, value, limit, unit)
         self.require(value <= limit, f"{name} {value:.3g} {unit}, allowed are {limit:g}")
 
 
@@ -56,12 +75,13 @@ class Row:
     criterion: str
     measured: str
     passed: bool | None
+    figures: tuple[Figure, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """As the JSON file has it."""
         return {
             "name": self.name, "phase": self.phase, "seed": self.seed, "criterion": self.criterion,
-            "measured": self.measured, "pass": self.passed,
+            "measured": self.measured, "pass": self.passed, "figures": [figure._asdict() for figure in self.figures],
         }  # fmt: skip
 
 
@@ -72,6 +92,7 @@ class Fault(ABC):
     ----------
     name : as the command line knows it. criterion : when it passes, one sentence.
     phases : in which it makes sense. spaces : of skills, likewise.
+    in_motion : how much of its time a motion still needs in that phase, share of the whole. near_goal : likewise [s].
     long : whether it takes minutes. fresh : whether it needs nodes that have just started.
     planner, twin : parameters that the nodes are started with, besides those of the bench.
     """
@@ -80,6 +101,8 @@ class Fault(ABC):
     criterion: str
     phases: tuple[str, ...] = PHASES
     spaces: tuple[str, ...] = ("joint", "task")
+    in_motion: tuple[float, float] = (0.4, 0.7)
+    near_goal: tuple[float, float] = (0.3, 0.8)
     long: bool = False
     fresh: bool = False
     planner: Mapping[str, Any] = MappingProxyType({})

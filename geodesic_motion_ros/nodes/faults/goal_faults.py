@@ -25,7 +25,7 @@ _FAR = 0.6
 def require_unchanged(bench: Bench, findings: Findings, phase: str, since: float) -> None:
     """Since `since` [s, steady clock] the arm rests without a goal, or has been going on as if nothing was."""
     bench.wait(lambda: time.monotonic() > since + _WATCHED, "time to pass")
-    after = [status for status in bench.statuses if status.sent > since]
+    after = bench.seen.since(since)
     if phase == START:
         findings.require(all(status.number("speed") == 0.0 for status in after), "the arm was set moving")
         return
@@ -48,12 +48,12 @@ class GoalsRefused(Fault):
         before, since = refused(bench, "goal_pose"), time.monotonic()
         sent = self.messages(bench, random)
         for message in sent:
-            bench.publish("goal_pose", message)
+            bench.asks.publish("goal_pose", message)
         require_refused(bench, findings, "goal_pose", len(sent), before, self.text)
         bench.verdict("BAD_INPUT", "goal_pose", since, of="goal_")
         require_unchanged(bench, findings, phase, since)
         if phase == START:
-            bench.send_goal()
+            bench.asks.send_goal()
         bench.finish(findings)
 
 
@@ -67,7 +67,7 @@ class GoalNotFinite(GoalsRefused):
         for value in (float("nan"), float("inf"), 1e300, -float("inf")):
             pose = bench.goal.copy()
             pose[random.integers(7)] = value
-            goals.append(bench.goal_message(pose))
+            goals.append(bench.asks.goal_message(pose))
         return goals
 
 
@@ -77,7 +77,7 @@ class GoalZeroQuaternion(GoalsRefused):
     text = "zero quaternion"
 
     def messages(self, bench: Bench, random: np.random.Generator) -> Sequence[PoseStamped]:
-        return [bench.goal_message(np.append(bench.goal[:3], np.zeros(4)))]
+        return [bench.asks.goal_message(np.append(bench.goal[:3], np.zeros(4)))]
 
 
 class GoalUnknownFrame(GoalsRefused):
@@ -86,7 +86,7 @@ class GoalUnknownFrame(GoalsRefused):
     text = "nowhere"
 
     def messages(self, bench: Bench, random: np.random.Generator) -> Sequence[PoseStamped]:
-        return [bench.goal_message(bench.goal, "nowhere")]
+        return [bench.asks.goal_message(bench.goal, "nowhere")]
 
 
 class GoalOutside(Fault):
@@ -98,14 +98,14 @@ class GoalOutside(Fault):
         pose = bench.goal.copy()
         pose[:3] += _FAR * aside / np.linalg.norm(aside)
         since = time.monotonic()
-        bench.send_goal(pose)
+        bench.asks.send_goal(pose)
         said = bench.verdict("GOAL_OUT_OF_SUPPORT", "", since, of="goal_")
         reason = said.values["goal_reason"]
         findings.note(reason)
         findings.require(any(sign.isdigit() for sign in reason), "the reason states no size")
         require_unchanged(bench, findings, phase, since)
         if phase == START:
-            bench.send_goal()
+            bench.asks.send_goal()
         bench.finish(findings)
 
 
@@ -118,20 +118,22 @@ class SameGoal(Fault):
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         if phase == START:
-            bench.send_goal()
-            bench.wait(lambda: len(bench.path), "a way")
-            before = bench.path
+            bench.asks.send_goal()
+            bench.wait(lambda: len(bench.seen.path), "a way")
+            before = bench.seen.path
             bench.arrive()
             bench.judge(findings)
             bench.prepare(self.planner, self.twin)
         else:
-            before = bench.path
-        bench.path = np.zeros((0, 3))
+            before = bench.seen.path
+        bench.seen.path = np.zeros((0, 3))
         since = time.monotonic()
-        bench.publish("goal_pose", bench.goal_message(np.append(bench.goal[:3], self.other_form(bench.goal[3:]))))
+        bench.asks.publish(
+            "goal_pose", bench.asks.goal_message(np.append(bench.goal[:3], self.other_form(bench.goal[3:])))
+        )
         bench.verdict("OK", "", since + 0.05, of="goal_")
-        bench.wait(lambda: len(bench.path), "a way")
-        apart = max(float(np.min(np.linalg.norm(before - point, axis=1))) for point in bench.path)
+        bench.wait(lambda: len(bench.seen.path), "a way")
+        apart = max(float(np.min(np.linalg.norm(before - point, axis=1))) for point in bench.seen.path)
         findings.at_most("ways apart", 1000.0 * apart, 1000.0 * _SAME, "mm")
         bench.finish(findings)
 

@@ -25,8 +25,11 @@ LARGEST_STEP, LARGEST_STEP_POSITION = 0.02, 0.01
 OLDEST_BEGIN = 0.25
 #: Of limits of velocity and acceleration, for rounding; of positions [rad].
 _ROUNDING = 1e-6
-#: An arm that commands begin at anew may be this far outside the margin of its limits [rad]: it stands there.
+#: Where limits are looked at between two knots.
 _SAMPLES_PER_SEGMENT = 5
+
+#: Position (3,) [m] and quaternion (4,) of the tool.
+Pose = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -58,15 +61,11 @@ class TrajectoryJudge:
         self.largest_step = 0.0
         self.count = 0
 
-    def forget(self) -> None:
-        """The next trajectory is a first one."""
-        self._player = None
-
-    def hear(self, command: Trajectory, measured: np.ndarray | None = None) -> list[str]:
+    def hear(self, command: Trajectory, places: np.ndarray | None = None) -> list[str]:
         """What is wrong with the next trajectory, as sentences; none where nothing is.
 
-        measured : (eta,) [rad] where the arm is. Before the first trajectory it is what commands begin at; afterwards
-            it is to be given only where the planner has said that it found the arm elsewhere.
+        places : (k, eta) [rad] where the arm has just been. At one of them commands begin before the first trajectory;
+            afterwards they are to be given only where the planner has said that it found the arm elsewhere.
         """
         self.count += 1
         wrong = self._wrong_in_itself(command)
@@ -76,15 +75,11 @@ class TrajectoryJudge:
             wrong.append(f"ends {late:.3f} s in the past")
         if command.heard - command.begin > OLDEST_BEGIN:
             wrong.append(f"has a stamp {command.heard - command.begin:.3f} s old")
-        step = self._step(command, measured)
+        step = self._step(command, places)
         self.largest_step = max(self.largest_step, step)
         if not step <= LARGEST_STEP:
             wrong.append(f"starts {step:.4f} rad from what was commanded")
         return wrong
-
-    def last_desired(self, time: float) -> np.ndarray | None:
-        """Position, velocity, acceleration (3, eta) that the commands heard so far ask for at a time [s]."""
-        return None if self._player is None else self._player.sample(time)
 
     def _wrong_in_itself(self, command: Trajectory) -> list[str]:
         points, limits = command.waypoints, self._limits
@@ -114,22 +109,30 @@ class TrajectoryJudge:
             wrong.append("does not end at rest")
         return wrong
 
-    def _step(self, command: Trajectory, measured: np.ndarray | None) -> float:
-        """From what is commanded to where the trajectory starts [rad]; then it is what is commanded."""
-        first = command.waypoints.positions[0]
-        if self._player is None:
-            self._player = TrajectoryPlayer(first if measured is None else measured, np.zeros_like(first))
-        start = max(command.heard, command.begin + float(command.waypoints.times[0]))
-        before = self._player.sample(start)[0]
-        try:
-            self._player.replace(command.waypoints, command.begin, command.heard)
-        except RobotError:  # said already: the trajectory ends in the past, and would be refused
-            return 0.0
-        after = self._player.sample(start)[0]
-        steps = [float(np.max(np.abs(after - before)))]
-        if measured is not None:
-            steps.append(float(np.max(np.abs(after - measured))))
-        return min(steps)
+    def _step(self, command: Trajectory, places: np.ndarray | None) -> float:
+        """From what is commanded to where the trajectory starts [rad]; then it is what is commanded.
+
+        An arm that is given places may stand at one of them: what was commanded before, by another clock perhaps, need
+        not be what it plays.
+        """
+        points = command.waypoints
+        still = np.zeros_like(points.positions[0])
+        players = [] if places is None else [TrajectoryPlayer(place, still) for place in places]
+        if self._player is not None:
+            players.insert(0, self._player)
+        players = players or [TrajectoryPlayer(points.positions[0], still)]
+        start = max(command.heard, command.begin + float(points.times[0]))
+        steps = []
+        for player in players:
+            before = player.sample(start)[0]
+            try:
+                player.replace(points, command.begin, command.heard)
+            except RobotError:  # said already: the trajectory ends in the past, and would be refused
+                return 0.0
+            steps.append(float(np.max(np.abs(player.sample(start)[0] - before))))
+        nearest = int(np.argmin(steps))
+        self._player = players[nearest]
+        return steps[nearest]
 
 
 class TargetJudge:
@@ -140,12 +143,8 @@ class TargetJudge:
         self.largest_step = 0.0
         self.count = 0
 
-    def forget(self) -> None:
-        """The next pose is a first one."""
-        self._before = None
-
-    def hear(self, command: Target, measured: tuple[np.ndarray, np.ndarray] | None = None) -> list[str]:
-        """What is wrong with the next pose; as of `TrajectoryJudge`, with the tool's measured pose."""
+    def hear(self, command: Target, places: Sequence[Pose] | None = None) -> list[str]:
+        """What is wrong with the next pose; as of `TrajectoryJudge`, with poses of the tool."""
         self.count += 1
         wrong = []
         numbers = np.concatenate([command.position, command.quaternion])
@@ -157,17 +156,19 @@ class TargetJudge:
             wrong.append(f"has a stamp {command.heard - command.stamp:.3f} s old")
         steps = [
             (float(np.linalg.norm(command.position - position)), float(angle_between(command.quaternion, quaternion)))
-            for position, quaternion in self._starts(measured)
+            for position, quaternion in self._starts(places)
         ]
-        distance, angle = min(steps, default=(0.0, 0.0))
+        distance, angle = min(
+            steps, key=lambda step: max(step[0] / LARGEST_STEP_POSITION, step[1] / LARGEST_STEP), default=(0.0, 0.0)
+        )
         self.largest_step = max(self.largest_step, angle)
         if distance > LARGEST_STEP_POSITION or angle > LARGEST_STEP:
             wrong.append(f"is {1000 * distance:.1f} mm and {angle:.4f} rad from the one before")
         before, self._before = self._before, command
-        if before is not None and measured is None and float(before.quaternion @ command.quaternion) < 0.0:
+        if before is not None and places is None and float(before.quaternion @ command.quaternion) < 0.0:
             wrong.append("has the other sign of the quaternion than the one before")
         return wrong
 
-    def _starts(self, measured: tuple[np.ndarray, np.ndarray] | None) -> Sequence[tuple[np.ndarray, np.ndarray]]:
+    def _starts(self, places: Sequence[Pose] | None) -> Sequence[Pose]:
         before = [] if self._before is None else [(self._before.position, self._before.quaternion)]
-        return before if measured is None else [*before, measured]
+        return [*before, *(places or ())]

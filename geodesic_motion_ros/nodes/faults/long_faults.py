@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.nodes.faults.bench import RELAYED, Bench, NotSeenError
-from geodesic_motion_ros.nodes.faults.fault import MOTION, START, Fault, FaultSkipped, Findings
+from geodesic_motion_ros.nodes.faults.bench import RELAYED, Bench
+from geodesic_motion_ros.nodes.faults.fault import MOTION, START, Fault, FaultSkipped, Findings, NotSeenError
 from geodesic_motion_ros.nodes.faults.fuzz import INPUTS, Fuzzer
 from geodesic_motion_ros.nodes.faults.obstacle_faults import outwards
 from geodesic_motion_ros.nodes.faults.state_faults import refused
@@ -43,14 +43,14 @@ class GoalsFlood(Fault):
             angle = 2.4 * sent
             goal = bench.goal.copy()
             goal[:3] += _CIRCLE * np.array([math.cos(angle), math.sin(angle), 0.0])
-            bench.send_goal(goal)
+            bench.asks.send_goal(goal)
             sent += 1
             bench.spend(max(0.0, sent / _GOALS_HZ - passed))
             if math.isnan(before) and passed >= _SETTLING:
                 before = bench.memory("planner")
         findings.at_most("memory grown by", bench.memory("planner") - before, _FLOOD_MEMORY, "MB")
         findings.note(f"{sent} goals")
-        bench.send_goal()
+        bench.asks.send_goal()
         bench.finish(findings)
 
 
@@ -68,10 +68,10 @@ class FuzzedMessages(Fault):
             target = f"relayed/{topic}" if topic in RELAYED else topic
             for _ in range(self.messages // _AT_ONCE):
                 for _ in range(_AT_ONCE):
-                    bench.publish(target, make(fuzzer))
+                    bench.asks.publish(target, make(fuzzer))
                 bench.spend(0.005)
             since = time.monotonic()
-            bench.wait(lambda since=since: bench.status.sent > since, f"a status after {topic}", _ANSWER)
+            bench.wait(lambda since=since: bench.seen.status.sent > since, f"a status after {topic}", _ANSWER)
         findings.note(f"{sum(refused(bench, topic) for topic in INPUTS)} refused")
         said = bench.processes.log("planner")
         findings.require("Traceback" not in said, "the planner's log has a traceback")
@@ -107,8 +107,8 @@ class Soak(Fault):
         contacts, before = 0, math.nan
         while time.monotonic() < end:
             self._episode(bench, random)
-            ticks.append([status.number("last_tick_ms") for status in bench.statuses])
-            contacts += bench.contacts
+            ticks.append([status.number("last_tick_ms") for status in bench.seen.statuses])
+            contacts += bench.seen.contacts
             bench.judge(findings)
             before = bench.memory("planner") if math.isnan(before) else before
             grown = bench.memory("planner") - before
@@ -124,16 +124,16 @@ class Soak(Fault):
         """A motion to a goal near the skill's, and a sphere that comes to rest on its way."""
         goal = bench.goal.copy()
         goal[:3] += random.uniform(-_CIRCLE, _CIRCLE, 3)
-        bench.path = np.zeros((0, 3))
-        bench.send_goal(goal)
-        bench.wait(lambda: len(bench.path), "a way")
+        bench.seen.path = np.zeros((0, 3))
+        bench.asks.send_goal(goal)
+        bench.wait(lambda: len(bench.seen.path), "a way")
         bench.spend(float(random.uniform(0.0, 2.0)))
-        place = bench.ahead(_AHEAD)
+        place = bench.seen.ahead(_AHEAD)
         line = {
             "kind": "line", "start": (place + _FROM * outwards(place)).tolist(), "end": place.tolist(),
             "speed": _SPEED, "radius": _RADIUS,
         }  # fmt: skip
-        bench.show_scene({"ball": line})
+        bench.asks.show_scene({"ball": line})
         bench.spend(5.0)
 
 

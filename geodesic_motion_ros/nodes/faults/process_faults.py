@@ -37,11 +37,11 @@ class PlannerKilled(Fault):
         bench.processes.end("planner", signal.SIGKILL)
         allowed = (_COMMAND_TIMEOUT if bench.skill.space == "task" else _HORIZON) + STOP
         bench.spend(0.1)
-        findings.at_most("twin at rest after", 0.1 + bench.wait(lambda: bench.rests, "the twin's rest"), allowed)
+        findings.at_most("twin at rest after", 0.1 + bench.wait(lambda: bench.seen.rests, "the twin's rest"), allowed)
         bench.judge(findings)
         killed = time.monotonic()
         bench.restart("planner")
-        bench.begin_anew()
+        bench.commands.begin_anew()
         bench.verdict("NO_GOAL", "", killed, START_PATIENCE)
         bench.finish(findings)
 
@@ -52,15 +52,15 @@ class TwinKilled(Fault):
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         bench.processes.end("twin", signal.SIGKILL)
-        since = bench.joints[-1][0] + _STATE_TIMEOUT
+        since = bench.seen.states[-1].arrived + _STATE_TIMEOUT
         status = bench.verdict("STALE_STATE", "joint_states", since)
         findings.at_most("STALE_STATE after", 1000.0 * (status.sent - since), 1000.0 * REACTION, "ms")
         bench.spend(STOP)
         killed = time.monotonic()
         bench.restart("twin")
-        bench.wait(lambda: bench.joints[-1][0] > killed, "the twin", START_PATIENCE)
-        fresh = bench.joints[-1][0]
-        early = {status.code for status in bench.statuses if killed < status.sent < fresh} - {"STALE_STATE"}
+        bench.wait(lambda: bench.seen.states[-1].arrived > killed, "the twin", START_PATIENCE)
+        fresh = bench.seen.states[-1].arrived
+        early = {status.code for status in bench.seen.statuses if killed < status.sent < fresh} - {"STALE_STATE"}
         findings.require(not early, f"without an arm the planner said {', '.join(sorted(early))}")
         # It stands at its start again, and is not where it was sent: the goal is to be sent again.
         bench.verdict("NO_GOAL", "", killed)
@@ -72,16 +72,16 @@ class PlannerStopped(Fault):
     criterion = "SIGSTOP of the planner for 1 s: no burst of ticks, misses counted, nothing with an old stamp"
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        misses = bench.status.number("deadline_misses")
+        misses = bench.seen.status.number("deadline_misses")
         bench.processes.send("planner", signal.SIGSTOP)
         bench.spend(_STOPPED)
         resumed = time.monotonic()
         bench.processes.send("planner", signal.SIGCONT)
-        bench.wait(lambda: bench.status.sent > resumed + 0.5, "the planner")
-        sent = np.array([status.sent for status in bench.statuses if status.sent > resumed])
+        bench.wait(lambda: bench.seen.status.sent > resumed + 0.5, "the planner")
+        sent = np.array([status.sent for status in bench.seen.since(resumed)])
         most = max(int(np.sum((sent >= moment) & (sent < moment + 1.0 / _RATE))) for moment in sent)
         findings.at_most("ticks in a period", most, _BURST, "")
-        missed = bench.status.number("deadline_misses") - misses
+        missed = bench.seen.status.number("deadline_misses") - misses
         findings.note(f"{missed:.0f} misses")
         findings.require(missed >= 0.9 * _STOPPED * _RATE, f"only {missed:.0f} misses were counted")
         bench.finish(findings)
@@ -95,18 +95,18 @@ class CoresLoaded(Fault):
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         with _busy_cores(2):
             if phase == START:
-                bench.send_goal()
+                bench.asks.send_goal()
                 bench.verdict("OK")
-            since, told = bench.status, len(bench.health)
+            since, told = bench.seen.status, len(bench.seen.health)
             bench.spend(3.0)
-            now = bench.status
+            now = bench.seen.status
             rate = (now.number("tick") - since.number("tick")) / (now.sent - since.sent)
             misses = now.number("deadline_misses") - since.number("deadline_misses")
-            degraded = any("DEGRADED" in text for text in bench.health[told:])
+            degraded = any("DEGRADED" in text for text in bench.seen.health[told:])
             findings.note(f"{rate:.1f} ticks a second, {misses:.0f} misses{', DEGRADED said' if degraded else ''}")
             findings.require(rate >= 0.95 * _RATE or degraded, f"{rate:.1f} ticks a second and nothing was said")
             findings.require(misses > 0 or rate > 0.99 * _RATE, "no misses were counted")
-        findings.require(bench.contacts == 0, f"contact in {bench.contacts} steps")
+        findings.require(bench.seen.contacts == 0, f"contact in {bench.seen.contacts} steps")
         bench.finish(findings)
 
 
@@ -116,10 +116,10 @@ class SecondCommander(Fault):
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         since = time.monotonic()
-        rival = bench.node.create_publisher(bench.command_kind, bench.command_topic, 1)
+        rival = bench.node.create_publisher(bench.commands.kind, bench.commands.topic, 1)
         status = bench.verdict("CONFLICT", bench.node.get_name(), since)
         findings.at_most("CONFLICT after", status.sent - since, _CONFLICT)
-        findings.at_most("at rest after", bench.wait(lambda: bench.status.number("speed") == 0.0, "rest"), STOP)
+        findings.at_most("at rest after", bench.rest(), STOP)
         bench.node.destroy_publisher(rival)
         bench.verdict("NO_GOAL")
         bench.finish(findings)

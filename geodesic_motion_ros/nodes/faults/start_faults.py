@@ -12,14 +12,18 @@ from typing import Any
 import numpy as np
 import yaml
 
-from geodesic_motion_ros.nodes.faults.bench import Bench, NotSeenError
-from geodesic_motion_ros.nodes.faults.fault import START, Fault, Findings
+from geodesic_motion_ros.nodes.faults.bench import Bench
+from geodesic_motion_ros.nodes.faults.fault import START, Fault, Findings, NotSeenError
 from geodesic_motion_ros.nodes.faults.goal_faults import require_unchanged
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
+from geodesic_motion_ros.nodes.stream_cycle import PREPARING
+from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.shared_files import find_shared
 
 #: The first joint is turned by so much from where anybody has shown a start [rad].
 _TURNED = 1.2
+#: What stands has moved by no more than this [rad], [m].
+_STILL = 0.01
 _READY = next(parameter.default for parameter in TWIN if parameter.name == "initial_joint_positions")
 
 
@@ -130,17 +134,17 @@ class BadParameterRunning(Fault):
     criterion = "a parameter out of its range at run time: refused by name and range, all old values kept"
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        before, since = bench.parameter("planner", "state_timeout"), time.monotonic()
-        result = bench.set_parameters("planner", state_timeout=2.0, obstacle_timeout=-1.0)
+        before, since = bench.asks.parameter("planner", "state_timeout"), time.monotonic()
+        result = bench.asks.set_parameters("planner", state_timeout=2.0, obstacle_timeout=-1.0)
         findings.note(result.reason)
         findings.require(not result.successful, "it was accepted")
         for text in ("obstacle_timeout", "0.02", "3600"):
             findings.require(text in result.reason, f"{text!r} is not said")
-        after = bench.parameter("planner", "state_timeout")
+        after = bench.asks.parameter("planner", "state_timeout")
         findings.require(after == before, f"state_timeout is {after} now, not {before}")
         require_unchanged(bench, findings, phase, since)
         if phase == START:
-            bench.send_goal()
+            bench.asks.send_goal()
         bench.finish(findings)
 
 
@@ -150,31 +154,39 @@ class StartFar(Fault):
     phases = (START,)
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        elsewhere = bench.configuration.copy()
+        elsewhere = bench.seen.configuration.copy()
         elsewhere[0] += _TURNED * (1.0 if elsewhere[0] < 0.0 else -1.0)
         try:
-            bench.set_parameters("twin", initial_joint_positions=elsewhere.tolist())
-            bench.trigger("twin/reset")
+            bench.asks.set_parameters("twin", initial_joint_positions=elsewhere.tolist())
+            bench.asks.trigger("twin/reset")
             bench.spend(0.2)
             bench.verdict("NO_GOAL")
             since = time.monotonic()
-            bench.send_goal()
+            bench.asks.send_goal()
             bench.wait(
-                lambda: bench.status.sent > since + 0.5 and "prepared" not in bench.status.values["goal_reason"],
+                lambda: bench.seen.status.sent > since + 0.5 and bench.seen.status.values["goal_reason"] != PREPARING,
                 "a verdict on the goal",
             )
-            status = bench.status
+            status = bench.seen.status
             findings.note(f"{status.code}: {status.reason}")
             if status.code == "OK":
                 bench.arrive()
             else:
                 findings.require(status.code == "START_OUT_OF_SUPPORT", f"the planner said {status.code}")
-                moved = float(np.max(np.abs(bench.configuration - elsewhere)))
-                findings.require(moved < 0.01, f"the arm was moved by {moved:.3f} rad")
+                self._require_still(bench, elsewhere, findings)
         finally:
-            result = bench.set_parameters("twin", initial_joint_positions=_READY)
+            result = bench.asks.set_parameters("twin", initial_joint_positions=_READY)
             if not result.successful:
                 raise NotSeenError(f"the twin refuses its own default: {result.reason}")
+
+    def _require_still(self, bench: Bench, elsewhere: np.ndarray, findings: Findings) -> None:
+        """The arm has not been moved: its joints, or the tool where only that is commanded."""
+        if bench.skill.space == "joint":
+            findings.at_most("moved", float(np.max(np.abs(bench.seen.configuration - elsewhere))), _STILL, "rad")
+            return
+        (before, facing), (now, faces) = map(bench.robot.forward, (elsewhere, bench.seen.configuration))
+        findings.at_most("tool moved", float(np.linalg.norm(now - before)), _STILL, "m")
+        findings.at_most("tool turned", float(angle_between(faces, facing)), _STILL, "rad")
 
 
 START_FAULTS = (

@@ -9,8 +9,9 @@ from itertools import cycle
 import numpy as np
 from sensor_msgs.msg import JointState
 
-from geodesic_motion_ros.nodes.faults.bench import Bench, Status
+from geodesic_motion_ros.nodes.faults.bench import Bench
 from geodesic_motion_ros.nodes.faults.fault import START, Fault, Findings
+from geodesic_motion_ros.nodes.faults.record import Status
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 
 #: A hold comes this long [s] after an input has exceeded its timeout, and the arm rests this long after at most.
@@ -24,17 +25,17 @@ def require_hold(bench: Bench, findings: Findings, code: str, text: str, since: 
     """The verdict is said within the reaction time after `since` [s, steady clock], and the commands come to rest."""
     status = bench.verdict(code, text, since)
     findings.at_most(f"{code} after", 1000.0 * (status.sent - since), 1000.0 * REACTION, "ms")
-    findings.at_most("at rest after", bench.wait(lambda: bench.status.number("speed") == 0.0, "rest"), STOP)
+    findings.at_most("at rest after", bench.rest(), STOP)
 
 
 def require_undisturbed(bench: Bench, findings: Findings, phase: str, since: float) -> None:
     """Nothing but OK is said from `since` on, or that there is no goal, until the goal is reached."""
     if phase == START:
-        bench.send_goal()
+        bench.asks.send_goal()
         bench.verdict("OK")
         since = time.monotonic()
     bench.arrive()
-    require_only_ok(findings, [status for status in bench.statuses if status.sent > since])
+    require_only_ok(findings, bench.seen.since(since))
     findings.note("goal reached")
 
 
@@ -50,13 +51,13 @@ def require_refused(bench: Bench, findings: Findings, topic: str, at_least: int,
     """Messages on a topic are refused and counted, and the newest reason holds a text."""
     bench.wait(lambda: refused(bench, topic) >= before + at_least, f"{at_least} messages of {topic} refused")
     findings.note(f"{refused(bench, topic) - before} refused")
-    said = bench.status.values["refused_input"]
+    said = bench.seen.status.values["refused_input"]
     findings.require(text in said, f"the reason {said!r} does not name {text!r}")
 
 
 def refused(bench: Bench, topic: str) -> int:
     """How many messages of a topic the planner has refused so far."""
-    return int(bench.status.values.get(f"refused_{topic}", 0))
+    return int(bench.seen.status.values.get(f"refused_{topic}", 0))
 
 
 class StateStops(Fault):
@@ -81,8 +82,8 @@ class StateLate(Fault):
         require_hold(bench, findings, "STALE_STATE", "joint_states", relay.last_passed + _TIMEOUT)
         # Late messages arrive by now, and must not be taken for new ones.
         since = time.monotonic() + 0.2
-        bench.wait(lambda: bench.status.sent > since + 0.2, "late messages")
-        codes = {status.code for status in bench.statuses if status.sent > since}
+        bench.wait(lambda: bench.seen.status.sent > since + 0.2, "late messages")
+        codes = {status.code for status in bench.seen.since(since)}
         findings.require(codes == {"STALE_STATE"}, f"with late messages the planner said {', '.join(sorted(codes))}")
         relay.release()
         bench.finish(findings)

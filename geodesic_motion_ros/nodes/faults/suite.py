@@ -11,7 +11,6 @@ import numpy as np
 from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.nodes.faults.bench import Bench
 from geodesic_motion_ros.nodes.faults.fault import Fault, FaultSkipped, Findings, Row
-from geodesic_motion_ros.tables import text_table
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def run_case(bench: Bench, case: Case) -> Row:
         if bench.skill.space not in fault.spaces:
             raise FaultSkipped(f"means nothing for skills of {bench.skill.space} space")
         bench.prepare(fault.planner, fault.twin, fault.fresh)
-        bench.reach(case.phase, random)
+        bench.reach(case.phase, fault, random)
         fault.run(bench, case.phase, random, findings)
         bench.judge(findings)
         passed = not findings.failures
@@ -68,11 +67,5 @@ def run_case(bench: Bench, case: Case) -> Row:
         bench.stop_nodes()
         passed = False
     wrong = [f"NOT: {failure}" for failure in findings.failures]
-    return Row(fault.name, case.phase, case.seed, fault.criterion, "; ".join([*wrong, *findings.measured]), passed)
-
-
-def table(rows: Sequence[Row]) -> str:
-    """The rows as plain text."""
-    said = {True: "yes", False: "NO", None: "skipped"}
-    cells = [(row.name, row.phase, row.seed, said[row.passed], row.criterion, row.measured) for row in rows]
-    return text_table(("fault", "phase", "seed", "pass", "criterion", "measured"), cells, left=(0, 1, 4, 5))
+    measured = "; ".join([*wrong, *findings.measured])
+    return Row(fault.name, case.phase, case.seed, fault.criterion, measured, passed, tuple(findings.figures))

@@ -91,11 +91,11 @@ def motion(skill: str, folder: Path, domain: int) -> Findings:
     findings = Findings()
     with SecondHost() as host, Bench(skill, folder, domain, host.command) as bench:
         bench.prepare({}, {})
-        bench.send_goal()
+        bench.asks.send_goal()
         bench.verdict("OK")
         began = time.monotonic()
         bench.arrive()
-        codes = Counter(status.code for status in bench.statuses if status.sent > began)
+        codes = Counter(status.code for status in bench.seen.since(began))
         findings.note(f"{host.network}; goal reached after {time.monotonic() - began:.1f} s; {dict(codes)}")
         bench.judge(findings)
     return findings

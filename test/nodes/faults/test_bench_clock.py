@@ -49,3 +49,14 @@ def test_it_jumps_stands_and_slows_down_and_knows_what_it_has_shown(machine) -> 
     clock.set_speed(0.5)
     shown = {55.0: 1055.0, 60.5: 1055.5, 62.0: 1056.0, 65.0: 1057.0}
     assert {moment: clock.at(moment) for moment in shown} == pytest.approx(shown)
+
+
+@pytest.mark.parametrize(("late", "shown"), [(0.02, [1060.02, 1055.02]), (0.2, [1055.2, 1055.2])])
+def test_a_node_may_not_have_heard_of_a_change_just_before(machine, late, shown) -> None:
+    clock = BenchClock(machine)
+    clock.run(True)
+    machine.now = 60.0
+    clock.jump(-5.0)
+    assert [clock.at(60.0 + late, near) for near in (1060.0, 1055.0)] == pytest.approx(shown)
+    assert clock.at(60.0 + late) == pytest.approx(1055.0 + late)
+    assert clock.at(59.99, 1054.99) == pytest.approx(1059.99)

@@ -16,6 +16,8 @@ from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 ROBOT = Robot.panda()
 LIMITS = JointLimits.of(ROBOT, 0.3, 0.2)
 NOW = 1000.0
+#: The one place (1, 7) where the arm was.
+READY = ROBOT.ready[None]
 
 
 def motion(start: np.ndarray, way: np.ndarray, duration: float = 2.0, begin: float = NOW) -> Trajectory:
@@ -46,56 +48,72 @@ def changed(trajectory: Trajectory, **values: np.ndarray) -> Trajectory:
 
 class TestTrajectories:
     def test_a_good_one_is_not_objected_to(self, judge, good) -> None:
-        assert judge.hear(good, ROBOT.ready) == []
+        assert judge.hear(good, READY) == []
         assert judge.largest_step < 1e-6
 
     def test_one_that_goes_on_where_the_other_is_starts_right(self, judge, good) -> None:
-        judge.hear(good, ROBOT.ready)
+        judge.hear(good, READY)
         points = good.waypoints
         later = replace(good, heard=good.begin + 1.0)
         assert judge.hear(replace(later, begin=good.begin + 0.9, waypoints=_since(points, 9))) == []
 
     def test_a_step_is_measured(self, judge, good) -> None:
-        judge.hear(good, ROBOT.ready)
+        judge.hear(good, READY)
         step = changed(good, positions=good.waypoints.positions + 0.021)
         assert any("starts 0.0210 rad" in sentence for sentence in judge.hear(step))
         assert judge.largest_step == pytest.approx(0.021)
 
     def test_the_first_one_starts_where_the_arm_is(self, judge, good) -> None:
-        assert any("starts 0.03" in sentence for sentence in judge.hear(good, ROBOT.ready + 0.03))
+        assert any("starts 0.03" in sentence for sentence in judge.hear(good, READY + 0.03))
 
     def test_where_the_arm_was_found_elsewhere_it_may_start_there(self, judge, good) -> None:
-        judge.hear(good, ROBOT.ready)
+        judge.hear(good, READY)
         elsewhere = motion(ROBOT.ready + 0.3, np.full(7, 0.1))
-        assert judge.hear(elsewhere, ROBOT.ready + 0.3) == []
+        assert judge.hear(elsewhere, READY + 0.3) == []
+
+    def test_of_the_places_where_the_arm_has_just_been_it_may_start_at_any(self, judge, good) -> None:
+        judge.hear(good, READY)
+        places = ROBOT.ready + np.array([[0.3], [0.35], [0.4]])
+        anew = motion(places[1], np.full(7, 0.1))
+        assert any("starts 0.05" in sentence for sentence in judge.hear(anew, places[2:]))
+        assert judge.hear(anew, places) == []
+
+    @pytest.mark.parametrize("jump", [5.0, -5.0])
+    def test_what_was_commanded_by_the_clock_before_it_was_set_is_not_played_on(self, judge, good, jump) -> None:
+        judge.hear(good, READY)
+        here = ROBOT.ready + 0.05
+        anew = motion(here, np.full(7, 0.1), begin=NOW + 1.0 + jump)
+        assert judge.hear(anew, here[None]) == []
+        later = replace(anew, heard=anew.begin + 0.5, begin=anew.begin + 0.5, waypoints=_since(anew.waypoints, 5))
+        assert judge.hear(later) == []
 
     def test_positions_keep_the_margin(self, judge) -> None:
         near = ROBOT.upper.copy()
         near[1] = ROBOT.upper[1] - 0.005
         near = np.where(np.arange(7) == 1, near, ROBOT.ready)
-        assert any("margin" in sentence for sentence in judge.hear(motion(near, np.zeros(7)), near))
+        assert any("margin" in sentence for sentence in judge.hear(motion(near, np.zeros(7)), near[None]))
 
     def test_velocities_keep_the_limits(self, judge) -> None:
-        sentences = judge.hear(motion(ROBOT.ready, np.full(7, 0.5), duration=1.0), ROBOT.ready)
+        sentences = judge.hear(motion(ROBOT.ready, np.full(7, 0.5), duration=1.0), READY)
         assert any("velocity" in sentence for sentence in sentences)
 
     def test_between_the_knots_accelerations_keep_the_limits_too(self, judge) -> None:
         ends, still = np.stack([ROBOT.ready, ROBOT.ready + 0.1]), np.zeros((2, 7))
         abrupt = Trajectory(NOW, NOW, JointWaypoints(np.array([0.0, 0.3]), ends, still, still))
-        assert any("acceleration" in sentence for sentence in judge.hear(abrupt, ROBOT.ready))
+        assert any("acceleration" in sentence for sentence in judge.hear(abrupt, READY))
 
     def test_the_end_is_at_rest(self, judge, good) -> None:
         braking = good.waypoints.accelerations.copy()
         braking[-1] = 0.1
-        assert any("rest" in sentence for sentence in judge.hear(changed(good, accelerations=braking), ROBOT.ready))
+        assert any("rest" in sentence for sentence in judge.hear(changed(good, accelerations=braking), READY))
 
     def test_an_old_stamp_is_told(self, judge, good) -> None:
         late = replace(good, heard=good.begin + 0.3)
-        assert any("stamp" in sentence for sentence in judge.hear(late, ROBOT.ready))
+        assert any("stamp" in sentence for sentence in judge.hear(late, READY))
 
     def test_what_has_ended_is_told(self, judge, good) -> None:
         late = replace(good, heard=good.begin + 2.1)
-        assert any("in the past" in sentence for sentence in judge.hear(late, ROBOT.ready))
+        assert any("in the past" in sentence for sentence in judge.hear(late, READY))
 
 
 def _since(points: JointWaypoints, first: int) -> JointWaypoints:
@@ -127,7 +145,8 @@ class TestTargets:
 
     def test_a_first_one_is_where_the_arm_is(self) -> None:
         arm = np.array([0.52, 0.0, 0.4]), DOWN
-        assert any("20.0 mm" in sentence for sentence in TargetJudge().hear(pose(), arm))
+        assert any("20.0 mm" in sentence for sentence in TargetJudge().hear(pose(), [arm]))
+        assert TargetJudge().hear(pose(), [arm, (np.array([0.501, 0.0, 0.4]), DOWN)]) == []
 
     def test_what_is_not_finite_is_told(self) -> None:
         spoiled = replace(pose(), position=np.array([np.nan, 0.0, 0.0]))
