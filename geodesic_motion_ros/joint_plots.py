@@ -12,8 +12,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from geodesic_motion_ros.graph.ambient import clearances
@@ -42,7 +44,8 @@ from geodesic_motion_ros.robot.body_points import (
 )
 from geodesic_motion_ros.skill import Skill
 
-_FAMILIES = (GREY, GREEN, "#CC79A7", "#56B4E9", "#000000")
+#: Of demonstrations by their family.
+FAMILY_COLOURS = (GREY, GREEN, "#CC79A7", "#56B4E9", "#000000")
 _WALL = np.array([0.45, 0.55, 0.70])
 _WALL_ALPHA = 0.16
 #: Step of the central differences of the decoder, of the box.
@@ -117,7 +120,8 @@ def joint_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     planner = JointSpacePlanner(skill)
     ways, obstacle = demonstrated_ways(planner)
     figure = Figure(figsize=(13.0, 6.0), layout="constrained")
-    handles = _latent(figure, planner, ways, obstacle, columns=2)
+    title = f"Latent space of {skill.name}"
+    handles = draw_latent_tubes(figure, (1, 2, 1), planner, ways, _listed(obstacle), title)
     space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
     shown = [_tool_positions(planner, skill.decoder.configurations(code)) for code in skill.codes]
     postures = [_postures(planner, way) for way in ways]
@@ -141,38 +145,47 @@ def draw_tubes(
 ) -> None:
     """The latent space of a joint-space skill alone: tubes, demonstrations, footprint of an obstacle, ways."""
     figure = Figure(figsize=(8.0, 7.0), layout="constrained")
-    handles = _latent(figure, planner, ways, obstacle, columns=1, title=title)
+    title = title or f"Latent space of {planner.skill.name}"
+    handles = draw_latent_tubes(figure, (1, 1, 1), planner, ways, _listed(obstacle), title)
     legend_below(figure, handles)
     write_figure(figure, path)
 
 
-def _latent(
+def draw_latent_tubes(
     figure: Figure,
+    place: tuple[int, int, int] | SubplotSpec,
     planner: JointSpacePlanner,
     ways: Sequence[Way],
-    obstacle: Sphere | None,
-    columns: int,
+    obstacles: Sequence[Sphere] = (),
     title: str = "",
+    zoom: float = 1.1,
 ) -> list[Line2D | Patch]:
+    """One panel: tubes, demonstrations, where the arm would touch obstacles, ways. Returns what a legend shows.
+
+    Parameters
+    ----------
+    place : of the panel in the figure, as `Figure.add_subplot` takes it: (rows, columns, number), or of a grid.
+    """
     skill, graph = planner.skill, planner.graph
     solid = len(skill.latent_lower) == 3
-    axes = figure.add_subplot(1, columns, 1, **({"projection": "3d", "computed_zorder": False} if solid else {}))
+    at = place if isinstance(place, tuple) else (place,)
+    axes = figure.add_subplot(*at, **({"projection": "3d", "computed_zorder": False} if solid else {}))
     handles: list[Line2D | Patch] = []
     if solid:
         _wall(axes, planner)
         handles.append(Patch(facecolor=_WALL, alpha=0.5, label="end of the support"))
     else:
         _magnification(figure, axes, graph)
-    if obstacle is not None:
-        touched = _touched(planner, obstacle)
+    if obstacles:
+        touched = np.any([_touched(planner, obstacle) for obstacle in obstacles], axis=0)
         axes.scatter(*graph.latent[touched].T, s=9, color=ORANGE, alpha=0.5, linewidths=0.0, zorder=3)
         handles.append(Patch(facecolor=ORANGE, alpha=0.6, label="the arm would touch the obstacle"))
     modes = np.zeros(len(skill.codes), dtype=int) if skill.canonical is None else skill.canonical.modes
     for code, mode in zip(skill.codes, modes, strict=True):
-        axes.plot(*code.T, color=_FAMILIES[mode], linewidth=0.9, alpha=0.9, zorder=4)
+        axes.plot(*code.T, color=FAMILY_COLOURS[mode], linewidth=0.9, alpha=0.9, zorder=4)
     for mode in np.unique(modes):
         said = "demonstrations" if modes.max() == 0 else f"demonstrations, family {mode}"
-        handles.append(Line2D([], [], color=_FAMILIES[mode], linewidth=1.2, label=said))
+        handles.append(Line2D([], [], color=FAMILY_COLOURS[mode], linewidth=1.2, label=said))
     named: dict[str, Line2D | Patch] = {}
     for way in ways:
         axes.plot(*way.latent.T, color="white", linewidth=4.0, zorder=5)
@@ -181,21 +194,27 @@ def _latent(
         )
         axes.plot(*way.latent[0, :, None], "o", color=way.colour, markersize=6, markeredgecolor="white", zorder=7)
         axes.plot(*way.latent[-1, :, None], "s", color=way.colour, markersize=6, markeredgecolor="white", zorder=7)
-    _frame(axes, skill, solid)
-    axes.set_title(title or f"Latent space of {skill.name}", loc="left", fontsize=11)
+    _frame(axes, skill, solid, zoom)
+    axes.set_title(title, loc="left", fontsize=11)
     return [*handles, *named.values()]
 
 
-def _frame(axes: Axes, skill: Skill, solid: bool) -> None:
+def _listed(obstacle: Sphere | None) -> list[Sphere]:
+    return [] if obstacle is None else [obstacle]
+
+
+def _frame(axes: Axes, skill: Skill, solid: bool, zoom: float) -> None:
     for name, low, high in zip("xyz", skill.latent_lower, skill.latent_upper, strict=False):
         getattr(axes, f"set_{name}lim")(low, high)
         getattr(axes, f"set_{name}label")(f"$z_{'xyz'.index(name) + 1}$")
     if solid:
         axes.view_init(24.0, -62.0)
         axes.set_proj_type("ortho")
-        axes.set_box_aspect(skill.latent_upper - skill.latent_lower, zoom=1.1)
+        axes.set_box_aspect(skill.latent_upper - skill.latent_lower, zoom=zoom)
         for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
             axis.set_pane_color((1.0, 1.0, 1.0, 1.0))
+            # Labels of a short side would run into each other.
+            axis.set_major_locator(MaxNLocator(5))
 
 
 def _magnification(figure: Figure, axes: Axes, graph: ConfigurationGraph) -> None:

@@ -87,10 +87,10 @@ def draw_latent(
     figure = Figure(figsize=(7.4, 5.6), layout="constrained")
     axes = figure.add_subplot()
     codes = np.concatenate([*_codes_around(planner.skill, ways), *(way.latent for way in ways)])
-    handles = _latent_background(figure, axes, planner.skill)
+    handles = latent_background(figure, axes, planner.skill)
     if obstacle is not None:
         handles.append(_footprint(axes, planner, obstacle))
-    handles += _ways(axes, ways)
+    handles += draw_latent_ways(axes, ways)
     _frame_codes(axes, planner.skill, codes)
     axes.set_title(title, loc="left", fontsize=11)
     legend_below(figure, handles)
@@ -150,10 +150,10 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     line = chosen[0] + share * (chosen[-1] - chosen[0])
     figure = Figure(figsize=(11.5, 5.2), layout="constrained")
     axes = figure.add_subplot(1, 2, 1)
-    handles = _latent_background(figure, axes, skill)
+    handles = latent_background(figure, axes, skill)
     ways = [Way(latent, skill.decoder.decode(latent).positions, "geodesics", BLUE) for latent in geodesics]
     ways.append(Way(line, skill.decoder.decode(line).positions, "straight latent line", VERMILION, "--"))
-    handles += _ways(axes, ways)
+    handles += draw_latent_ways(axes, ways)
     _frame_codes(axes, skill, np.concatenate([*codes, line, *geodesics]))
     axes.set_title(f"Latent space of {skill.name}", loc="left", fontsize=11)
     space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
@@ -174,7 +174,13 @@ def _bend(latent: np.ndarray) -> float:
     return float(length / max(np.linalg.norm(latent[-1] - latent[0]), 1e-9))
 
 
-def _latent_background(figure: Figure, axes: Axes, skill: Skill) -> list[Line2D | Patch]:
+def latent_background(figure: Figure, axes: Axes, skill: Skill) -> list[Line2D | Patch]:
+    """The magnification factor of a two-dimensional latent space, with demonstrations. Returns what a legend shows.
+
+    Raises
+    ------
+    PlanningError : the skill's latent space has not two dimensions.
+    """
     if len(skill.latent_lower) != 2:
         raise PlanningError(f"a latent picture shows two dimensions, {skill.name} has {len(skill.latent_lower)}")
     values = magnification_factor(skill, _RESOLUTION)
@@ -204,7 +210,8 @@ def _footprint(axes: Axes, planner: ReactivePlanner, obstacle: Sphere) -> Patch:
     return Patch(facecolor=ORANGE, alpha=0.55, edgecolor=ORANGE, label="the hand would touch the obstacle")
 
 
-def _ways(axes: Axes, ways: Sequence[Way]) -> list[Line2D | Patch]:
+def draw_latent_ways(axes: Axes, ways: Sequence[Way]) -> list[Line2D | Patch]:
+    """Ways in a two-dimensional latent space, a dot at their beginnings, a square at their ends; for a legend."""
     handles: dict[str, Line2D | Patch] = {}
     for way in ways:
         axes.plot(*way.latent.T, color="white", linewidth=3.8, alpha=0.9, zorder=4)

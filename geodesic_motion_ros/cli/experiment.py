@@ -36,6 +36,8 @@ modes      simulated demonstrations past a pillar on both sides: one way followe
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
 moving-tool  spheres that cross the tool's way or chase it, with a skill of the tool: no contact where it can brake?
 obstacle-laws  the same scenes of spheres on the arm's way under a gaussian, a completed and a hard ambient metric
+grasp-joint  reach to grasp with the whole arm in families: energies within and across, which ways are left when blocked
+pouring-joint  three bottles to three cups with the whole arm: geodesics through several groups, played by the arm
 volume     one whole-arm skill learned without and with the volume term of the paper's evidence lower bound
 rate       planner and twin as two processes: ticks a second with a goal that stays or moves, a moving sphere, clouds;
            with a skill of joint space also the time from an obstacle's message to the trajectory that answers it
@@ -144,6 +146,19 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     moving_tool.add_argument("--processes", type=int, default=1, help="that play scenes")
     moving_tool.set_defaults(run=_moving_tool)
 
+    grasp_joint = names.add_parser("grasp-joint", help="families of grasps, blocked", formatter_class=HelpFormatter)
+    grasp_joint.add_argument("--shown", type=int, default=3, help="demonstrations of each family")
+    grasp_joint.set_defaults(run=_grasp_joint)
+
+    pouring_joint = names.add_parser("pouring-joint", help="groups of pourings", formatter_class=HelpFormatter)
+    pouring_joint.add_argument("--shown", type=int, default=3, help="demonstrations of each of three pairs")
+    pouring_joint.set_defaults(run=_pouring_joint)
+
+    for learned in (grasp_joint, pouring_joint):
+        learned.add_argument(
+            "--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="of the trainings, one skill each"
+        )
+
     laws = names.add_parser("obstacle-laws", help="three ambient metrics compared", formatter_class=HelpFormatter)
     laws.add_argument(
         "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
@@ -167,7 +182,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     rate.add_argument("--obstacles", type=int, default=10, help="spheres beside the way")
     rate.add_argument("--spheres", type=int, default=100, help="that appear in the way, to time answers; 0: none")
     rate.set_defaults(run=_rate)
-    for experiment in (geodesics, avoidance, crossing, goals, modes, whole_arm, moving_tool, laws, volume, rate):
+    for experiment in (
+        geodesics, avoidance, crossing, goals, modes, whole_arm, moving_tool, grasp_joint, pouring_joint, laws, volume,
+        rate,
+    ):  # fmt: skip
         experiment.add_argument(
             "--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results"
         )
@@ -281,6 +299,34 @@ def _moving_tool(arguments: argparse.Namespace) -> None:
     folder = _folder(arguments)
     report = measure_moving_tool(skill, settings)
     draw_moving_tool(report, folder / "moving_tool.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _grasp_joint(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.grasp_joint import (
+        GraspJointSettings,
+        draw_grasp_joint,
+        measure_grasp_joint,
+    )
+
+    settings = GraspJointSettings(arguments.shown, arguments.seeds)
+    folder = _folder(arguments)
+    report = measure_grasp_joint(settings, arguments.out / "skills")
+    draw_grasp_joint(report, folder / "grasp_joint.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _pouring_joint(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.pouring_joint import (
+        PouringJointSettings,
+        draw_pouring_joint,
+        measure_pouring_joint,
+    )
+
+    settings = PouringJointSettings(arguments.shown, arguments.seeds)
+    folder = _folder(arguments)
+    report = measure_pouring_joint(settings, arguments.out / "skills")
+    draw_pouring_joint(report, folder / "pouring_joint.png")
     _hand_over(arguments, folder, report.table(), report.as_dict())
 
 

@@ -121,12 +121,7 @@ class BlockedWays:
 
     def clearance(self, configurations: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> float:
         """Least distance [m] of the arm in configurations (n, eta) from spheres (o, 3), (o,), by PyBullet."""
-        least = math.inf
-        for configuration in configurations:
-            self._geometry.place(configuration)
-            for centre, radius in zip(centres, radii, strict=True):
-                least = min(least, self._geometry.clearance(centre, float(radius)))
-        return least
+        return arm_clearance(self._geometry, configurations, centres, radii)
 
     def _answered(
         self,
@@ -194,6 +189,18 @@ class BlockedWays:
         """No more than the distance [m] of the hand from a sphere on a way (n, eta)."""
         bodies = body_spheres(self._hand_only, way)
         return float(np.min(distances(self._hand_only, bodies, centre, radius)))
+
+
+def arm_clearance(
+    geometry: CollisionGeometry, configurations: np.ndarray, centres: np.ndarray, radii: np.ndarray
+) -> float:
+    """Least distance [m] of an arm's meshes in configurations (n, eta) from spheres (o, 3), (o,); inf without any."""
+    least = math.inf
+    for configuration in configurations:
+        geometry.place(configuration)
+        for centre, radius in zip(centres, radii, strict=True):
+            least = min(least, geometry.clearance(centre, float(radius)))
+    return least
 
 
 def hand_alone(model: CollisionModel) -> CollisionModel:

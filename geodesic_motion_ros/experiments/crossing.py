@@ -14,15 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.learned_paths import LearnedPaths, whole_box
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
-from geodesic_motion_ros.graph.pose_graph import PoseGraph, build_pose_graph
-from geodesic_motion_ros.graph.shortest_path import shortest_free_path
-from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 
@@ -34,8 +31,7 @@ class Crossing:
     Attributes
     ----------
     within, across : energy (squared length in the metric: m^2 of positions, rad^2 / 4 of rotations) of the shortest
-        path to the goal with q, and with -q, on a graph of the whole latent box, nothing pruned or forbidden: the
-        integral of |c'|^2 over unit time for the curve that spends the same time on each of its m edges, m sum_e w_e^2.
+        path to the goal with q, and with -q, on a graph of the whole latent box, as of `LearnedPath`.
     edge_within, edge_across : largest squared length of one edge of those paths, what the planner's verdict
         compares with the skill's threshold.
     sign_flip : the decoded quaternion of the path across ends in the other hemisphere than the motion's.
@@ -72,13 +68,8 @@ def measure_crossings(skill: Skill, curves: Sequence[PoseCurve]) -> tuple[Crossi
     """
     if skill.orientation_model != "two_cluster":
         raise ParameterError(f"a {skill.orientation_model} skill has no two clusters to cross between")
-    whole_box = build_pose_graph(
-        skill.decoder, skill.codes, skill.latent_lower, skill.latent_upper, skill.metric,
-        sigma_limit=math.inf, shape=(100, 100), neighbours=16, one_sheet=False,
-    )  # fmt: skip
-    supported = skill.graph()
     encoder = TaskSpaceEncoder.from_arrays(skill.encoder_arrays)
-    forced, permitted = _Paths(whole_box), _Paths(supported)
+    forced, permitted = LearnedPaths(whole_box(skill)), LearnedPaths(skill.graph())
     measured = []
     for curve in curves:
         positions, quaternions = curve.positions[[0, -1, -1]], curve.quaternions[[0, -1, -1]].copy()
@@ -88,40 +79,11 @@ def measure_crossings(skill: Skill, curves: Sequence[PoseCurve]) -> tuple[Crossi
         measured.append(
             Crossing(
                 within.energy, across.energy, within.dearest, across.dearest,
-                sign_flip=bool(across.last_quaternion @ curve.quaternions[-1] < 0.0),
+                sign_flip=bool(forced.graph.decoded.quaternions[across.nodes[-1]] @ curve.quaternions[-1] < 0.0),
                 flagged=not math.isfinite(permitted.shortest(start, opposite).length),
             )
         )  # fmt: skip
     return tuple(measured)
-
-
-@dataclass(frozen=True)
-class _Path:
-    """Riemannian length, energy, largest squared length of an edge, and the decoded quaternion (4,) at the end."""
-
-    length: float
-    energy: float
-    dearest: float
-    last_quaternion: np.ndarray
-
-
-class _Paths:
-    """Shortest paths on a graph as it was learned, between the nodes nearest to latent points."""
-
-    def __init__(self, graph: PoseGraph) -> None:
-        self._graph, self._tree = graph, cKDTree(graph.latent)
-        self._energies = graph.transported(Offsets.none(graph.ridge_count), np.zeros((1, 3))).energies()
-
-    def shortest(self, start: np.ndarray, goal: np.ndarray) -> _Path:
-        """From a latent point (d,) to another; of infinite length where there is no way."""
-        graph = self._graph
-        _, (source, target) = self._tree.query(np.stack([start, goal]))
-        _, edges, length = shortest_free_path(
-            graph.adjacency, np.sqrt(self._energies), np.zeros(len(graph.latent)), int(source), int(target)
-        )
-        squared = self._energies[edges]
-        dearest = float(np.max(squared, initial=0.0))
-        return _Path(length, len(edges) * float(squared.sum()), dearest, graph.decoded.quaternions[target])
 
 
 @dataclass(frozen=True)

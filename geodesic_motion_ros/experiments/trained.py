@@ -41,6 +41,10 @@ class Trained:
     held_out: Demonstrations
 
 
+#: For experiments that show what several skills do, one for each seed, not how exact one can be: less of everything.
+BRIEFLY = {"samples": 120, "steps": 1500, "kernels": 300, "precision_samples": 2, "precision_iterations": 80}
+
+
 def trained_on_folds(
     task: str,
     demonstrations: Demonstrations,

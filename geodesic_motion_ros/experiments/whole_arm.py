@@ -17,23 +17,20 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.blocked_arm import KINDS, BlockedScene, BlockedWays, Kind, every
 from geodesic_motion_ros.experiments.moving_arm import MovingArmScene, MovingArmStage
 from geodesic_motion_ros.experiments.moving_spheres import draw_clearances, moving_figures, play_scenes
+from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.tubes import TubeWay, tube_way
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.plots import write_figure
 from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.swivel import elbow_position
-from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 
 Part = Literal["tubes", "one way", "all ways", "elbow", "moving"]
 PARTS: tuple[Part, ...] = ("tubes", *KINDS, "moving")
-#: Postures of each way in the picture, and the camera.
-_POSTURES, _VIEW = 5, "front"
-_TOOL_COLOUR, _ELBOW_COLOUR = (0.16, 0.50, 0.73), (0.93, 0.58, 0.12)
+#: Time between the postures that a picture chooses from [s].
+_PICTURE_PERIOD = 0.02
 
 
 @dataclass(frozen=True)
@@ -213,25 +210,8 @@ def switch_strip(scene: BlockedScene, width: int = 600, height: int = 400) -> np
     One posture is (height, width, 3) pixels. The curves are the ways of tool and elbow.
     """
     references = [scene.nominal, scene.reference or scene.nominal]
-    with PandaWorld() as world:
-        rows = []
-        for reference, spheres in zip(references, ({}, _spheres(scene)), strict=True):
-            world.set_obstacles(spheres)
-            rows.append(_postures(world, reference, width, height))
-    return np.concatenate(rows)
-
-
-def _postures(world: PandaWorld, reference: JointReference, width: int, height: int) -> np.ndarray:
-    """The arm at equal parts of a reference's time, side by side."""
-    way = every(0.05, reference)
-    world.add_curve(np.array([world.robot.forward(configuration)[0] for configuration in way]), _TOOL_COLOUR)
-    world.add_curve(np.array([elbow_position(world.robot, configuration) for configuration in way]), _ELBOW_COLOUR)
-    pictures = []
-    for configuration in reference.samples(np.linspace(0.0, reference.duration, _POSTURES))[0]:
-        world.reset(configuration)
-        pictures.append(world.render(width, height, _VIEW, oversampling=2))
-    world.clear_curves()
-    return np.concatenate(pictures, axis=1)
+    motions = [every(_PICTURE_PERIOD, reference) for reference in references]
+    return posture_strips(motions, ({}, _spheres(scene)), width, height)
 
 
 def _halfway_clearance(scene: BlockedScene) -> float:

@@ -6,7 +6,7 @@ in `simulation.teacher` (laws, a hidden style of two numbers, a slow unsteady ha
 
 *Reach to grasp*: the hand, pointing down beside the robot, is brought before an object and turns by 90 degrees until it
 points at it. *Separated* families keep swivel angles of their own all the way; *connected* ones begin and end with the
-elbow up, and open in between as sin^2.
+elbow up, and open in between as sin^2, once or several times: then they meet on the way, too.
 
 *Circle*: once around in an upright plane. *Pouring*: three bottles, three cups, the ways of whose pairs cross.
 
@@ -50,6 +50,7 @@ from geodesic_motion_ros.simulation.teacher import (
     BOTTLE_REGION,
     CUP_REGION,
     Motion,
+    Pose,
     pouring_motion,
     pouring_stands,
 )
@@ -119,7 +120,9 @@ class Guidance:
     swivels: np.ndarray
 
 
-def reach_to_grasp(count_per_family: int, seed: int, families: int = 3, connected: bool = True) -> JointDemonstrations:
+def reach_to_grasp(
+    count_per_family: int, seed: int, families: int = 3, connected: bool = True, openings: int = 1
+) -> JointDemonstrations:
     """The hand is brought over 0.5 m to an object and turned by 90 degrees, the elbow each time elsewhere.
 
     `count_per_family` demonstrations of the first family are followed by as many of the next. The same seed gives the
@@ -130,13 +133,14 @@ def reach_to_grasp(count_per_family: int, seed: int, families: int = 3, connecte
     families : how many; their swivel angles are spread evenly from -`LARGEST_SWIVEL` to `LARGEST_SWIVEL`, with the
         elbow to the left of the arm first; one alone has its elbow up.
     connected : whether all families begin and end alike, with the elbow up.
+    openings : how often connected families open on the way; they meet in between. Each takes as long as one alone.
 
     Raises
     ------
-    ParameterError : count_per_family or families is below one.
+    ParameterError : count_per_family, families or openings is below one.
     DemonstrationError : a demonstration fails a check; which and why is said.
     """
-    return performed(reach_guidances(count_per_family, seed, families, connected))
+    return performed(reach_guidances(count_per_family, seed, families, connected, openings))
 
 
 def circle(count: int, seed: int) -> JointDemonstrations:
@@ -164,14 +168,17 @@ def pouring(count_per_pair: int, seed: int) -> JointDemonstrations:
     return performed(pouring_guidances(count_per_pair, seed))
 
 
-def reach_guidances(count_per_family: int, seed: int, families: int, connected: bool) -> tuple[Guidance, ...]:
+def reach_guidances(
+    count_per_family: int, seed: int, families: int, connected: bool, openings: int = 1
+) -> tuple[Guidance, ...]:
     """The guidances of `reach_to_grasp`, before the arm makes them."""
     check_count("count_per_family", count_per_family)
     check_count("families", families)
+    check_count("openings", openings)
     generator = np.random.default_rng(seed)
     swivels = np.linspace(-LARGEST_SWIVEL, LARGEST_SWIVEL, families) if families > 1 else np.zeros(1)
     return tuple(
-        _reach(f"family_{group}_{index}", group, swivel, connected, generator)
+        _reach(f"family_{group}_{index}", group, swivel, openings if connected else 0, generator)
         for group, swivel in enumerate(swivels)
         for index in range(count_per_family)
     )
@@ -193,6 +200,19 @@ def pouring_guidances(count_per_pair: int, seed: int) -> tuple[Guidance, ...]:
         for pair in range(len(BOTTLE_PLACES))
         for index in range(count_per_pair)
     )
+
+
+def draw_reaching_query(generator: np.random.Generator) -> tuple[Pose, Pose]:
+    """A start and a goal (position (3,) [m], quaternion (4,)) of a reach to grasp, drawn from what is shown."""
+    start, goal = (
+        middle + spread * generator.uniform(-1.0, 1.0, 3)
+        for middle, spread in zip((REACH_START, REACH_GOAL), REACH_SPREAD, strict=True)
+    )
+    down, at_object = (
+        rotate_by(spread * np.clip(generator.normal(size=3), -2.0, 2.0), from_rotation(rotation))
+        for rotation, spread in zip(_reach_rotations(), REACH_TURN_SPREAD, strict=True)
+    )
+    return (start, down), (goal, at_object)
 
 
 def configurations(robot: Robot, guidance: Guidance) -> np.ndarray:
@@ -316,18 +336,11 @@ def _check_clearance(world: TabletopWorld, sample: int, name: str) -> None:
         )
 
 
-def _reach(name: str, group: int, swivel: float, connected: bool, generator: np.random.Generator) -> Guidance:
-    """From beside the robot, the hand down, in a bow to before the object, the hand at it."""
-    start, goal = (
-        middle + spread * generator.uniform(-1.0, 1.0, 3)
-        for middle, spread in zip((REACH_START, REACH_GOAL), REACH_SPREAD, strict=True)
-    )
-    down, at_object = (
-        rotate_by(spread * np.clip(generator.normal(size=3), -2.0, 2.0), from_rotation(rotation))
-        for rotation, spread in zip(_reach_rotations(), REACH_TURN_SPREAD, strict=True)
-    )
+def _reach(name: str, group: int, swivel: float, openings: int, generator: np.random.Generator) -> Guidance:
+    """From beside the robot, the hand down, in a bow to before the object, the hand at it; 0 openings: always open."""
+    (start, down), (goal, at_object) = draw_reaching_query(generator)
     bold, early = style(generator)
-    times, phase = pacing(8.0, generator)
+    times, phase = pacing(8.0 * max(1, openings), generator)
     arch = (0.05 + 0.006 * bold) * np.sin(np.pi * phase)
     bow = (0.04 + 0.005 * bold) * np.sin(np.pi * phase) + 0.005 * early * np.sin(2.0 * np.pi * phase)
     positions = start + smooth_step(phase, gentle=True)[:, None] * (goal - start) + hand(phase, 0.002, generator)
@@ -335,7 +348,7 @@ def _reach(name: str, group: int, swivel: float, connected: bool, generator: np.
     turned = smooth_step((phase - 0.12 + 0.015 * early) / 0.8)
     quaternions = rotate_by(hand(phase, np.radians(0.6), generator), slerp(down, at_object, turned))
     # the elbow takes the whole time, so that it need not hurry
-    opened = np.sin(np.pi * times / times[-1]) ** 2 if connected else np.ones_like(times)
+    opened = np.sin(openings * np.pi * times / times[-1]) ** 2 if openings else np.ones_like(times)
     swivels = opened * swivel + _swivel_of_the_day(phase, generator)
     return Guidance(Motion(name, times, positions, continuous_signs(quaternions), (), group=group), swivels)
 

@@ -213,7 +213,7 @@ def pouring_motion(name: str, place: np.ndarray, generator: np.random.Generator,
     tilt = POURING_TILT * smooth_step((phase - 0.42 + 0.035 * early) / (0.55 + 0.035 * early))
     yaw = yaw_at_bottle + across * (yaw_at_cup - yaw_at_bottle)
     quaternions = rotate_by(hand(phase, np.radians(1.5), generator), from_rotation(_side_grasp(yaw, tilt)))
-    return Motion(name, times, positions, continuous_signs(quaternions), pouring_stands(bottle, cup), _bottle_in_hand())
+    return Motion(name, times, positions, continuous_signs(quaternions), pouring_stands(bottle, cup), bottle_in_hand())
 
 
 def pouring_stands(bottle: np.ndarray, cup: np.ndarray) -> tuple[Cylinder, ...]:
@@ -313,7 +313,7 @@ def _side_grasp(yaw: float | np.ndarray, tilt: float | np.ndarray) -> Rotation:
     return about("z", yaw) * about("x", np.negative(tilt)) * about("y", GRASP_PITCH - 0.5 * np.pi) * DOWN
 
 
-def _bottle_in_hand() -> tuple[Cylinder, ...]:
+def bottle_in_hand() -> tuple[Cylinder, ...]:
     """Body and neck of a bottle in the frame of the tool that grasps it."""
     grasp = _side_grasp(0.0, 0.0).inv()
     quaternion = tuple(from_rotation(grasp))

@@ -1,0 +1,56 @@
+"""Playing a joint reference with the arm of the digital twin, by itself and without a planner: what the arm does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.simulation.tabletop import TabletopWorld
+from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
+
+#: Physics steps between two samples, and time the arm is given to come to rest [s].
+_STEPS, _SETTLING = 4, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Execution:
+    """What an arm did.
+
+    Attributes
+    ----------
+    times : (k,) [s]; configurations : (k, eta) [rad] as measured; tool : (k, 3) [m] positions of the tool.
+    tracking_error : largest difference of a joint from what it was to do at the time [rad].
+    goal_error : distance of the tool from where the reference ends, at the end [m].
+    clearance : least distance of the arm from what stands on the table [m], by PyBullet.
+    """
+
+    times: np.ndarray
+    configurations: np.ndarray
+    tool: np.ndarray
+    tracking_error: float
+    goal_error: float
+    clearance: float
+
+
+def play(world: TabletopWorld, reference: JointReference) -> Execution:
+    """Put the arm where a reference begins, let it play that, and measure; among what stands in the world."""
+    world.reset(reference.positions[0])
+    world.set_joint_trajectory(
+        JointWaypoints(reference.times, reference.positions, reference.velocities, reference.accelerations)
+    )
+    times, done, clearance = [], [], np.inf
+    while world.time < reference.duration + _SETTLING:
+        times.append(world.time)
+        done.append(world.joint_positions)
+        clearance = min(clearance, world.furniture_clearance())
+        for _ in range(_STEPS):
+            world.step()
+    configurations = np.array(done)
+    tool = np.array([world.robot.forward(configuration)[0] for configuration in configurations])
+    behind = np.abs(configurations - reference.samples(np.array(times))[0])
+    ended = np.linalg.norm(tool[-1] - world.robot.forward(reference.positions[-1])[0])
+    return Execution(
+        np.array(times), configurations, tool, float(behind.max()), float(ended), float(clearance)
+    )  # fmt: skip

@@ -1,0 +1,55 @@
+"""Strips: the arm at even shares of the time of a motion, side by side, with the ways of tool and elbow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from geodesic_motion_ros.robot.swivel import elbow_position
+from geodesic_motion_ros.simulation.world import PandaWorld
+
+_TOOL_COLOUR, _ELBOW_COLOUR = (0.16, 0.50, 0.73), (0.93, 0.58, 0.12)
+#: Postures on a motion that its drawn ways are made of.
+_SAMPLES = 100
+
+
+def posture_strips(
+    motions: Sequence[np.ndarray],
+    obstacles: Sequence[Mapping[str, tuple[np.ndarray, float]]],
+    width: int = 600,
+    height: int = 400,
+    postures: int = 5,
+    view: str = "front",
+) -> np.ndarray:
+    """Picture, uint8, with a row for each motion; a posture is (height, width, 3) pixels.
+
+    Parameters
+    ----------
+    motions : configurations (n, eta) [rad] each, evenly spaced in time.
+    obstacles : of each motion, name -> (centre (3,), radius) [m].
+    view : one of `camera.VIEWS`.
+    """
+    with PandaWorld() as world:
+        rows = []
+        for motion, spheres in zip(motions, obstacles, strict=True):
+            world.set_obstacles(spheres)
+            rows.append(_strip(world, motion, width, height, postures, view))
+    return np.concatenate(rows)
+
+
+def _strip(world: PandaWorld, motion: np.ndarray, width: int, height: int, postures: int, view: str) -> np.ndarray:
+    way = motion[evenly(len(motion), _SAMPLES)]
+    world.add_curve(np.array([world.robot.forward(configuration)[0] for configuration in way]), _TOOL_COLOUR)
+    world.add_curve(np.array([elbow_position(world.robot, configuration) for configuration in way]), _ELBOW_COLOUR)
+    pictures = []
+    for configuration in motion[evenly(len(motion), postures)]:
+        world.reset(configuration)
+        pictures.append(world.render(width, height, view, oversampling=2))
+    world.clear_curves()
+    return np.concatenate(pictures, axis=1)
+
+
+def evenly(count: int, wanted: int) -> np.ndarray:
+    """At most so many indices of `count`, the first and the last among them."""
+    return np.unique(np.linspace(0.0, count - 1, min(count, wanted)).astype(int))

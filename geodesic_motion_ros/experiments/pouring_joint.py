@@ -1,0 +1,304 @@
+"""Pouring with the whole arm, three bottles to three cups: does a geodesic change between the groups that were shown?
+
+The simulated teacher shows three of the nine pairs (`joint_teacher.pouring`), and the ways of the three cross. For
+every seed one skill is learned of all, and the planner is asked for all nine pairs: from the mean configuration at a
+bottle to that at a cup. Every way is played by the arm in PyBullet, among the stands of that bottle and of all cups.
+
+Which group a way is in is told twice: by the ridge that its latent point is nearest to, as the skill sees it, and by
+the group whose demonstrated tool positions the executed tool is nearest to, of which the skill knows nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+from tqdm import tqdm
+
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.execution import Execution, play
+from geodesic_motion_ros.experiments.grasp_joint import mean_ways, passed_in_turn
+from geodesic_motion_ros.experiments.posture_strip import evenly
+from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.joint_query import GoalChoice
+from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.plots import BLUE, Way, write_figure
+from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE
+from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring
+from geodesic_motion_ros.simulation.tabletop import Cylinder, TabletopWorld, fixed_to
+from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION, bottle_in_hand, pouring_stands
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import Cell, text_table
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+
+TASK = "pouring_in_groups"
+PAIRS = len(BOTTLE_PLACES)
+
+
+@dataclass(frozen=True)
+class PouringJointSettings:
+    """How many demonstrations of each pair are shown; `seeds` are of the trainings, one skill each."""
+
+    shown: int = 3
+    seeds: tuple[int, ...] = (0, 1, 2)
+    planner: JointPlannerSettings = field(default_factory=JointPlannerSettings)
+
+    def __post_init__(self) -> None:
+        if self.shown < 2:
+            raise ParameterError(f"shown is {self.shown}; a pair needs at least 2 demonstrations")
+        if not self.seeds or min(self.seeds) < 0:
+            raise ParameterError(f"seeds {self.seeds}: give at least one, none negative")
+
+
+@dataclass(frozen=True, eq=False)
+class Pouring:
+    """From one bottle to one cup.
+
+    Attributes
+    ----------
+    seed, bottle, cup : of which skill, and numbers of the places; a pair was shown if they are equal.
+    reason : why the planner refused, else empty; then all that follows is empty or NaN.
+    duration : of the way [s].
+    latent : (k, d) latent points of the way at the times of the execution.
+    by_skill, by_tool : (k,) the group at each time, as told above.
+    off : largest distance [m] of the executed tool from the nearest position that was demonstrated, of any group.
+    execution : what the arm did.
+    """
+
+    seed: int
+    bottle: int
+    cup: int
+    reason: str
+    duration: float = math.nan
+    latent: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    by_skill: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    by_tool: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    off: float = math.nan
+    execution: Execution | None = None
+
+    @property
+    def shown(self) -> bool:
+        return self.bottle == self.cup
+
+    @property
+    def turns(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """The groups passed in turn, by the skill and by the tool."""
+        if self.execution is None:
+            return (), ()
+        return passed_in_turn(self.by_skill), passed_in_turn(self.by_tool)
+
+    def told(self) -> dict[str, Any]:
+        """What `--json` writes."""
+        executed = self.execution
+        return {
+            "seed": self.seed, "bottle": self.bottle, "cup": self.cup, "shown": self.shown, "reason": self.reason,
+            "duration": self.duration, "passed_by_skill": self.turns[0], "passed_by_tool": self.turns[1],
+            "off_the_demonstrations": self.off,
+            "goal_error": None if executed is None else executed.goal_error,
+            "tracking_error": None if executed is None else executed.tracking_error,
+            "clearance": None if executed is None else executed.clearance,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PouringJointReport:
+    """All pairs of all seeds; what was shown, and the planner of the first seed, to be drawn."""
+
+    settings: PouringJointSettings
+    pourings: tuple[Pouring, ...]
+    shown: Demonstrations = field(repr=False)
+    drawn: JointSpacePlanner = field(repr=False)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` writes."""
+        return {"settings": asdict(self.settings), "pourings": [item.told() for item in self.pourings]}
+
+    def table(self) -> str:
+        """The table as plain text."""
+        head = [
+            "bottle to cup", "seed", "shown", "groups by skill", "groups by tool", "off mm", "goal mm", "behind rad",
+            "clear mm", "seconds",
+        ]  # fmt: skip
+        rows: list[list[Cell]] = []
+        for item in self.pourings:
+            executed = item.execution
+            known: list[Cell] = ["refused", None, None, None, None, None, None]
+            if executed is not None:
+                skill, tool = (" then ".join(map(str, turns)) for turns in item.turns)
+                known = [
+                    skill, tool, 1e3 * item.off, 1e3 * executed.goal_error, executed.tracking_error,
+                    1e3 * executed.clearance, item.duration,
+                ]  # fmt: skip
+            rows.append([f"{item.bottle} to {item.cup}", item.seed, "yes" if item.shown else "no", *known])
+        refused = [
+            f"seed {item.seed}, {item.bottle} to {item.cup}: {item.reason}"
+            for item in self.pourings if item.execution is None
+        ]  # fmt: skip
+        notes = [
+            "off: largest distance of the executed tool from any demonstrated position; clear: of the arm from what "
+            "stands on the table, by PyBullet"
+        ]
+        return "\n".join([text_table(head, rows), *notes, *refused])
+
+
+def measure_pouring_joint(
+    settings: PouringJointSettings = PouringJointSettings(),
+    skills: Path = Path("out/experiments/skills"),
+    training: JointTrainingSettings | None = None,
+    show_progress: bool = True,
+) -> PouringJointReport:
+    """Show, train, plan and play.
+
+    Parameters
+    ----------
+    skills : cache of trained skills, see `trained_once`. training : its seed is replaced; None: `BRIEFLY`.
+    """
+    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+
+    base = training or JointTrainingSettings(**BRIEFLY)
+    shown = pouring(settings.shown, 0)
+    pourings, planners = [], []
+    for seed in tqdm(settings.seeds, desc="pouring-joint", unit="skill", disable=not show_progress):
+        skill = trained_once(TASK, shown, replace(base, seed=seed), skills)
+        planners.append(JointSpacePlanner(skill, settings.planner))
+        tools = shown.tool_demonstrations(planners[-1].robot)
+        pourings += pour_all(planners[-1], tools, seed)
+    return PouringJointReport(settings, tuple(pourings), tools, planners[0])
+
+
+def pour_all(planner: JointSpacePlanner, shown: Demonstrations, seed: int) -> list[Pouring]:
+    """All pairs with one skill; of what was shown the first third is of the first pair, and so on."""
+    ways = _ways_of_pairs(planner.skill)
+    trees = [cKDTree(np.concatenate([item.positions for item in group])) for group in _groups(shown)]
+    pairs = [(bottle, cup) for bottle in range(PAIRS) for cup in range(PAIRS)]
+    with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE) as world:
+        return [_pour(planner, world, ways, trees, seed, *pair) for pair in pairs]
+
+
+def _pour(
+    planner: JointSpacePlanner,
+    world: TabletopWorld,
+    ways: np.ndarray,
+    trees: list[cKDTree],
+    seed: int,
+    bottle: int,
+    cup: int,
+) -> Pouring:
+    goal = GoalChoice(ways[cup, -1][None], "the mean of those shown at this cup")
+    plan = planner.plan_configurations(ways[bottle, 0], goal)
+    if plan.reference is None:
+        return Pouring(seed, bottle, cup, plan.verdict.reason)
+    world.furnish(standing_there(bottle))
+    execution = play(world, plan.reference)
+    latent = np.array([plan.reference.latent_at(time) for time in execution.times])
+    by_skill = np.argmax(planner.graph.progress_map(latent)[1], axis=1)
+    away = np.stack([tree.query(execution.tool)[0] for tree in trees])
+    return Pouring(
+        seed, bottle, cup, "", plan.reference.duration, latent, by_skill, np.argmin(away, axis=0),
+        float(away.min(axis=0).max()), execution,
+    )  # fmt: skip
+
+
+def standing_there(bottle: int) -> list[Cylinder]:
+    """The stand of one bottle, which is in the hand, and all cups with theirs."""
+    bodies: list[Cylinder] = []
+    for cup in CUP_PLACES:
+        stands = pouring_stands(BOTTLE_REGION.at(np.array(BOTTLE_PLACES[bottle])), CUP_REGION.at(np.array(cup)))
+        bodies += stands if not bodies else stands[1:]
+    return bodies
+
+
+def _ways_of_pairs(skill: Skill) -> np.ndarray:
+    """Mean canonical motions (PAIRS, S, eta) [rad]; ParameterError where the skill found other groups than pairs."""
+    ways = mean_ways(skill)
+    if len(ways) != PAIRS:
+        raise ParameterError(f"the skill found {len(ways)} groups in demonstrations of {PAIRS} pairs")
+    return ways
+
+
+def _groups(shown: Demonstrations) -> list[Demonstrations]:
+    each = len(shown) // PAIRS
+    return [replace(shown, items=shown.items[pair * each : (pair + 1) * each]) for pair in range(PAIRS)]
+
+
+def draw_pouring_joint(report: PouringJointReport, path: Path) -> None:
+    """The first seed: the way through the most groups in the latent space and from above, the groups of all pairs over
+    time, and the arm on that way.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    from geodesic_motion_ros.joint_plots import FAMILY_COLOURS, draw_latent_tubes
+
+    seed = report.settings.seeds[0]
+    answered = [item for item in report.pourings if item.seed == seed and item.execution is not None]
+    example = max(answered, key=lambda item: (sum(map(len, item.turns)), abs(item.bottle - item.cup)))
+    figure = Figure(figsize=(13.0, 7.6), layout="constrained")
+    grid = figure.add_gridspec(2, 3, height_ratios=(4.9, 2.0), width_ratios=(1.6, 0.6, 1.3))
+    way = Way(example.latent, np.empty((0, 3)), f"geodesic, bottle {example.bottle} to cup {example.cup}", BLUE)
+    handles = draw_latent_tubes(figure, grid[0, 0], report.drawn, [way], (), "a  Latent space, three groups", zoom=1.0)
+    _from_above(figure.add_subplot(grid[0, 1]), report, example, FAMILY_COLOURS)
+    _bands(figure.add_subplot(grid[0, 2]), answered, FAMILY_COLOURS)
+    axes = figure.add_subplot(grid[1, :])
+    axes.imshow(_strip(example))
+    axes.set_axis_off()
+    title = f"d  The arm brings bottle {example.bottle} to cup {example.cup}, a pair that was not shown"
+    axes.set_title(title, loc="left", fontsize=11)
+    handles = [handle for handle in handles if not str(handle.get_label()).startswith("demonstrations")]
+    handles += [
+        Line2D([], [], color=FAMILY_COLOURS[pair], linewidth=3.0, label=f"group {pair}: bottle {pair} to cup {pair}")
+        for pair in range(PAIRS)
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    write_figure(figure, path)
+
+
+def _from_above(axes: Any, report: PouringJointReport, example: Pouring, colours: tuple[str, ...]) -> None:
+    """Demonstrated ways of the tool by group, and the executed one in the colour of the group that it is nearest to."""
+    assert example.execution is not None
+    for pair, group in enumerate(_groups(report.shown)):
+        for item in group:
+            axes.plot(*(100.0 * item.positions[:, :2].T), color=colours[pair], linewidth=0.9, alpha=0.7)
+    tool = 100.0 * example.execution.tool[:, :2]
+    axes.plot(*tool.T, color="white", linewidth=6.0)
+    for begin, end in pairwise(np.flatnonzero(np.diff(example.by_tool, prepend=-1, append=-1))):
+        axes.plot(*tool[begin : end + 1].T, color=colours[example.by_tool[begin]], linewidth=3.5, solid_capstyle="butt")
+    axes.plot(*tool[0], "o", color="black", markersize=6)
+    axes.plot(*tool[-1], "s", color="black", markersize=6)
+    axes.set(xlabel="x [cm]", ylabel="y [cm]", aspect="equal")
+    axes.set_title("b  Executed, from above", loc="left", fontsize=11)
+
+
+def _bands(axes: Any, answered: list[Pouring], colours: tuple[str, ...]) -> None:
+    """One bar for each pair: the group that the executed tool is nearest to, over the share of the time."""
+    for row, item in enumerate(answered):
+        bounds = np.flatnonzero(np.diff(item.by_tool, prepend=-1, append=-1))
+        for begin, end in pairwise(bounds / len(item.by_tool)):
+            group = item.by_tool[min(round(begin * len(item.by_tool)), len(item.by_tool) - 1)]
+            axes.barh(row, end - begin, left=begin, height=0.7, color=colours[group])
+    axes.set_yticks(range(len(answered)), [f"{item.bottle} to {item.cup}" + " *" * item.shown for item in answered])
+    axes.invert_yaxis()
+    axes.set(xlim=(0.0, 1.0), xlabel="share of the time", ylabel="bottle to cup (*: shown)")
+    axes.set_title("c  Which group the tool is in", loc="left", fontsize=11)
+
+
+def _strip(item: Pouring, width: int = 400, height: int = 270, postures: int = 5) -> np.ndarray:
+    """The arm with the bottle at even shares of the time of a pouring, side by side."""
+    assert item.execution is not None
+    pictures = []
+    with TabletopWorld() as world:
+        for configuration in item.execution.configurations[evenly(len(item.latent), postures)]:
+            world.reset(configuration)
+            pose = world.tool_pose()
+            world.furnish((), [*standing_there(item.bottle), *(fixed_to(*pose, part) for part in bottle_in_hand())])
+            pictures.append(world.render(width, height, "front", oversampling=2))
+    return np.concatenate(pictures, axis=1)
