@@ -7,6 +7,7 @@ the energy of many pieces and gradients by finite differences. Between random pl
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -74,7 +75,8 @@ def bias_table(rows: list[BiasFigures]) -> str:
 
 
 def skill_bias(skill: Skill, bench: SkillBench, pairs: int, seed: int = 0) -> BiasFigures:
-    """Between the beginning and the end of the ridges, where the planner's ways begin and end."""
+    """Between the beginning and the end of the ridges, where the planner's ways begin and end; not where the planner
+    would refuse the way, for it crosses where nobody moved."""
     graph, random = bench.planner.graph, np.random.default_rng(seed)
     everywhere, steps = np.ones(len(graph.latent), dtype=bool), max(graph.grid.shape)
     lines = skill.codes if skill.ridges is None else skill.ridges.centres
@@ -89,7 +91,7 @@ def skill_bias(skill: Skill, bench: SkillBench, pairs: int, seed: int = 0) -> Bi
             if source is not None and target is not None:
                 yield source, target
 
-    return _compared(bench.problem, bench.query.field, graph.latent, ends(), pairs)
+    return _compared(bench.problem, bench.query.field, graph.latent, ends(), pairs, graph.energy_limit)
 
 
 def synthetic_bias(shape: tuple[int, ...], pairs: int, seed: int = 0) -> BiasFigures:
@@ -107,7 +109,12 @@ def synthetic_bias(shape: tuple[int, ...], pairs: int, seed: int = 0) -> BiasFig
 
 
 def _compared(
-    problem: SearchProblem, field: MetricField, latent: np.ndarray, ends: Iterator[tuple[int, int]], pairs: int
+    problem: SearchProblem,
+    field: MetricField,
+    latent: np.ndarray,
+    ends: Iterator[tuple[int, int]],
+    pairs: int,
+    energy_limit: float = math.inf,
 ) -> BiasFigures:
     reshaping, watch = mark(problem, Obstacles.none()), Stopwatch()
     step, rows = float(np.min(field.spacing)), []
@@ -115,8 +122,8 @@ def _compared(
     while len(rows) < pairs:
         source, target = next(ends)
         to_target = cost_field(problem.adjacency, problem.graph.base, target)
-        nodes, _, _ = shortest_free_path(problem.adjacency, problem.graph.base, to_target, source, target)
-        if len(nodes) < 3:
+        nodes, edges, _ = shortest_free_path(problem.adjacency, problem.graph.base, to_target, source, target)
+        if len(nodes) < 3 or np.max(problem.graph.energies(edges)) > energy_limit:
             continue
         path = latent[nodes]
         with watch:

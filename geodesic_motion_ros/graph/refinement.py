@@ -30,7 +30,7 @@ from geodesic_motion_ros.graph.metric_field import (
 from geodesic_motion_ros.graph.reshaping import Reshaping
 
 #: Pieces of the refined curve, at most and at least: one for every step of the grid.
-_MOST_PIECES, _LEAST_PIECES = 64, 8
+_MOST_PIECES, _LEAST_PIECES = 160, 8
 #: Newton's steps, at most, and the relative gain below which no more follow; how often each is tried.
 _SWEEPS, _GAIN, _ATTEMPTS = 5, 3e-3, 4
 #: Nodes must hold this share of the cells that a curve is led through: that is what they hold of a cell half of whose
