@@ -47,6 +47,8 @@ setup(
         "learn": ["torch", "pytorch_kinematics"],
         "simulation": ["pybullet"],
         "peers": ["movement_primitives", "pytransform3d"],
+        # Methods that `geodesic-motion benchmark` compares with; what is not installed is left out there.
+        "benchmark": ["movement_primitives", "pytransform3d", "ompl", "pin", "pin-pink", "daqp"],
         "bench": ["igraph", "networkit", "networkx"],
         "test": ["hypothesis", "mpmath", "pytest", "pytest-xdist", "ruff"],
     },

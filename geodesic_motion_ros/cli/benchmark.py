@@ -48,6 +48,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--methods", type=_names(";"), metavar="NAME;NAME", help="all that can run without it")
     parser.add_argument("--families", type=_names(","), metavar="NAME,NAME", help="all without it")
     parser.add_argument("--seed", type=seed, default=0, help="of the scenes")
+    parser.add_argument(
+        "--strip", type=_scene, metavar="FAMILY:NUMBER", help="draw this scene as every method plays it: strip.png"
+    )
     parser.add_argument("--processes", type=int, default=1, help="that play scenes")
     parser.add_argument("--out", type=Path, default=Path("out/benchmark"), metavar="FOLDER", help="for results")
     add_json(parser)
@@ -58,9 +61,13 @@ def run(arguments: argparse.Namespace) -> None:
     """Play what has not been played, print the tables, write the files."""
     with needing("the benchmark needs", "pip install 'geodesic_motion_ros[simulation]'"):
         from geodesic_motion_ros.comparison.catalogue import ROWS, chosen
+        from geodesic_motion_ros.comparison.execution import Stage
         from geodesic_motion_ros.comparison.families import FAMILIES
+        from geodesic_motion_ros.comparison.figures import draw_clearances, draw_strip, draw_success
         from geodesic_motion_ros.comparison.report import Report
         from geodesic_motion_ros.comparison.run import BenchmarkSettings, play_benchmark
+        from geodesic_motion_ros.comparison.scene import draw_scene
+    from geodesic_motion_ros.comparison.arena import Arena
     from geodesic_motion_ros.skill import Skill
     from geodesic_motion_ros.tables import write_json
 
@@ -82,7 +89,20 @@ def run(arguments: argparse.Namespace) -> None:
     write_json(arguments.out / "figures.json", report.as_dict())
     if arguments.json is not None:
         write_json(arguments.json, report.as_dict())
+    draw_success(report, arguments.out / "success.png")
+    draw_clearances(report, arguments.out / "clearance.png")
+    if arguments.strip is not None:
+        arena = Arena.of(skill)
+        scene = draw_scene(arena, *arguments.strip, settings.seed)
+        draw_strip(Stage(arena), scene, {name: ROWS[name].make(arena) for name in methods}, arguments.out / "strip.png")
     print(f"wrote table and figures to {arguments.out}")
+
+
+def _scene(text: str) -> tuple[str, int]:
+    family, _, number = text.partition(":")
+    if not number.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}' is not a family and a number like crossing:0")
+    return family, int(number)
 
 
 def _names(separator: str):

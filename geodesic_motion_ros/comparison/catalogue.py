@@ -31,6 +31,9 @@ class Row:
         return next((name for name in self.needs if find_spec(name) is None), "")
 
 
+_PRIMITIVES = ("movement_primitives", "pytransform3d")
+
+
 def _ours(arena: Arena) -> Method:
     from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
 
@@ -55,11 +58,42 @@ def _replay(arena: Arena) -> Method:
     return Replay(arena)
 
 
+def _dmp(arena: Arena) -> Method:
+    from geodesic_motion_ros.comparison.methods.dmp import DynamicPrimitive
+
+    return DynamicPrimitive(arena)
+
+
+def _promp(arena: Arena) -> Method:
+    from geodesic_motion_ros.comparison.methods.promp import Primitives
+
+    return Primitives(arena)
+
+
+def _rrt_connect(arena: Arena) -> Method:
+    from geodesic_motion_ros.comparison.methods.rrt_connect import RapidTrees
+
+    return RapidTrees(arena)
+
+
+def _barriers(arena: Arena) -> Method:
+    from geodesic_motion_ros.comparison.methods.barriers import BarrierKinematics
+
+    return BarrierKinematics(arena)
+
+
 ROWS: dict[str, Row] = {
     "ours": Row(_ours, "geodesics of the learned metric, hard and soft"),
     "ours, hard": Row(_hard, "the same without the soft metric: nodes removed, references certified"),
     "ours, soft": Row(_soft, "the same without the hard part: the metric grows towards obstacles, as in the paper"),
     "replay": Row(_replay, "the nearest demonstration, blind: the control"),
+    "DMP": Row(_dmp, "its dynamic movement primitive with a coupling term for obstacles", _PRIMITIVES),
+    "ProMP": Row(_promp, "probabilistic movement primitives, sampled for a free motion", _PRIMITIVES),
+    "RRT-Connect": Row(_rrt_connect, "sampling-based, planned again where the path is blocked, smoothed", ("ompl",)),
+    "barriers": Row(
+        _barriers, "differential inverse kinematics along the nearest demonstration, with control barriers",
+        ("pinocchio", "pink", "daqp"),
+    ),
 }
 
 

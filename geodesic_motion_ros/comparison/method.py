@@ -12,6 +12,9 @@ from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 
+#: Between ticks, and how long a motion that nothing follows takes to end [s].
+TICK, BRAKING = 0.01, 0.1
+
 
 @dataclass(frozen=True)
 class JointState:
@@ -42,6 +45,15 @@ class Answer:
             reference.times, reference.positions, reference.velocities, reference.accelerations
         )
         return cls(waypoints, begin, refusal)
+
+    @classmethod
+    def moving(cls, positions: np.ndarray, velocities: np.ndarray, now: float, refusal: str = "") -> Answer:
+        """Be at positions (eta,) [rad] with velocities (eta,) [rad/s] two ticks from now [s], and brake after that, if
+        nothing new comes: a controller takes no trajectory that ends in motion.
+        """
+        ends = np.stack([positions, positions + 0.5 * BRAKING * velocities])
+        still = np.stack([velocities, np.zeros_like(velocities)])
+        return cls(JointWaypoints(np.array([2.0 * TICK, 2.0 * TICK + BRAKING]), ends, still), now, refusal)
 
 
 class Method(Protocol):

@@ -97,12 +97,12 @@ class Ways:
     def _touches(self, way: int, sphere: MovingSphere) -> bool:
         times = self._times[way]
         there = (times >= sphere.appears) & (times < sphere.vanishes)
-        centres = _centres(sphere, times, self._chased[way])[there]
+        centres = sphere_centres(sphere, times, self._chased[way])[there]
         apart = np.linalg.norm(self._bodies[way][there] - centres[:, None], axis=-1) - self._radii
         return bool(np.any(apart <= sphere.radius))
 
 
-def _centres(sphere: MovingSphere, times: np.ndarray, chased: np.ndarray) -> np.ndarray:
+def sphere_centres(sphere: MovingSphere, times: np.ndarray, chased: np.ndarray) -> np.ndarray:
     """Where a sphere is (n, 3) [m] at times (n,) [s] at which it chases what is at `chased` (n, 3)."""
     if not sphere.chases:
         moved = np.clip(times - sphere.appears, 0.0, sphere.rests - sphere.appears)

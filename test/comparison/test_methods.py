@@ -1,0 +1,148 @@
+"""The peers, without physics: each does what it is known for, and a control does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.catalogue import ROWS
+from geodesic_motion_ros.comparison.method import TICK, Answer, JointState, Method
+from geodesic_motion_ros.comparison.scene import Scene, draw_scene
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.robot.collision_model import configuration_clearance
+from geodesic_motion_ros.skill import Skill
+
+
+@pytest.fixture(scope="module")
+def arena(reach_skill: Skill) -> Arena:
+    return Arena.of(reach_skill)
+
+
+@pytest.fixture(scope="module")
+def scene(arena: Arena) -> Scene:
+    """With a sphere that the nearest demonstration hits with the arm, and others pass."""
+    scenes = (draw_scene(arena, "elbow", number, 0) for number in range(0, 40, 2))
+    return next(scene for scene in scenes if not scene.free[arena.nearest(scene.start, scene.goal)])
+
+
+def made(row: str, arena: Arena) -> Method:
+    for library in ROWS[row].needs:
+        pytest.importorskip(library)
+    return ROWS[row].make(arena)
+
+
+def standing(scene: Scene) -> Obstacles:
+    return Obstacles.of_spheres(
+        np.array([sphere.begin for sphere in scene.spheres]), np.array([sphere.radius for sphere in scene.spheres])
+    )
+
+
+def least_clearance(arena: Arena, scene: Scene, configurations: np.ndarray) -> float:
+    seen = standing(scene)
+    return min(
+        configuration_clearance(arena.collision, arena.robot, one, seen.centres, seen.radii)[0]
+        for one in configurations
+    )
+
+
+def stepped(method: Method, scene: Scene, obstacles: Obstacles, until: float) -> np.ndarray:
+    """Configurations (n, eta) of an arm that is where it is sent, for a method that sends one after the other."""
+    method.reset(scene)
+    state, way = JointState(scene.start, np.zeros_like(scene.start)), []
+    for tick in range(int(until / TICK)):
+        waypoints = method.tick(tick * TICK, obstacles, state).waypoints
+        assert waypoints is not None
+        state = JointState(waypoints.positions[0], np.zeros_like(scene.start))
+        way.append(waypoints.positions[0])
+    return np.array(way)
+
+
+def first_answer(method: Method, scene: Scene, obstacles: Obstacles) -> Answer:
+    method.reset(scene)
+    return method.tick(0.0, obstacles, JointState(scene.start, np.zeros_like(scene.start)))
+
+
+@pytest.mark.parametrize("row", ["ProMP", "RRT-Connect"])
+def test_a_path_is_planned_that_is_free_and_keeps_its_ends(arena, scene, row) -> None:
+    waypoints = first_answer(made(row, arena), scene, standing(scene)).waypoints
+    assert waypoints is not None
+    np.testing.assert_allclose(waypoints.positions[[0, -1]], [scene.start, scene.goal], atol=1e-9)
+    assert least_clearance(arena, scene, waypoints.positions) > 0.0
+    # The control: the nearest demonstration is not.
+    blocked = scene.demonstrations[arena.nearest(scene.start, scene.goal)]
+    assert least_clearance(arena, scene, blocked.positions) < 0.0
+
+
+@pytest.mark.parametrize("row", ["ProMP", "RRT-Connect"])
+def test_what_comes_into_the_path_is_stopped_for_and_said(arena, scene, row) -> None:
+    method = made(row, arena)
+    free = first_answer(method, scene, Obstacles.none()).waypoints
+    assert free is not None
+    state = JointState(scene.start, np.zeros_like(scene.start))
+    assert method.tick(TICK, Obstacles.none(), state).waypoints is None
+    # On the goal: there is no other path.
+    covering = Obstacles.of_spheres(arena.robot.forward(scene.goal)[0][None], np.array([0.05]))
+    answer = method.tick(0.5, covering, state)
+    assert answer.refusal
+    assert answer.waypoints is not None
+    assert np.linalg.norm(answer.waypoints.positions[-1] - scene.goal) > 0.1
+    assert method.tick(0.51, covering, state).waypoints is None
+
+
+def test_the_same_scene_makes_the_same_tree(arena, scene) -> None:
+    method = made("RRT-Connect", arena)
+    one, other = (first_answer(method, scene, standing(scene)).waypoints for _ in range(2))
+    np.testing.assert_array_equal(one.positions, other.positions)
+
+
+@pytest.mark.parametrize("row", ["DMP", "barriers"])
+def test_without_obstacles_the_demonstration_is_followed(arena, scene, row) -> None:
+    nearest = scene.demonstrations[arena.nearest(scene.start, scene.goal)]
+    way = stepped(made(row, arena), scene, Obstacles.none(), nearest.duration + 0.5)
+    tools = np.array([arena.robot.forward(one)[0] for one in way[::20]])
+    shown = arena.tool_curve(nearest.positions).positions
+    assert max(np.min(np.linalg.norm(shown - tool, axis=1)) for tool in tools) < 0.02
+    np.testing.assert_allclose(tools[-1], scene.goal_pose[0], atol=0.01)
+
+
+def test_a_primitive_is_bent_around_what_is_in_the_way_of_the_tool(arena, scene) -> None:
+    method = made("DMP", arena)
+    nearest = scene.demonstrations[arena.nearest(scene.start, scene.goal)]
+    ahead = arena.tool_curve(nearest.samples(np.array([0.5, 0.55]) * nearest.duration)[0]).positions
+    seen = Obstacles.of_spheres(ahead[:1] + [0.0, 0.0, 0.02], np.array([0.05]))
+
+    def nearest_of(way: np.ndarray) -> float:
+        return min(float(np.linalg.norm(arena.robot.forward(one)[0] - seen.centres[0])) for one in way[::5])
+
+    until = 0.6 * nearest.duration
+    bent = nearest_of(stepped(method, scene, seen, until))
+    assert bent > nearest_of(stepped(method, scene, Obstacles.none(), until))
+
+
+def test_barriers_are_not_crossed(arena, scene) -> None:
+    method = made("barriers", arena)
+    nearest = scene.demonstrations[arena.nearest(scene.start, scene.goal)]
+    until = 0.8 * nearest.duration
+    assert least_clearance(arena, scene, stepped(method, scene, standing(scene), until)[::5]) > 0.0
+    assert least_clearance(arena, scene, stepped(method, scene, Obstacles.none(), until)[::5]) < 0.0
+
+
+def test_barriers_give_way_to_what_comes(arena, scene) -> None:
+    """The sphere is still too far off for its place alone to move the arm."""
+    method = made("barriers", arena)
+    still = replace(scene, demonstrations=tuple(arena.timed(np.stack([scene.start] * 4)) for _ in arena.shown))
+    beside = arena.robot.forward(scene.start)[0] + [0.0, 0.25, 0.0]
+    apart = configuration_clearance(arena.collision, arena.robot, scene.start, beside[None], np.array([0.05]))[0]
+
+    def moved(speed: float) -> float:
+        seen = Obstacles.of_spheres(beside[None], np.array([0.05]), np.array([[0.0, -speed, 0.0]]))
+        answer = first_answer(method, still, seen)
+        assert not answer.refusal
+        return float(np.max(np.abs(answer.waypoints.positions[0] - scene.start)))
+
+    # What the barrier allows, and a little more.
+    assert moved(method.settings["gain"] * (apart - method.settings["kept_off"]) + 0.15) > 1e-4
+    assert moved(0.0) < 1e-6
