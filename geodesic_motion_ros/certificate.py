@@ -7,11 +7,11 @@ import math
 import numba
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import clearances_in_motion
 from geodesic_motion_ros.distance_field import field_approach
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.solids import solid_approach
+from geodesic_motion_ros.swept_spheres import clearances_in_motion
 
 
 @numba.njit(cache=True, nogil=True)

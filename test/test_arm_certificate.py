@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, arm_clearances, self_clearances, sphere_bulges
+from geodesic_motion_ros.arm_certificate import ArmCertifier, sphere_bulges
 from geodesic_motion_ros.distance_field import DistanceField, field_distances
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
@@ -20,6 +20,7 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.solids import solid_distances, solid_rows
+from geodesic_motion_ros.swept_spheres import self_clearances, sphere_clearances
 
 ROBOT = Robot.panda()
 LIMITS = JointLimits.of(ROBOT)
@@ -168,7 +169,7 @@ def test_without_the_bulge_it_would_be_optimistic():
         reference, obstacles = scene(seed)
         spheres = placed_at(reference, reference.times)
         straight = np.zeros((len(reference.times) - 1, len(RADII)))
-        clearance, _ = arm_clearances(
+        clearance, _ = sphere_clearances(
             reference.times, spheres, straight, RADII, MOVING,
             obstacles.centres, obstacles.radii, obstacles.velocities, HORIZON,
         )  # fmt: skip
@@ -209,7 +210,7 @@ def test_culling_changes_nothing():
         certificate = certified(reference, obstacles)
         spheres, bulges = placed_at(reference, reference.times), bulges_of(reference)
         each = [
-            arm_clearances(
+            sphere_clearances(
                 reference.times, spheres, bulges, RADII, np.array([s]),
                 obstacles.centres[[o]], obstacles.radii[[o]], obstacles.velocities[[o]], HORIZON,
             )[0]
