@@ -23,3 +23,7 @@ class PlanningError(GeodesicMotionError):
 
 class ParameterError(GeodesicMotionError):
     """A parameter has the wrong type or lies outside its range."""
+
+
+class ExperimentError(GeodesicMotionError):
+    """Experiments of a series failed, while the others went on."""

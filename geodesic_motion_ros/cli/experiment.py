@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -20,14 +21,19 @@ from geodesic_motion_ros.cli.arguments import (
 )
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.writers import save_demonstrations
-from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.errors import ExperimentError, ParameterError
+from geodesic_motion_ros.tables import text_table, write_json
 
 if TYPE_CHECKING:
+    from tqdm import tqdm
+
     from geodesic_motion_ros.experiments.trained import Trained
     from geodesic_motion_ros.manifold.training import TrainingSettings
 
 _DESCRIPTION = """\
+toy-task   a J in the plane with orientations that draw a C on the sphere: two clusters, walls, geodesic and line
+toy-joint  an arm of two joints that draws an S in two postures: two clusters, geodesic and line
+circle     the whole arm draws circles in four postures: switches between them with two and three latent dimensions
 geodesics  ways to a shortest path on one skill: gradient descent, graphs of 50x50 and 100x100 nodes; lengths, times
 avoidance  spheres dead-centre on the planned path of held-out demonstrations: clear, or rightly declared infeasible?
 crossing   what it costs to change between the clusters of q and -q, and whether the planner's graph forbids it
@@ -35,19 +41,23 @@ goals      simulated demonstrations between places that vary: held-out ones pred
 modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
 moving-tool  spheres that cross the tool's way or chase it, with a skill of the tool: no contact where it can brake?
-obstacle-laws  the same scenes of spheres on the arm's way under a gaussian, a completed and a hard ambient metric
+obstacle-laws  the same scenes of spheres on the arm's way under laws, strengths and widths of the ambient metric
 grasp-joint  reach to grasp with the whole arm in families: energies within and across, which ways are left when blocked
 pouring-joint  three bottles to three cups with the whole arm: geodesics through several groups, played by the arm
 volume     one whole-arm skill learned without and with the volume term of the paper's evidence lower bound
+dimension  two to five latent dimensions of the whole arm, on a grid and on a graph of nearest neighbours
 rate       planner and twin as two processes: ticks a second with a goal that stays or moves, a moving sphere, clouds;
            with a skill of joint space also the time from an obstacle's message to the trajectory that answers it
+all        every experiment that needs no recording, with its default arguments, one after the other; hours
 
-Table, figure and JSON go to out/experiments/NAME/. avoidance, crossing, goals and modes train skills, each once: they
-are kept in out/experiments/skills and taken from there when data, settings and training code are the same. goals and
-modes make their demonstrations themselves, with an arm in PyBullet; one skill per seed, two minutes each.
+What the paper shows and what these show stands in geodesic_motion_ros/experiments/README.md. Table, figure and JSON go
+to out/experiments/NAME/. avoidance, crossing, goals and modes train skills, each once: they are kept in
+out/experiments/skills and taken from there when data, settings and training code are the same. goals and modes make
+their demonstrations themselves, with an arm in PyBullet; one skill per seed, two minutes each.
 """
 _EPILOG = """\
 examples:
+  geodesic-motion experiment toy-task
   geodesic-motion experiment geodesics --skill panda_pouring
   geodesic-motion experiment avoidance --demos pouring.npy bottle2shelf.npy --units cm --folds 0,3,6/1,4,7/2,5,8
   geodesic-motion experiment crossing --demos pouring.npy --units cm
@@ -56,7 +66,8 @@ examples:
   geodesic-motion experiment whole-arm --moving-scenes 500 --processes 2
   geodesic-motion experiment moving-tool --skill panda_bottle2shelf --scenes 20 --seeds 0,1,2,3 --processes 2
   geodesic-motion experiment obstacle-laws --scenes 200
-  geodesic-motion experiment volume --demos joints.npz
+  geodesic-motion experiment volume
+  geodesic-motion experiment all
   geodesic-motion experiment rate --skill panda_reach_to_grasp --rates 100,250,500
 """
 
@@ -68,6 +79,18 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     names = parser.add_subparsers(dest="experiment", metavar="NAME", required=True)
+
+    toy_task = names.add_parser("toy-task", help="the paper's letters J and C", formatter_class=HelpFormatter)
+    toy_task.add_argument("--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="one training each")
+    toy_task.set_defaults(run=_toy_task)
+
+    toy_joint = names.add_parser("toy-joint", help="an S in two postures", formatter_class=HelpFormatter)
+    toy_joint.add_argument("--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="one training each")
+    toy_joint.set_defaults(run=_toy_joint)
+
+    circle = names.add_parser("circle", help="two and three latent dimensions", formatter_class=HelpFormatter)
+    circle.add_argument("--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="two trainings each")
+    circle.set_defaults(run=_circle)
 
     geodesics = names.add_parser("geodesics", help="ways to a geodesic compared", formatter_class=HelpFormatter)
     geodesics.add_argument("--skill", default="panda_pouring", metavar="SKILL", help="its folder, or a shipped name")
@@ -159,7 +182,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
             "--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="of the trainings, one skill each"
         )
 
-    laws = names.add_parser("obstacle-laws", help="three ambient metrics compared", formatter_class=HelpFormatter)
+    laws = names.add_parser("obstacle-laws", help="ambient metrics compared", formatter_class=HelpFormatter)
     laws.add_argument(
         "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
     )  # fmt: skip
@@ -168,11 +191,18 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     laws.set_defaults(run=_obstacle_laws)
 
     volume = names.add_parser("volume", help="the volume term off and on", formatter_class=HelpFormatter)
-    volume.add_argument("--demos", type=Path, required=True, metavar="FILE", help="recorded joints, as `demonstrate`'s")
+    volume.add_argument(
+        "--demos", type=Path, metavar="FILE",
+        help="recorded joints, as `demonstrate`'s; without it a simulated reach to grasp, four times in two families",
+    )  # fmt: skip
     volume.add_argument("--robot", default="panda", help="whose joints were recorded")
     volume.add_argument("--weights", type=_numbers, default="0,1", metavar="W,W", help="of the volume term")
     volume.add_argument("--steps", type=int, help="of the training; JointTrainingSettings' default without it")
     volume.set_defaults(run=_volume)
+
+    dimension = names.add_parser("dimension", help="two to five latent dimensions", formatter_class=HelpFormatter)
+    dimension.add_argument("--seeds", type=indices, default="0,1", metavar="SEEDS", help="four trainings each")
+    dimension.set_defaults(run=_dimension)
 
     rate = names.add_parser("rate", help="ticks a second of the running nodes", formatter_class=HelpFormatter)
     rate.add_argument("--skill", default="panda_pouring", metavar="SKILL", help="its folder, or a shipped name")
@@ -182,14 +212,74 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     rate.add_argument("--obstacles", type=int, default=10, help="spheres beside the way")
     rate.add_argument("--spheres", type=int, default=100, help="that appear in the way, to time answers; 0: none")
     rate.set_defaults(run=_rate)
-    for experiment in (
-        geodesics, avoidance, crossing, goals, modes, whole_arm, moving_tool, grasp_joint, pouring_joint, laws, volume,
-        rate,
-    ):  # fmt: skip
+
+    alone = dict(names.choices)
+    for needs_recording in ("avoidance", "crossing"):
+        del alone[needs_recording]
+    everything = names.add_parser("all", help="one after the other", formatter_class=HelpFormatter)
+    everything.set_defaults(run=lambda arguments: _all(arguments, alone))
+    for experiment in names.choices.values():
         experiment.add_argument(
             "--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results"
         )
         add_json(experiment)
+
+
+def _all(arguments: argparse.Namespace, parsers: Mapping[str, argparse.ArgumentParser]) -> None:
+    """Run every experiment as it is by default; what fails is told and does not stop the others."""
+    folder, rows = _folder(arguments), []
+    for number, (name, parser) in enumerate(parsers.items(), start=1):
+        print(f"[{number}/{len(parsers)}] {name}", flush=True)
+        own = parser.parse_args(["--out", str(arguments.out)], argparse.Namespace(experiment=name))
+        began, error = time.monotonic(), ""
+        try:
+            own.run(own)
+        except Exception as failure:
+            error = " ".join(f"{type(failure).__name__}: {failure}".split())
+            print(f"failed: {error}", flush=True)
+        rows.append({"experiment": name, "seconds": time.monotonic() - began, "error": error})
+    lines = [[row["experiment"], "failed" if row["error"] else "done", row["seconds"], row["error"]] for row in rows]
+    table = text_table(["experiment", "", "seconds", ""], lines, digits=0, left=(0, 1, 3))
+    _hand_over(arguments, folder, table, {"experiments": rows})
+    failed = [row["experiment"] for row in rows if row["error"]]
+    if failed:
+        raise ExperimentError(f"{len(failed)} of {len(rows)} experiments failed: {', '.join(failed)}")
+
+
+def _toy_task(arguments: argparse.Namespace) -> None:
+    from tqdm import tqdm
+
+    from geodesic_motion_ros.experiments.toy_task import draw_toy_task, measure_toy_task
+
+    folder = _folder(arguments)
+    with tqdm(desc="toy-task", unit="model") as bar:
+        report = measure_toy_task(arguments.seeds, progress=_counted_on(bar))
+    draw_toy_task(report, folder / "toy_task.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _toy_joint(arguments: argparse.Namespace) -> None:
+    from tqdm import tqdm
+
+    from geodesic_motion_ros.experiments.toy_joint import draw_toy_joint, measure_toy_joint
+
+    folder = _folder(arguments)
+    with tqdm(desc="toy-joint", unit="model") as bar:
+        report = measure_toy_joint(arguments.seeds, progress=_counted_on(bar))
+    draw_toy_joint(report, folder / "toy_joint.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _circle(arguments: argparse.Namespace) -> None:
+    from tqdm import tqdm
+
+    from geodesic_motion_ros.experiments.circle import draw_circle, measure_circle
+
+    folder = _folder(arguments)
+    with tqdm(desc="circle", unit="model") as bar:
+        report = measure_circle(arguments.seeds, progress=_counted_on(bar))
+    draw_circle(report, folder / "circle.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
 
 
 def _geodesics(arguments: argparse.Namespace) -> None:
@@ -348,8 +438,12 @@ def _volume(arguments: argparse.Namespace) -> None:
     from geodesic_motion_ros.experiments.imitation import stage_shown_on
     from geodesic_motion_ros.experiments.volume import compare_volume, draw_volume
     from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+    from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 
-    demonstrations = read_joint_demonstrations(arguments.demos, arguments.robot)
+    if arguments.demos is None:
+        demonstrations = reach_to_grasp(4, seed=0, families=2)
+    else:
+        demonstrations = read_joint_demonstrations(arguments.demos, arguments.robot)
     settings = JointTrainingSettings()
     if arguments.steps is not None:
         settings = replace(settings, steps=arguments.steps)
@@ -360,6 +454,28 @@ def _volume(arguments: argparse.Namespace) -> None:
         )
     draw_volume(report, folder / "volume.png")
     _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _dimension(arguments: argparse.Namespace) -> None:
+    from tqdm import tqdm
+
+    from geodesic_motion_ros.experiments.dimension import draw_dimension, measure_dimension
+
+    folder = _folder(arguments)
+    with tqdm(desc="dimension", unit="model") as bar:
+        report = measure_dimension(seeds=arguments.seeds, progress=_counted_on(bar))
+    draw_dimension(report, folder / "dimension.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _counted_on(bar: tqdm) -> Callable[[str], None]:
+    """Tell on a bar what begins."""
+
+    def show(begins: str) -> None:
+        bar.set_postfix_str(begins)
+        bar.update()
+
+    return show
 
 
 def _numbers(text: str) -> tuple[float, ...]:

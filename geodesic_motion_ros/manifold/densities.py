@@ -1,4 +1,4 @@
-"""Densities of the task-space model: Gaussian positions, von Mises-Fisher orientations on S^3.
+"""Densities of the task-space model: Gaussian positions, von Mises-Fisher orientations on S^3, or on S^2.
 
 Glossary: kappa, concentration (kappa^(-1/2) is about the angular standard deviation on S^3, in radians of the
 quaternion, half the rotation angle); I_v, modified Bessel function of the first kind;
@@ -7,7 +7,8 @@ C_4(kappa) = kappa / ((2 pi)^2 I_1(kappa)), the normaliser of the von Mises-Fish
 
 I_1 overflows at kappa = 89 in single and 713 in double precision while demonstrations need 1e4, so everything
 is written with the scaled function exp(-kappa) I_1(kappa), and the exponential joins the exponent of the
-density: log vMF(q) = log kappa - 2 log 2 pi - log(exp(-kappa) I_1(kappa)) - kappa |mu - q|^2 / 2.
+density: log vMF(q) = log kappa - 2 log 2 pi - log(exp(-kappa) I_1(kappa)) - kappa |mu - q|^2 / 2. On S^2 in R^3 the
+normaliser is elementary: C_3(kappa) = kappa / (4 pi sinh kappa).
 """
 
 from __future__ import annotations
@@ -43,15 +44,20 @@ def scaled_log_normaliser(kappa: Tensor) -> Tensor:
     return _LogRatio.apply(kappa) - 2.0 * math.log(2.0 * math.pi)
 
 
+def scaled_log_normaliser_of_directions(kappa: Tensor) -> Tensor:
+    """log C_3(kappa) + kappa = log kappa - log 2 pi - log(1 - exp(-2 kappa)), the same for S^2; any shape."""
+    return torch.log(kappa) - math.log(2.0 * math.pi) - torch.log(-torch.expm1(-2.0 * kappa))
+
+
 def von_mises_fisher_log_density(quaternions: Tensor, directions: Tensor, kappa: Tensor) -> Tensor:
     """log vMF(q | mu, kappa) on S^3, per unit of surface.
 
     Parameters
     ----------
-    quaternions, directions : (..., 4) unit vectors q and mu.
+    quaternions, directions : (..., 4) unit vectors q and mu; on S^2 (..., 3).
     kappa : (...) positive concentrations.
     """
-    return scaled_log_normaliser(kappa) - 0.5 * kappa * _squared_chord(quaternions, directions)
+    return _height(kappa, directions) - 0.5 * kappa * _squared_chord(quaternions, directions)
 
 
 def antipodal_log_density(quaternions: Tensor, directions: Tensor, kappa: Tensor) -> Tensor:
@@ -61,7 +67,7 @@ def antipodal_log_density(quaternions: Tensor, directions: Tensor, kappa: Tensor
     """
     near = -0.5 * kappa * _squared_chord(quaternions, directions)
     far = -0.5 * kappa * _squared_chord(quaternions, -directions)
-    return scaled_log_normaliser(kappa) + torch.logaddexp(near, far) - math.log(2.0)
+    return _height(kappa, directions) + torch.logaddexp(near, far) - math.log(2.0)
 
 
 def gaussian_log_density(points: Tensor, means: Tensor, inverse_sigma: Tensor) -> Tensor:
@@ -84,6 +90,12 @@ def divergence_from_normal(mean: Tensor, log_variance: Tensor, prior_mean: Tenso
     """
     excess = ((mean - prior_mean) ** 2 + log_variance.exp()) / prior_variance
     return 0.5 * (excess - 1.0 - log_variance + prior_variance.log()).sum(-1)
+
+
+def _height(kappa: Tensor, directions: Tensor) -> Tensor:
+    """log of the density at its mode, on the sphere in the space that directions (..., 3 or 4) have."""
+    on_plain_sphere = directions.shape[-1] == 3
+    return scaled_log_normaliser_of_directions(kappa) if on_plain_sphere else scaled_log_normaliser(kappa)
 
 
 def _squared_chord(first: Tensor, second: Tensor) -> Tensor:

@@ -29,7 +29,7 @@ from geodesic_motion_ros.manifold.optimisation import Progress, descend, minimis
 from geodesic_motion_ros.manifold.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.robot.body_points import BodyPoints, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill import GRID_SHAPES, Skill
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class JointTrainingSettings:
     ----------
     seed : of everything random: initial weights, batches, latent noise, k-means.
     sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
-    latent_dimension : d, 3 or 2.
+    latent_dimension : d, 3 or 2; models of 4 and 5, which make no skill, are for experiments.
     hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
     samples : configurations per demonstration that are trained on, equally spaced along its arc.
     steps, batch, learning_rate : Adam steps with cosine decay, configurations per step, initial rate.
@@ -90,8 +90,8 @@ class JointTrainingSettings:
     def __post_init__(self) -> None:
         if self.sheet not in ("canonical", "raw"):
             raise ParameterError(f"sheet is {self.sheet!r}; it must be one of canonical, raw")
-        if self.latent_dimension not in (2, 3):
-            raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 or 3")
+        if self.latent_dimension not in (2, 3, 4, 5):
+            raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 to 5")
         if len(self.hidden) != 2:
             raise ParameterError(f"hidden has {len(self.hidden)} layers; the decoder format has exactly 2")
         not_positive = [
@@ -142,9 +142,12 @@ def train_joint_space_skill(
 
     Raises
     ------
+    ParameterError : more latent dimensions than a skill's graph can have.
     DemonstrationError : demonstrations that have no form in common.
     SkillError : the model that came out is unusable.
     """
+    if settings.latent_dimension not in GRID_SHAPES:
+        raise ParameterError(f"latent_dimension is {settings.latent_dimension}; a skill's graph has 2 or 3")
     configurations = training_configurations(demonstrations, robot, settings)
     vae = train_joint_model(configurations, settings, body_layer(robot, settings.metric), progress)
     described = {"demonstrations": [item.name for item in demonstrations], "frame": robot.base_link}

@@ -19,8 +19,6 @@ from geodesic_motion_ros.manifold.task_space import DecoderNetwork
 #: A Riemannian metric: latent points (n, d) to symmetric positive definite tensors (n, d, d), differentiable.
 Metric = Callable[[Tensor], Tensor]
 
-_SIGMA = slice(3, 6)
-
 
 @dataclass(frozen=True)
 class AmbientFactor:
@@ -64,7 +62,7 @@ class PullbackMetric:
     ambient: Callable[[Tensor], Tensor] | None = None
 
     def features(self, latent: Tensor) -> Tensor:
-        """(x, sigma, q, k), (..., 11), at latent points (..., d)."""
+        """(x, sigma, q, k), (..., 11), at latent points (..., d); fewer of a model with fewer coordinates."""
         means, precisions = self.decoder.means(latent), self.decoder.precisions(latent)
         kappa = precisions.kappa
         scale = kappa**-0.5 if self.settings.orientation_scale == "spread" else kappa
@@ -78,10 +76,11 @@ class PullbackMetric:
         """Metric tensors (n, d, d) at latent points (n, d)."""
         jacobian = self.jacobian(latent)
         weights = torch.ones_like(jacobian[..., 0])
-        weights[:, _SIGMA] = self.settings.sigma_weight**2
+        coordinates = len(self.decoder.offset)
+        weights[:, coordinates : 2 * coordinates] = self.settings.sigma_weight**2
         if self.ambient is not None:
             factor = self.ambient(self.decoder.means(latent).positions)[:, None]
-            weights = torch.cat([weights[:, :6] * factor, weights[:, 6:]], dim=-1)
+            weights = torch.cat([weights[:, : 2 * coordinates] * factor, weights[:, 2 * coordinates :]], dim=-1)
         return torch.einsum("nfi,nf,nfj->nij", jacobian, weights, jacobian)
 
 

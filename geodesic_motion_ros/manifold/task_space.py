@@ -3,7 +3,9 @@
     p(x, q | z) = N(x | mu(z), diag(sigma(z)^2)) p(q | mu_q(z), kappa(z))
 
 mu and mu_q are the seven outputs of one perceptron, 1 / sigma and kappa radial-basis-function networks
-(Beik-Mohammadi et al., "Reactive motion generation on learned Riemannian manifolds", IJRR 2023, section 4.1).
+(Beik-Mohammadi et al., "Reactive motion generation on learned Riemannian manifolds", IJRR 2023, section 4.1). The same
+networks learn its toy, positions in the plane with directions on S^2: p numbers of position and o of orientation are 3
+and 4 where nothing else is said.
 """
 
 from __future__ import annotations
@@ -28,14 +30,14 @@ OrientationModel = Literal["two_cluster", "sign_blind"]
 
 
 class Means(NamedTuple):
-    """Mean positions (..., 3) [m] and unit mean directions (..., 4) of a batch of latent points."""
+    """Mean positions (..., p) [m] and unit mean directions (..., o) of a batch of latent points."""
 
     positions: Tensor
     quaternions: Tensor
 
 
 class Precisions(NamedTuple):
-    """Reciprocal position deviations (..., 3) [1/m] and orientation concentrations (...) of a batch."""
+    """Reciprocal position deviations (..., p) [1/m] and orientation concentrations (...) of a batch."""
 
     inverse_sigma: Tensor
     kappa: Tensor
@@ -66,17 +68,20 @@ class EncoderNetwork(nn.Module):
     ----------
     latent_dimension : d.
     hidden : units of the hidden layers, from the pose inwards.
-    offset, scale : positions enter as (x - offset) / scale; offset (3,) [m], scale () [m].
+    offset, scale : positions enter as (x - offset) / scale; offset (p,) [m], scale () [m].
+    orientation : o.
     """
 
-    def __init__(self, latent_dimension: int, hidden: Sequence[int], offset: Tensor, scale: Tensor) -> None:
+    def __init__(
+        self, latent_dimension: int, hidden: Sequence[int], offset: Tensor, scale: Tensor, orientation: int = 4
+    ) -> None:
         super().__init__()
         self.register_buffer("offset", offset)
         self.register_buffer("scale", scale)
-        self.perceptron = MultilayerPerceptron([7, *hidden, 2 * latent_dimension])
+        self.perceptron = MultilayerPerceptron([len(offset) + orientation, *hidden, 2 * latent_dimension])
 
     def forward(self, positions: Tensor, quaternions: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and log variance, both (..., d), of positions (..., 3) [m] and unit quaternions (..., 4)."""
+        """Mean and log variance, both (..., d), of positions (..., p) [m] and unit quaternions (..., o)."""
         inputs = torch.cat([(positions - self.offset) / self.scale, quaternions], dim=-1)
         mean, log_variance = self.perceptron(inputs).chunk(2, dim=-1)
         return mean, log_variance
@@ -96,25 +101,27 @@ class DecoderNetwork(nn.Module):
     ----------
     latent_dimension : d.
     hidden : units of the hidden layers, from the latent space outwards.
-    offset, scale : the mean position is offset (3,) [m] + scale () [m] times the network's first three
-        outputs.
+    offset, scale : the mean position is offset (p,) [m] + scale () [m] times the network's first p outputs.
+    orientation : o.
 
     `precisions` has to be given its radial-basis networks (`set_precisions`) before sigma and kappa can be
     asked for.
     """
 
-    def __init__(self, latent_dimension: int, hidden: Sequence[int], offset: Tensor, scale: Tensor) -> None:
+    def __init__(
+        self, latent_dimension: int, hidden: Sequence[int], offset: Tensor, scale: Tensor, orientation: int = 4
+    ) -> None:
         super().__init__()
         self.register_buffer("offset", offset)
         self.register_buffer("scale", scale)
-        self.perceptron = MultilayerPerceptron([latent_dimension, *hidden, 7])
+        self.perceptron = MultilayerPerceptron([latent_dimension, *hidden, len(offset) + orientation])
         self.inverse_sigma: RadialBasisNetwork | None = None
         self.kappa: RadialBasisNetwork | None = None
 
     def means(self, latent: Tensor) -> Means:
         """Mean positions and directions at latent points (..., d)."""
-        outputs = self.perceptron(latent)
-        return Means(self.offset + self.scale * outputs[..., :3], nn.functional.normalize(outputs[..., 3:], dim=-1))
+        outputs, p = self.perceptron(latent), len(self.offset)
+        return Means(self.offset + self.scale * outputs[..., :p], nn.functional.normalize(outputs[..., p:], dim=-1))
 
     def precisions(self, latent: Tensor) -> Precisions:
         """1 / sigma and kappa at latent points (..., d). Both networks share their kernels, evaluated
@@ -169,11 +176,12 @@ class TaskSpaceVAE(nn.Module):
     ----------
     latent_dimension : d.
     hidden : units of the encoder's hidden layers; the decoder has them in reverse.
-    offset, scale : scaling of positions, (3,) and () [m]: one scalar, so that distances keep their
+    offset, scale : scaling of positions, (p,) and () [m]: one scalar, so that distances keep their
         proportions.
     orientation_model : "two_cluster": p(q | z) is one von Mises-Fisher density, so q and -q, both in the
         data, lie in two separate clusters. "sign_blind": the mixture 1/2 vMF(mu_q) + 1/2 vMF(-mu_q), under
         which q and -q are the same observation.
+    orientation : o.
     """
 
     def __init__(
@@ -183,10 +191,11 @@ class TaskSpaceVAE(nn.Module):
         offset: Tensor,
         scale: Tensor,
         orientation_model: OrientationModel,
+        orientation: int = 4,
     ) -> None:
         super().__init__()
-        self.encoder = EncoderNetwork(latent_dimension, hidden, offset, scale)
-        self.decoder = DecoderNetwork(latent_dimension, list(reversed(hidden)), offset, scale)
+        self.encoder = EncoderNetwork(latent_dimension, hidden, offset, scale, orientation)
+        self.decoder = DecoderNetwork(latent_dimension, list(reversed(hidden)), offset, scale, orientation)
         self.orientation_model = orientation_model
 
     def position_log_density(self, positions: Tensor, means: Means, precisions: Precisions) -> Tensor:

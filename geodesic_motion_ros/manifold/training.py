@@ -146,7 +146,7 @@ _MAY_BE_ZERO = {"seed", "blends", "kl_weight", "kl_warm_up", "orientation_weight
 
 
 class Poses(NamedTuple):
-    """Training poses: positions (n, 3) [m], unit quaternions (n, 4), and the means (n, d) of their prior."""
+    """Training poses: positions (n, p) [m], unit quaternions (n, o), and the means (n, d) of their prior."""
 
     positions: Tensor
     quaternions: Tensor
@@ -222,12 +222,14 @@ def train_model(
     Parameters
     ----------
     positions, quaternions : (n, 3) [m] and (n, 4) unit, exactly as they are to be learned (with both signs of
-        each quaternion if both are wanted).
+        each quaternion if both are wanted); for the paper's toy (n, 2) and directions (n, 3).
     fractions : (n,) of the arc where they lie; the raw sheet's prior does not look at them.
     """
     with one_seeded_thread(settings.seed):
         offset, scale = _position_scaling(positions)
-        vae = TaskSpaceVAE(settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model)
+        vae = TaskSpaceVAE(
+            settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model, quaternions.shape[1]
+        )
         means = prior_means(fractions, settings)
         poses = Poses(*(torch.tensor(values).float() for values in (positions, quaternions, means)))
         if settings.orientation_model == "sign_blind":
@@ -243,7 +245,7 @@ def train_model(
 
 
 def _position_scaling(positions: np.ndarray) -> tuple[Tensor, Tensor]:
-    """Mean (3,) and root mean square distance from it over sqrt 3 (): one scalar keeps proportions."""
+    """Mean (p,) and root mean square distance from it over sqrt p (): one scalar keeps proportions."""
     offset = positions.mean(axis=0)
     return torch.tensor(offset).float(), torch.tensor(np.sqrt(np.mean((positions - offset) ** 2))).float()
 
@@ -256,7 +258,7 @@ def _start_on_one_side(vae: TaskSpaceVAE, poses: Poses) -> None:
     """
     axis = torch.linalg.eigh(poses.quaternions.T @ poses.quaternions).eigenvectors[:, -1]
     with torch.no_grad():
-        vae.decoder.perceptron.layers[-1].bias[3:] = axis
+        vae.decoder.perceptron.layers[-1].bias[-len(axis) :] = axis
 
 
 def _ascend(
@@ -291,9 +293,10 @@ def _log_likelihood(
     inverse_sigma = precisions.inverse_sigma.expand_as(poses.positions)
     position = vae.position_log_density(poses.positions, means, precisions)
     position = position - 0.5 * settings.position_resolution**2 * (inverse_sigma**2).sum(-1)
-    # A rotation by an angle moves its quaternion by half of it; three independent axes.
+    # A rotation by an angle moves its quaternion by half of it; on S^3 there are three independent axes.
+    axes = poses.quaternions.shape[-1] - 1
     orientation = vae.orientation_log_density(poses.quaternions, means, precisions)
-    orientation = orientation - 1.5 * (0.5 * settings.angular_resolution) ** 2 * precisions.kappa
+    orientation = orientation - 0.5 * axes * (0.5 * settings.angular_resolution) ** 2 * precisions.kappa
     return settings.position_weight * position + settings.orientation_weight * orientation
 
 
@@ -317,8 +320,9 @@ def _basis_networks(
         torch.tensor(centres, **like),
         torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor), **like),
     )
-    sigma_floor = torch.full((3,), 1.0 / settings.far_sigma, **like)
-    sigma_scale = torch.full((3,), 1.0 / settings.fixed_sigma, **like)
+    coordinates = poses.positions.shape[1]
+    sigma_floor = torch.full((coordinates,), 1.0 / settings.far_sigma, **like)
+    sigma_scale = torch.full((coordinates,), 1.0 / settings.fixed_sigma, **like)
     kappa_floor = torch.tensor([settings.far_kappa], **like)
     kappa_scale = torch.tensor([settings.fixed_kappa], **like)
     return (

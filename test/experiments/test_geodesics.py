@@ -24,7 +24,7 @@ def length(report, method: str) -> float:
 def test_every_way_is_there_between_the_same_ends(report, fan_skill) -> None:
     names = [f"graph {side}x{side}, {neighbours}" for side, neighbours in GRAPHS]
     expected = {"straight line", "gradient, from line", "gradient, from graph"}
-    expected |= {name + suffix for name in names for suffix in ("", ", cubic spline", ", smoothed")}
+    expected |= {name + suffix for name in names for suffix in ("", ", cubic spline", ", smoothed", ", refined")}
     assert set(report.methods) == expected
     for found in report.found:
         np.testing.assert_allclose(found.curve[0], fan_skill.codes[0, 0], atol=1e-9)
@@ -35,6 +35,7 @@ def test_descent_shortens_what_it_began_from_and_more_neighbours_bend_the_grid_l
     assert length(report, "gradient, from line") <= length(report, "straight line") * (1.0 + 1e-3)
     assert length(report, "gradient, from graph") <= length(report, "graph 100x100, 16") * (1.0 + 1e-3)
     assert length(report, "graph 100x100, 16") < length(report, "graph 100x100, 8") * 1.02
+    assert length(report, "graph 50x50, 8, refined") < length(report, "graph 50x50, 8")
     assert length(report, "graph 100x100, 16") < 1.3 * length(report, "gradient, from graph")
 
 
@@ -49,6 +50,8 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     assert set(content["methods"]) == set(report.methods)
     assert content["methods"]["straight line"]["build_ms"] is None
     assert min(row["worst_over_shortest"] for row in content["methods"].values()) == 1.0
+    assert min(row["off_mm"] for row in content["methods"].values()) == 0.0
+    assert content["methods"]["straight line"]["off_mm"] > content["methods"]["graph 50x50, 8"]["off_mm"] > 0.0
     assert all(math.isfinite(item["length"]) for item in content["found"])
     assert "graph 50x50, 8" in report.table()
     draw_geodesics(report, tmp_path / "geodesics.png")

@@ -12,6 +12,7 @@ from geodesic_motion_ros.manifold.densities import (
     log_bessel_i1,
     log_normaliser,
     scaled_log_normaliser,
+    scaled_log_normaliser_of_directions,
     von_mises_fisher_log_density,
 )
 
@@ -33,6 +34,18 @@ def exact_ratio(kappa):
     return mpmath.besseli(2, kappa) / mpmath.besseli(1, kappa)
 
 
+def exact_log_normaliser_of_directions(kappa):
+    """log C_3(kappa) + kappa on S^2, C_3(kappa) = kappa / (4 pi sinh kappa)."""
+    kappa = mpmath.mpf(kappa)
+    return mpmath.log(kappa / (4 * mpmath.pi * mpmath.sinh(kappa))) + kappa
+
+
+def exact_langevin_rest(kappa):
+    """1 - (coth kappa - 1 / kappa), its derivative."""
+    kappa = mpmath.mpf(kappa)
+    return 1 - (mpmath.coth(kappa) - 1 / kappa)
+
+
 def value_and_slope(function, kappas):
     argument = torch.tensor(kappas, requires_grad=True)
     value = function(argument)
@@ -46,6 +59,7 @@ def value_and_slope(function, kappas):
         (log_bessel_i1, exact_log_bessel, lambda k: exact_ratio(k) + 1 / mpmath.mpf(k)),
         (log_normaliser, exact_log_normaliser, lambda k: -exact_ratio(k)),
         (scaled_log_normaliser, lambda k: exact_log_normaliser(k) + k, lambda k: 1 - exact_ratio(k)),
+        (scaled_log_normaliser_of_directions, exact_log_normaliser_of_directions, exact_langevin_rest),
     ],
 )
 def test_values_and_slopes_agree_with_mpmath_over_nine_decades(function, exact_value, exact_slope):
@@ -70,6 +84,9 @@ def test_densities_integrate_to_one_over_the_sphere(kappa):
     for density in (von_mises_fisher_log_density, antipodal_log_density):
         height = density(quaternions, direction, concentration).exp()
         assert float(torch.trapezoid(4.0 * math.pi * torch.sin(angle) ** 2 * height, angle)) == pytest.approx(1.0)
+        # S^2: surface element 2 pi sin t dt.
+        height = density(quaternions[:, :3], direction[:, :3], concentration).exp()
+        assert float(torch.trapezoid(2.0 * math.pi * torch.sin(angle) * height, angle)) == pytest.approx(1.0)
 
 
 def test_the_uniform_limit():

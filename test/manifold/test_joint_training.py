@@ -106,7 +106,7 @@ def test_the_threshold_of_energy_is_that_of_ways_along_the_demonstrations(reach_
     ("changes", "words"),
     [
         ({"sheet": "flat"}, "sheet is 'flat'; it must be one of canonical, raw"),
-        ({"latent_dimension": 4}, "latent_dimension is 4; configurations are learned in 2 or 3"),
+        ({"latent_dimension": 6}, "latent_dimension is 6; configurations are learned in 2 to 5"),
         ({"hidden": (10,)}, "hidden has 1 layers"),
         ({"steps": 0}, "must be positive and finite: steps"),
         ({"body_sigma": float("nan")}, "must be positive and finite: body_sigma"),
@@ -116,3 +116,8 @@ def test_the_threshold_of_energy_is_that_of_ways_along_the_demonstrations(reach_
 def test_wrong_settings_are_named(changes, words) -> None:
     with pytest.raises(ParameterError, match=words):
         JointTrainingSettings(**changes)
+
+
+def test_a_skill_of_more_dimensions_than_its_graph_can_have_is_refused(reach_demonstrations) -> None:
+    with pytest.raises(ParameterError, match="a skill's graph has 2 or 3"):
+        train_joint_space_skill(reach_demonstrations, ROBOT, replace(IN_NO_TIME, latent_dimension=4))

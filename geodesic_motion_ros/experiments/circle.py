@@ -1,0 +1,265 @@
+"""Why the whole arm needs three latent dimensions: circles drawn in several postures, learned in two and in three.
+
+The tool goes round a circle in an upright plane, in families whose elbows are on different sides. Learned as they are,
+with the prior N(0, 1) of the paper, they have to find room beside one another. Then geodesics are asked for from every
+demonstration's code at several shares of its circle to its own code half a circle on, inside the support. What is
+decoded should keep the posture that both ends have; which it has is told by the nearest demonstrated configuration.
+
+Columns of the table, a row for each number of latent dimensions and seed:
+
+error mm        mean distance of the tool in the demonstrations that encoder and decoder give back
+ways, none      geodesics that were asked for, and pairs of ends that the support does not join
+switches        changes from one family to another, over all ways; switching : ways with at least one
+off deg         largest distance of a way's configuration from the nearest demonstrated one, over all joints
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from scipy.spatial import cKDTree
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.latent_pictures import between_samples, draw_haloed, evenly, grid_around
+from geodesic_motion_ros.experiments.metric_graph import MetricGraph
+from geodesic_motion_ros.graph.decoder import rms_sigma
+from geodesic_motion_ros.manifold.body_layer import BodyLayer
+from geodesic_motion_ros.manifold.joint_metric import JointPullbackMetric
+from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
+from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, body_layer, train_joint_model
+from geodesic_motion_ros.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
+from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import NEIGHBOURS, SUPPORT_MULTIPLE
+from geodesic_motion_ros.tables import text_table
+
+#: Swivel angles of the families, and demonstrations of each. Near zero the circle passes a singular posture.
+SWIVELS, SHOWN = np.radians([-60.0, -25.0, 25.0, 60.0]), 3
+SAMPLES = 100
+#: Nodes of the grid along each axis, by the latent dimension; free border as a share of the codes' box.
+SIDES, _BORDER = {2: 100, 3: 40}, 0.1
+#: Shares of a circle where ways begin; they end half a circle on.
+BEGINS = (0.05, 0.2, 0.35, 0.45)
+_HALF = 0.5
+TRAINING = JointTrainingSettings(
+    sheet="raw", hidden=(100, 50), steps=1500, batch=128, samples=SAMPLES, kernels=300, precision_iterations=60,
+    precision_samples=2,
+)  # fmt: skip
+_COLOURS = (BLUE, ORANGE, GREEN, VERMILION)
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Circles:
+    """Demonstrated configurations (N, T, 7) [rad], equally many of each family, one family after the other."""
+
+    configurations: np.ndarray
+    families: int
+
+    @property
+    def per_family(self) -> int:
+        return len(self.configurations) // self.families
+
+
+@dataclass(frozen=True)
+class CircleWay:
+    """A geodesic (m, d), the family of its ends, and of each of its points (m,); how far off the data it gets [rad]."""
+
+    latent: np.ndarray
+    family: int
+    nearest: np.ndarray
+    off: float
+
+    @property
+    def switches(self) -> int:
+        """Changes from one family to another on the way."""
+        return int(np.count_nonzero(np.diff(self.nearest)))
+
+
+@dataclass(frozen=True)
+class CircleRow:
+    """One model: codes (N, T, d), its ways, and the pairs of ends that are not joined."""
+
+    dimension: int
+    seed: int
+    error_mm: float
+    codes: np.ndarray
+    ways: tuple[CircleWay, ...]
+    apart: int
+
+    def figures(self) -> dict[str, float | int]:
+        """What the table shows."""
+        return {
+            "dimension": self.dimension, "seed": self.seed, "error_mm": self.error_mm, "ways": len(self.ways),
+            "none": self.apart, "switches": sum(way.switches for way in self.ways),
+            "switching": sum(way.switches > 0 for way in self.ways),
+            "off_deg": float(np.degrees(max((way.off for way in self.ways), default=np.nan))),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CircleReport:
+    """All rows."""
+
+    shown: Circles
+    rows: tuple[CircleRow, ...]
+
+    def of(self, dimension: int) -> list[CircleRow]:
+        """The rows of one number of latent dimensions."""
+        return [row for row in self.rows if row.dimension == dimension]
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` writes."""
+        return {"rows": [row.figures() for row in self.rows]}
+
+    def table(self) -> str:
+        """The table as plain text."""
+        head = ["latent", "seed", "error mm", "ways", "none", "switches", "switching", "off deg"]
+        return text_table(head, [list(row.figures().values()) for row in self.rows], digits=1)
+
+
+def shown_circles(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0) -> Circles:
+    """As `simulation.joint_teacher` tells the arm, without physics: each circle in every family's swivel angle."""
+    from geodesic_motion_ros.simulation.joint_teacher import CIRCLE_SWIVEL, circle_guidances, configurations
+
+    robot, told = Robot.panda(), circle_guidances(per_family, seed)
+    curves = []
+    for swivel in SWIVELS:
+        for guidance in told:
+            motion, kept = guidance.motion, np.linspace(0, len(guidance.swivels) - 1, samples).astype(int)
+            sampled = replace(motion, positions=motion.positions[kept], quaternions=motion.quaternions[kept])
+            swivels = guidance.swivels[kept] - CIRCLE_SWIVEL + swivel
+            curves.append(configurations(robot, replace(guidance, motion=sampled, swivels=swivels)))
+    return Circles(np.stack(curves), len(SWIVELS))
+
+
+def measure_circle(
+    seeds: Sequence[int] = (0, 1, 2),
+    settings: JointTrainingSettings = TRAINING,
+    shown: Circles | None = None,
+    dimensions: Sequence[int] = (2, 3),
+    progress: Progress | None = None,
+) -> CircleReport:
+    """Learn the circles in each number of dimensions, once for every seed, and count.
+
+    Parameters
+    ----------
+    settings : its seed and its latent dimension are replaced. shown : None: `shown_circles`. progress : told what
+        begins.
+
+    Raises
+    ------
+    ParameterError : no seeds or no dimensions.
+    """
+    if not seeds or not dimensions:
+        raise ParameterError("no seeds or no dimensions: at least one training is needed")
+    robot, rows = Robot.panda(), []
+    shown = shown or shown_circles()
+    for dimension in dimensions:
+        for seed in seeds:
+            if progress is not None:
+                progress(f"{dimension}-D, seed {seed}")
+            chosen = replace(settings, seed=seed, latent_dimension=dimension)
+            vae = train_joint_model(shown.configurations, chosen, body_layer(robot, settings.metric))
+            rows.append(_measured(vae, shown, robot, chosen))
+    return CircleReport(shown, tuple(rows))
+
+
+def _measured(vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointTrainingSettings) -> CircleRow:
+    with torch.no_grad():
+        codes = vae.encoder(torch.tensor(shown.configurations))[0]
+        given_back = vae.decoder.means(codes).numpy().reshape(-1, 7)
+    codes, dimension = codes.numpy(), settings.latent_dimension
+    found, wanted = (
+        end_effector_poses(np.ascontiguousarray(joints), robot.chain)[0]
+        for joints in (given_back, shown.configurations.reshape(-1, 7))
+    )
+    graph = _graph(vae, codes, robot, settings)
+    fine = between_samples(shown.configurations)
+    tree = cKDTree(fine.reshape(-1, 7))
+    ways, apart = [], 0
+    samples = shown.configurations.shape[1]
+    for number, code in enumerate(codes):
+        for begin in BEGINS:
+            first, last = (int(share * (samples - 1)) for share in (begin, begin + _HALF))
+            path = graph.path(code[first], code[last])
+            if path is None:
+                apart += 1
+                continue
+            latent = evenly(path)
+            with torch.no_grad():
+                off, nearest = tree.query(vae.decoder.means(torch.tensor(latent)).numpy())
+            families = nearest // (fine.shape[1] * shown.per_family)
+            ways.append(CircleWay(latent, number // shown.per_family, families, float(off.max())))
+    error = 1e3 * float(np.linalg.norm(found - wanted, axis=1).mean())
+    return CircleRow(dimension, settings.seed, error, codes, tuple(ways), apart)
+
+
+def _graph(vae: JointSpaceVAE, codes: np.ndarray, robot: Robot, settings: JointTrainingSettings) -> MetricGraph:
+    """The supported part of the latent box."""
+    dimension, decoder = settings.latent_dimension, vae.decoder.to_numpy()
+    grid = grid_around(codes, SIDES[dimension], _BORDER)
+    limit = SUPPORT_MULTIPLE * np.percentile(rms_sigma(decoder.uncertainty(codes.reshape(-1, dimension))), 99.0)
+    metric = JointPullbackMetric(
+        vae.decoder, BodyLayer(robot, settings.metric.body_points(robot)), settings.metric
+    )  # fmt: skip
+    kept = rms_sigma(decoder.uncertainty(grid.nodes())) <= limit
+    return MetricGraph.on_grid(metric, grid, kept, NEIGHBOURS[dimension])
+
+
+def draw_circle(report: CircleReport, path: Path) -> None:
+    """Of the first seed both latent spaces with the worst way in each; of every seed, which family is where."""
+    figure = Figure(figsize=(10.0, 7.2), layout="constrained")
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
+    for column, dimension in enumerate((2, 3)):
+        rows = report.of(dimension)
+        space = figure.add_subplot(grid[0, column], **({"projection": "3d"} if dimension == 3 else {}))
+        _draw_latent(space, report.shown, rows[0])
+        space.set_title(f"{'ab'[column]}  {dimension} latent dimensions", loc="left", fontsize=11)
+        axes = figure.add_subplot(grid[1, column])
+        _draw_families(axes, rows)
+        switches = sum(way.switches for row in rows for way in row.ways)
+        seeds = "1 seed" if len(rows) == 1 else f"{len(rows)} seeds"
+        axes.set_title(f"{'cd'[column]}  {switches} switches on {_count(rows)} ways, {seeds}", loc="left", fontsize=11)
+    handles = [
+        Line2D([], [], color=colour, linewidth=2.0, label=f"elbow at {np.degrees(swivel):.0f} deg")
+        for colour, swivel in zip(_COLOURS, SWIVELS, strict=True)
+    ]
+    handles.append(Line2D([], [], color="black", linewidth=2.2, label="geodesic that switches most, or the first"))
+    legend_below(figure, handles)
+    write_figure(figure, path)
+
+
+def _count(rows: Sequence[CircleRow]) -> int:
+    return sum(len(row.ways) for row in rows)
+
+
+def _draw_latent(axes: Axes, shown: Circles, row: CircleRow) -> None:
+    for number, code in enumerate(row.codes):
+        axes.plot(*code.T, color=_COLOURS[number // shown.per_family], linewidth=1.0)
+    if row.ways:
+        worst = max(row.ways, key=lambda way: way.switches)
+        draw_haloed(axes, worst.latent, "black", "-")
+        axes.plot(*worst.latent[[0, -1]].T, "o", color="black", markeredgecolor="white", zorder=6)
+    for name, number in zip("xyz", range(1, row.dimension + 1), strict=False):
+        getattr(axes, f"set_{name}label")(f"$z_{number}$")
+
+
+def _draw_families(axes: Axes, rows: Sequence[CircleRow]) -> None:
+    ways = sorted((way for row in rows for way in row.ways), key=lambda way: way.family)
+    picture = np.array([way.nearest for way in ways]).reshape(len(ways), -1)
+    axes.imshow(
+        picture, cmap=ListedColormap(_COLOURS), vmin=-0.5, vmax=len(_COLOURS) - 0.5, aspect="auto",
+        interpolation="nearest", extent=(0.0, 1.0, len(ways), 0),
+    )  # fmt: skip
+    axes.set(xlabel="share of the way", ylabel="ways, by the family of their ends")

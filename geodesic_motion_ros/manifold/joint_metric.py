@@ -1,0 +1,45 @@
+"""The pull-back metric of a decoder of configurations, seen at the robot's body, for continuous geodesics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.manifold.body_layer import BodyLayer
+from geodesic_motion_ros.manifold.joint_space import JointDecoderNetwork
+
+
+@dataclass(frozen=True)
+class JointPullbackMetric:
+    """M = 1/K sum_k (|J_k J_mu|^2 + s^2 |J_k J_sigma|^2) + g^2 (|J_mu|^2 + s^2 |J_sigma|^2), with |J|^2 = J^T J.
+
+    J_k is the Jacobian of body point k at mu(z), s the sigma_weight and g the joint_weight: the metric tensor of
+    `graph.configuration_graph`, without obstacles, for a decoder that can be differentiated.
+
+    Attributes
+    ----------
+    decoder : with its sigma fitted, float64 for a float64 metric.
+    body : the robot's body points that count.
+    settings : weights of the metric.
+    """
+
+    decoder: JointDecoderNetwork
+    body: BodyLayer
+    settings: JointMetricSettings = field(default_factory=JointMetricSettings)
+
+    def features(self, latent: Tensor) -> Tensor:
+        """(mu, s sigma), (..., 2 eta) [rad], at latent points (..., d)."""
+        sigma = 1.0 / self.decoder.inverse_sigma(latent)
+        return torch.cat([self.decoder.means(latent), self.settings.sigma_weight * sigma], dim=-1)
+
+    def __call__(self, latent: Tensor) -> Tensor:
+        """Metric tensors (n, d, d) at latent points (n, d)."""
+        slopes = torch.func.vmap(torch.func.jacfwd(self.features))(latent)
+        slopes = slopes.unflatten(1, (2, -1))
+        jacobians = self.body.jacobians(self.decoder.means(latent))
+        moved = torch.einsum("nkaj,npjd->nkpad", jacobians, slopes) / jacobians.shape[1] ** 0.5
+        turned = self.settings.joint_weight * slopes
+        return sum(torch.einsum("nrd,nre->nde", part.flatten(1, -2), part.flatten(1, -2)) for part in (moved, turned))
