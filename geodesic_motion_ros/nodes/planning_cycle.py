@@ -65,7 +65,8 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
             self.follower.hold()
         else:
             self.follower.accept(reference)
-        known = self.follower.ready and self._lost is None
+        # An arm that was silent for long may come back anywhere: it must not be drawn to where it was sent before.
+        known = self.follower.ready and self._lost is None and not self._missing
         commanded = self.follower.advance(advance) if known else None
         to_goal = reference if verdict.ok else None
         return CycleOutput(

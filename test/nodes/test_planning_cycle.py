@@ -252,10 +252,12 @@ def test_a_goal_given_while_a_lost_arm_comes_to_rest_is_kept(cycle, inputs, star
 
 
 def test_a_long_silence_of_the_arm_drops_the_goal(cycle, inputs):
+    """And ends the stream: an arm that comes back elsewhere must not be drawn to where it was sent."""
     follow(cycle, inputs, 60)
     for age in np.arange(0.11, 1.2, PERIOD):
-        silent = dataclasses.replace(inputs, state_age=age)
-        assert cycle.run(silent, PERIOD).verdict.code is VerdictCode.STALE_STATE
+        output = cycle.run(dataclasses.replace(inputs, state_age=age), PERIOD)
+        assert output.verdict.code is VerdictCode.STALE_STATE
+        assert (output.commanded is None) == (age > cycle.resume_timeout)
     back = dataclasses.replace(inputs, measured=(cycle.follower.position.copy(), cycle.follower.quaternion.copy()))
     outputs = rest(cycle, back)
     assert outputs[0].commanded is None

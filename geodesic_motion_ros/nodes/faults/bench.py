@@ -183,13 +183,19 @@ class Bench:
         """Let the arm reach a phase of a fault; when exactly is up to chance."""
         if phase == START:
             return
-        self.asks.send_goal()
-        whole = self.verdict("OK").number("time_to_goal")
+        self.set_out(START)
+        whole = self.seen.status.number("time_to_goal")
         left = random.uniform(*fault.in_motion) * whole if phase == MOTION else random.uniform(*fault.near_goal)
         self.wait(
             lambda: self.seen.status.code == "OK" and self.seen.status.number("time_to_goal") < left,
             f"the phase {phase}",
         )
+
+    def set_out(self, phase: str) -> None:
+        """At the start let the arm set out for its goal; in other phases it has."""
+        if phase == START:
+            self.asks.send_goal()
+            self.wait(lambda: len(self.seen.path) and self.seen.status.code == "OK", "a way")
 
     def finish(self, findings: Findings) -> None:
         """Motion resumes after a fault has cleared: the arm reaches its goal, which is sent again where it was

@@ -52,8 +52,6 @@ class GoalsRefused(Fault):
         require_refused(bench, findings, "goal_pose", len(sent), before, self.text)
         bench.verdict("BAD_INPUT", "goal_pose", since, of="goal_")
         require_unchanged(bench, findings, phase, since)
-        if phase == START:
-            bench.asks.send_goal()
         bench.finish(findings)
 
 
@@ -104,8 +102,6 @@ class GoalOutside(Fault):
         findings.note(reason)
         findings.require(any(sign.isdigit() for sign in reason), "the reason states no size")
         require_unchanged(bench, findings, phase, since)
-        if phase == START:
-            bench.asks.send_goal()
         bench.finish(findings)
 
 
@@ -118,8 +114,7 @@ class SameGoal(Fault):
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         if phase == START:
-            bench.asks.send_goal()
-            bench.wait(lambda: len(bench.seen.path), "a way")
+            bench.set_out(phase)
             before = bench.seen.path
             bench.arrive()
             bench.judge(findings)

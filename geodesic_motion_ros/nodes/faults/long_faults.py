@@ -14,7 +14,7 @@ import numpy as np
 from geodesic_motion_ros.nodes.faults.bench import RELAYED, Bench
 from geodesic_motion_ros.nodes.faults.fault import MOTION, START, Fault, FaultSkipped, Findings, NotSeenError
 from geodesic_motion_ros.nodes.faults.fuzz import INPUTS, Fuzzer
-from geodesic_motion_ros.nodes.faults.obstacle_faults import outwards
+from geodesic_motion_ros.nodes.faults.obstacle_faults import coming_to
 from geodesic_motion_ros.nodes.faults.state_faults import refused
 
 #: New goals a second, for how long [s], on a circle so large [m]; memory may grow by so much [MB].
@@ -26,8 +26,7 @@ _MESSAGES, _AT_ONCE, _ANSWER = 10_000, 10, 5.0
 #: A life may take so long [s]; so may a motion on two hosts, its nodes' start included.
 _LIVES, _LIVES_MEMORY, _LIFE, _JOINED = 100, 20.0, 60.0, 150.0
 _SOAK_MEMORY, _DRIFT = 50.0, 0.10
-#: Of the soak's sphere: radius [m], speed [m/s], how far from its place on the way it sets out [m].
-_RADIUS, _SPEED, _FROM = 0.04, 0.2, 0.3
+#: The soak's sphere comes to a place so far ahead on the tool's way [m].
 _AHEAD = 0.30
 
 
@@ -124,16 +123,10 @@ class Soak(Fault):
         """A motion to a goal near the skill's, and a sphere that comes to rest on its way."""
         goal = bench.goal.copy()
         goal[:3] += random.uniform(-_CIRCLE, _CIRCLE, 3)
-        bench.seen.path = np.zeros((0, 3))
         bench.asks.send_goal(goal)
-        bench.wait(lambda: len(bench.seen.path), "a way")
         bench.spend(float(random.uniform(0.0, 2.0)))
-        place = bench.seen.ahead(_AHEAD)
-        line = {
-            "kind": "line", "start": (place + _FROM * outwards(place)).tolist(), "end": place.tolist(),
-            "speed": _SPEED, "radius": _RADIUS,
-        }  # fmt: skip
-        bench.asks.show_scene({"ball": line})
+        bench.wait(lambda: len(bench.seen.path), "a way")
+        bench.asks.show_scene(coming_to(bench.seen.ahead(_AHEAD)))
         bench.spend(5.0)
 
 

@@ -41,6 +41,18 @@ def static(centre: Iterable[float], radius: float = _RADIUS) -> dict[str, dict[s
     return {"ball": {"kind": "static", "centre": [float(x) for x in centre], "radius": radius}}
 
 
+def coming_to(place: np.ndarray) -> dict[str, dict[str, Any]]:
+    """A scene of the twin with one sphere that comes to a place (3,) [m] from outside, and stays there."""
+    begin = place + _AHEAD * outwards(place)
+    line = {"kind": "line", "start": begin.tolist(), "end": place.tolist(), "speed": _SPEED, "radius": _RADIUS}
+    return {"ball": line}
+
+
+def require_no_contact(bench: Bench, findings: Findings) -> None:
+    """Arm and obstacles have not touched in this run."""
+    findings.require(bench.seen.contacts == 0, f"contact in {bench.seen.contacts} steps")
+
+
 def outwards(place: np.ndarray) -> np.ndarray:
     """The level direction (3,) away from the robot's base, where its body is not."""
     return np.array([place[0], place[1], 0.0]) / np.hypot(place[0], place[1])
@@ -55,9 +67,7 @@ class ObstaclesSilent(Fault):
         relay = bench.relays["obstacles"]
         before = relay.last_passed
         bench.wait(lambda: relay.last_passed > before, "an obstacle")
-        if phase == START:
-            bench.asks.send_goal()
-            bench.verdict("OK")
+        bench.set_out(phase)
         relay.passing = False
         require_hold(bench, findings, "STALE_OBSTACLES", "obstacles", relay.last_passed + _TIMEOUT)
         relay.release()
@@ -102,8 +112,6 @@ class ObstaclesNotFinite(Fault):
             bench.relays["obstacles"].send(MarkerArray(markers=[marker]))
         require_refused(bench, findings, "obstacles", len(bad), before, "nowhere")
         require_unchanged(bench, findings, phase, since)
-        if phase == START:
-            bench.asks.send_goal()
         bench.finish(findings)
 
 
@@ -117,17 +125,13 @@ class ObstaclesLossy(Fault):
         relay.delay = lambda: float(random.uniform(0.0, 0.06))
         relay.overtaking = True
         relay.change = lambda message: [message] if random.uniform() > 0.3 else []
+        bench.set_out(phase)
         # Near the goal it stays beside it: what runs into an arm that stands is not evaded.
-        if phase == START:
-            bench.asks.send_goal()
-            bench.wait(lambda: len(bench.seen.path), "a way")
         place = bench.seen.ahead(_AHEAD) if phase != GOAL else bench.goal[:3] + 0.25 * outwards(bench.goal[:3])
-        begin = place + _AHEAD * outwards(place)
-        line = {"kind": "line", "start": begin.tolist(), "end": place.tolist(), "speed": _SPEED, "radius": _RADIUS}
-        bench.asks.show_scene({"ball": line})
+        bench.asks.show_scene(coming_to(place))
         bench.spend(3.0)
         findings.note(f"smallest clearance {1000.0 * bench.seen.least_clearance:.0f} mm")
-        findings.require(bench.seen.contacts == 0, f"contact in {bench.seen.contacts} steps")
+        require_no_contact(bench, findings)
         relay.release()
         bench.asks.show_scene({})
         bench.finish(findings)
@@ -143,9 +147,7 @@ class ObstacleTeleports(Fault):
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         bench.relays["obstacle_point"].passing = False
         bench.asks.show_scene(static(_AWAY))
-        if phase == START:
-            bench.asks.send_goal()
-            bench.wait(lambda: len(bench.seen.path) and bench.seen.status.code == "OK", "a way")
+        bench.set_out(phase)
         place = bench.seen.ahead(_AHEAD + float(random.uniform(0.0, 0.05)))
         relay, heard = bench.relays["obstacles"], []
 
@@ -175,7 +177,7 @@ class ObstacleTeleports(Fault):
             f"room {room:.3f} m, {bench.seen.status.code} after {braking:.3f} m, contacts {bench.seen.contacts}"
         )
         if room > braking + _ROOM:
-            findings.require(bench.seen.contacts == 0, f"contact in {bench.seen.contacts} steps")
+            require_no_contact(bench, findings)
         relay.release()
         bench.asks.show_scene({})
         bench.finish(findings)
@@ -287,9 +289,7 @@ class ObstaclesDeleted(Fault):
     phases = (START, MOTION)
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        if phase == START:
-            bench.asks.send_goal()
-            bench.verdict("OK")
+        bench.set_out(phase)
         marker = self._marker(bench)
         marker.lifetime.nanosec = 300_000_000
         bench.relays["obstacles"].send(MarkerArray(markers=[marker]))

@@ -13,6 +13,7 @@ import numpy as np
 
 from geodesic_motion_ros.nodes.faults.bench import START_PATIENCE, Bench
 from geodesic_motion_ros.nodes.faults.fault import MOTION, START, Fault, Findings
+from geodesic_motion_ros.nodes.faults.obstacle_faults import require_no_contact
 from geodesic_motion_ros.nodes.faults.state_faults import REACTION, STOP
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER, TWIN
 
@@ -94,9 +95,7 @@ class CoresLoaded(Fault):
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         with _busy_cores(2):
-            if phase == START:
-                bench.asks.send_goal()
-                bench.verdict("OK")
+            bench.set_out(phase)
             since, told = bench.seen.status, len(bench.seen.health)
             bench.spend(3.0)
             now = bench.seen.status
@@ -106,7 +105,7 @@ class CoresLoaded(Fault):
             findings.note(f"{rate:.1f} ticks a second, {misses:.0f} misses{', DEGRADED said' if degraded else ''}")
             findings.require(rate >= 0.95 * _RATE or degraded, f"{rate:.1f} ticks a second and nothing was said")
             findings.require(misses > 0 or rate > 0.99 * _RATE, "no misses were counted")
-        findings.require(bench.seen.contacts == 0, f"contact in {bench.seen.contacts} steps")
+        require_no_contact(bench, findings)
         bench.finish(findings)
 
 
@@ -142,6 +141,7 @@ def _busy_cores(each: int) -> Iterator[None]:
 
 
 def _work() -> None:
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     os.setpriority(os.PRIO_PROCESS, 0, 0)
     while True:
         sum(range(100_000))

@@ -62,8 +62,6 @@ class Record:
 
     def __init__(self, node: Node, robot: Robot, clock: BenchClock) -> None:
         self._robot, self._clock = robot, clock
-        self._last_contacts = 0
-        self.path = np.zeros((0, 3))
         self.forget()
         for kind, topic, take in (
             (DiagnosticArray, "planner/status", self._on_status),
@@ -86,6 +84,7 @@ class Record:
         """Another run begins, with what was said last."""
         self.statuses, self.states = self.statuses[-1:], self.states[-1:]
         self.health: list[str] = []
+        self.path = np.zeros((0, 3))
         self.least_clearance, self.contacts = math.inf, 0
 
     @property

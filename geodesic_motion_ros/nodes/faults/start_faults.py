@@ -143,8 +143,6 @@ class BadParameterRunning(Fault):
         after = bench.asks.parameter("planner", "state_timeout")
         findings.require(after == before, f"state_timeout is {after} now, not {before}")
         require_unchanged(bench, findings, phase, since)
-        if phase == START:
-            bench.asks.send_goal()
         bench.finish(findings)
 
 
