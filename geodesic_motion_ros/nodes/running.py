@@ -13,6 +13,7 @@ import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -138,7 +139,12 @@ def go_first() -> None:
 
     One of low priority that is preempted while it holds a lock would stop the control loop as well: a Python thread the
     interpreter's, one of Fast DDS that of a topic. Threads inherit the priority from the one that starts them.
+
+    Where Linux groups the processes of a session (man 7 sched, "The autogroup feature"), such a priority counts inside
+    the group alone: then that of the group is raised too.
     """
+    with suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(_NICENESS))
     with suppress(PermissionError):
         for thread in os.listdir("/proc/self/task"):
             with suppress(ProcessLookupError):

@@ -17,12 +17,16 @@ threading.Thread(target=ended.wait).start()
 go_first()
 print(*{os.getpriority(os.PRIO_PROCESS, int(thread)) for thread in os.listdir("/proc/self/task")})
 ended.set()
+group = "/proc/self/autogroup"
+print(open(group).read().split()[-1] if os.path.exists(group) else -10)
 """
 
 
-def test_all_threads_go_first() -> None:
-    done = subprocess.run([sys.executable, "-c", PRIORITIES], capture_output=True, text=True)
+def test_all_threads_go_first_and_so_does_the_group_of_the_session() -> None:
+    command = [sys.executable, "-c", PRIORITIES]
+    done = subprocess.run(command, capture_output=True, text=True, start_new_session=True)
     assert done.returncode == 0, done.stderr
-    if done.stdout.split() == [str(os.getpriority(os.PRIO_PROCESS, 0))]:
+    threads, group = done.stdout.splitlines()
+    if threads == str(os.getpriority(os.PRIO_PROCESS, 0)):
         pytest.skip("priorities may not be raised here")
-    assert done.stdout.split() == ["-10"]
+    assert (threads, group) == ("-10", "-10")

@@ -141,6 +141,8 @@ def _busy_cores(each: int) -> Iterator[None]:
 
 
 def _work() -> None:
+    # In a session of its own, which is no group of processes that go first.
+    os.setsid()
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     os.setpriority(os.PRIO_PROCESS, 0, 0)
     while True:
