@@ -52,6 +52,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--strip", type=_scene, metavar="FAMILY:NUMBER", help="draw this scene as every method plays it: strip.png"
     )
     parser.add_argument("--processes", type=int, default=1, help="that play scenes")
+    parser.add_argument("--kept", action="store_true", help="play nothing: what every method has played of the scenes")
     parser.add_argument("--out", type=Path, default=Path("out/benchmark"), metavar="FOLDER", help="for results")
     add_json(parser)
     parser.set_defaults(run=run)
@@ -65,6 +66,7 @@ def run(arguments: argparse.Namespace) -> None:
         from geodesic_motion_ros.comparison.families import FAMILIES
         from geodesic_motion_ros.comparison.figures import draw_clearances, draw_strip, draw_success
         from geodesic_motion_ros.comparison.report import Report
+        from geodesic_motion_ros.comparison.results import Results
         from geodesic_motion_ros.comparison.run import BenchmarkSettings, play_benchmark
         from geodesic_motion_ros.comparison.scene import draw_scene
     from geodesic_motion_ros.comparison.arena import Arena
@@ -81,7 +83,11 @@ def run(arguments: argparse.Namespace) -> None:
         writable(path)
     if arguments.methods is None and left_out:
         print(f"left out: {', '.join(left_out)}")
-    played = list(play_benchmark(skill, settings, arguments.out))
+    if arguments.kept:
+        results = Results(arguments.out, skill.name, settings.seed)
+        played = results.complete(methods, settings.families, settings.scenes)
+    else:
+        played = list(play_benchmark(skill, settings, arguments.out))
     told = {name: ROWS[name].told for name in methods}
     report = Report(skill.name, settings.seed, played, told)
     print(report.table())
@@ -99,8 +105,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _scene(text: str) -> tuple[str, int]:
+    from geodesic_motion_ros.comparison.families import FAMILIES
+
     family, _, number = text.partition(":")
-    if not number.isdecimal():
+    if family not in FAMILIES or not number.isdecimal():
         raise argparse.ArgumentTypeError(f"'{text}' is not a family and a number like crossing:0")
     return family, int(number)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geodesic_motion_ros.comparison.execution import Outcome, Stage
+from geodesic_motion_ros.comparison.execution import LOOKED_FOR, Outcome, Stage
 from geodesic_motion_ros.comparison.method import Method
 from geodesic_motion_ros.comparison.report import Report, figures
 from geodesic_motion_ros.comparison.scene import Scene
@@ -16,88 +16,113 @@ from geodesic_motion_ros.plots import write_figure
 
 #: Postures kept of a run a second, instants of a strip, and the size of one of its pictures.
 _RATE, _INSTANTS, _WIDTH, _HEIGHT = 50.0, 5, 300, 225
-_COLOURS = ("tab:red", "tab:orange", "gold", "0.5", "tab:purple", "tab:blue", "tab:green", "tab:cyan")
+#: Colour and marker of each row, in their order.
+_LOOKS = (
+    ("tab:red", "*"), ("tab:orange", "o"), ("gold", "s"), ("0.5", "D"), ("tab:purple", "v"), ("tab:blue", "^"),
+    ("tab:green", "P"), ("tab:cyan", "X"),
+)  # fmt: skip
+#: What is nearer to a demonstration is drawn there [mm]: no distance has no place on a scale of decades.
+_LEAST = 0.3
+#: How a scene with spheres may end: label, colour, marker.
+_ENDS = (
+    ("success", "tab:green", "o"), ("touched a sphere in motion", "tab:red", "x"),
+    ("stood: touched, refused or lost", "0.4", "+"),
+)  # fmt: skip
 
 
 def draw_success(report: Report, path: Path) -> None:
     """Success over DTW from the closest demonstration: upper left is where one wants to be."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
+    figure = Figure(figsize=(12, 4.8), layout="constrained")
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, free, title in zip(
         panels, (True, False), ("at least half of the demonstrations stay free", "fewer stay free"), strict=True
     ):
-        for row, colour in zip(report.told, _COLOURS, strict=False):
+        without, scenes = [], 0
+        for row, (colour, marker) in zip(report.told, _LOOKS, strict=False):
             outcomes = report.outcomes(row, lambda item, free=free: item.outcome.mostly_free == free)
-            own = figures(outcomes)
-            if not outcomes or own["dtw_mm"] is None:
+            own, scenes = figures(outcomes), len(outcomes)
+            if own["dtw_mm"] is None:
+                without.append(row)
                 continue
-            # A replayed demonstration is at no distance, which has no place on a scale of decades.
-            at = [max(0.3, own[name]) for name in ("dtw_mm", "dtw_low", "dtw_high")]
+            at, low, high = (max(_LEAST, own[name]) for name in ("dtw_mm", "dtw_low", "dtw_high"))
             success = own["success_percent"]
             axes.errorbar(
-                at[0], success, color=colour, marker="o", markersize=8, capsize=3, label=f"{row} ({len(outcomes)})",
-                xerr=[[at[0] - at[1]], [at[2] - at[0]]],
-                yerr=[[success - own["success_low"]], [own["success_high"] - success]],
+                at, success, color=colour, marker=marker, markersize=14 if marker == "*" else 8, capsize=3, alpha=0.85,
+                elinewidth=1.0, xerr=[[at - low], [high - at]],
+                yerr=[[success - own["success_low"]], [own["success_high"] - success]], linestyle="none",
             )  # fmt: skip
-        axes.set(xscale="log", xlabel="DTW from the closest demonstration, median of successes [mm]", title=title)
-        axes.set(ylim=(-3.0, 103.0))
+        axes.set_xlabel("DTW from the closest demonstration, median of successes [mm]")
+        axes.set_title(f"{title}: {scenes} scenes")
         axes.grid(alpha=0.3)
-        if axes.has_data():
-            axes.legend(title="method (scenes)", fontsize=8)
-    panels[0].set_ylabel("success [%]")
-    figure.suptitle(f"{report.skill}: goal reached without contact; bars: 95 %")
+        if without and scenes:
+            axes.text(0.03, 0.04, f"no success: {'; '.join(without)}", transform=axes.transAxes, fontsize=8)
+    ticks = [_LEAST, 1.0, 3.0, 10.0, 30.0, 100.0]
+    panels[0].set(xscale="log", xlim=(0.8 * _LEAST, 150.0), ylim=(-3.0, 104.0), ylabel="success [%]")
+    panels[0].set_xticks(ticks, [f"< {_LEAST:g}", *(f"{tick:g}" for tick in ticks[1:])])
+    panels[0].minorticks_off()
+    # One of each, where there may be none in a panel.
+    looks = [
+        panels[1].plot([], [], color=colour, marker=marker, linestyle="none", label=row)[0]
+        for row, (colour, marker) in zip(report.told, _LOOKS, strict=False)
+    ]
+    figure.legend(handles=looks, loc="outside right center", fontsize=9)
+    figure.suptitle(f"{report.skill}: the goal reached without contact; bars are intervals at 95 %")
     write_figure(figure, path)
 
 
 def draw_clearances(report: Report, path: Path) -> None:
-    """Smallest clearance of every scene with spheres in which the arm moved, failures too."""
+    """Smallest clearance of every scene with spheres, while the arm moved."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8, 4.6), layout="constrained")
+    figure = Figure(figsize=(9, 4.8), layout="constrained")
     axes = figure.subplots()
     rows = list(report.told)
     random = np.random.default_rng(0)
     for at, row in enumerate(rows):
         outcomes = report.outcomes(row, lambda item: item.family != "none")
-        for kept, colour, marker in ((True, "tab:green", "o"), (False, "tab:red", "x")):
-            values = [1e3 * max(item.clearance, 0.0) for item in outcomes if item.success == kept]
-            axes.scatter(
-                at + random.uniform(-0.25, 0.25, len(values)), values, color=colour, marker=marker, s=22, alpha=0.7,
-                label={True: "success", False: "contact, or goal not reached"}[kept] if at == 0 else None,
-            )  # fmt: skip
+        ended = [0 if item.success else 1 if item.contact == "moving" else 2 for item in outcomes]
+        for end, (_, colour, marker) in enumerate(_ENDS):
+            values = [1e3 * max(item.clearance, 0.0) for item, own in zip(outcomes, ended, strict=True) if own == end]
+            places = at + random.uniform(-0.25, 0.25, len(values))
+            axes.scatter(places, values, color=colour, marker=marker, s=26, alpha=0.75)
         good = [1e3 * item.clearance for item in outcomes if item.success]
         if good:
             axes.hlines(np.median(good), at - 0.35, at + 0.35, color="k", linewidth=1.5)
-    axes.set_xticks(range(len(rows)), rows, rotation=20)
-    axes.set(ylabel="smallest clearance while moving [mm]", title=f"{report.skill}: bars are medians of successes")
+    for label, colour, marker in _ENDS:
+        axes.scatter([], [], color=colour, marker=marker, s=26, label=label)
+    axes.plot([], [], color="k", label="median of successes")
+    axes.set_xticks(range(len(rows)), rows)
+    beyond = 1e3 * LOOKED_FOR
+    axes.set_yticks([0.0, 50.0, 100.0, 200.0, beyond], ["0", "50", "100", "200", f"> {beyond:.0f}"])
+    axes.set(ylabel="smallest clearance while moving [mm]", title=f"{report.skill}: scenes with spheres")
     axes.grid(axis="y", alpha=0.3)
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper center")
     write_figure(figure, path)
 
 
 def draw_strip(stage: Stage, scene: Scene, methods: dict[str, Method], path: Path) -> None:
-    """One scene, a row for each method, at the same instants; a row ends where its scene does."""
+    """One scene, a row for each method, at the same instants; the last picture of a row is of its end."""
     from matplotlib.figure import Figure
 
     played = {row: stage.play(scene, method) for row, method in methods.items()}
     last = max(outcome.duration for outcome, _ in played.values())
     instants = np.linspace(0.0, last, _INSTANTS)
-    figure = Figure(figsize=(2.3 * _INSTANTS, 1.75 * len(played)), layout="constrained")
+    figure = Figure(figsize=(2.3 * _INSTANTS, 1.65 * len(played)), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.01, h_pad=0.01, wspace=0.0, hspace=0.0)
     panels = figure.subplots(len(played), _INSTANTS, squeeze=False)
     for line, (row, (outcome, postures)) in zip(panels, played.items(), strict=True):
-        for axes, picture in zip(line, _pictures(stage, scene, postures, instants, outcome), strict=True):
+        pictures = _pictures(stage, scene, postures, instants, outcome)
+        for axes, picture in zip(line, pictures, strict=True):
             axes.set(xticks=[], yticks=[])
             if picture is None:
                 axes.axis("off")
                 continue
             axes.imshow(picture)
-        line[0].set_ylabel(row, fontsize=9)
-        line[-1].set_title(_said(outcome), fontsize=8, loc="right")
+        line[0].set_ylabel(f"{row}\n{_said(outcome)}", fontsize=9)
     for axes, instant in zip(panels[0], instants, strict=True):
         axes.set_title(f"{instant:.1f} s", fontsize=9)
-    panels[0][-1].set_title(f"{instants[-1]:.1f} s: {_said(next(iter(played.values()))[0])}", fontsize=8)
     write_figure(figure, path)
 
 
@@ -114,14 +139,14 @@ def _said(outcome: Outcome) -> str:
 def _pictures(
     stage: Stage, scene: Scene, postures: np.ndarray, instants: np.ndarray, outcome: Outcome
 ) -> Sequence[np.ndarray | None]:
-    """The arm and the spheres that do not chase at the instants; None once the scene is over."""
-    world, made = stage.world, []
+    """The arm, and the spheres that do not chase, at the instants and at the scene's end; None once it is over."""
+    world, made, over = stage.world, [], False
     for instant in instants:
-        if instant > outcome.duration + 0.5 * instants[1]:
+        if over:
             made.append(None)
             continue
-        world.reset(postures[min(int(_RATE * instant), len(postures) - 1)])
-        there = min(instant, outcome.duration)
+        over, there = instant >= outcome.duration, min(instant, outcome.duration)
+        world.reset(postures[min(int(_RATE * there), len(postures) - 1)])
         world.set_obstacles(
             {
                 str(i): (sphere_centres(sphere, np.array([there]), np.zeros((1, 3)))[0], sphere.radius)

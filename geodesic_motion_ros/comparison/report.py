@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_motion_ros.comparison.execution import Outcome
 from geodesic_motion_ros.comparison.families import FAMILIES
-from geodesic_motion_ros.comparison.run import Played
+from geodesic_motion_ros.comparison.results import Played
 from geodesic_motion_ros.tables import text_table
 
 #: Of all intervals; of the normal distribution; draws of the bootstrap.

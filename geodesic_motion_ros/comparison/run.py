@@ -7,16 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 from tqdm import tqdm
 
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.catalogue import ROWS
-from geodesic_motion_ros.comparison.execution import Outcome, Stage
+from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.families import FAMILIES, Family
 from geodesic_motion_ros.comparison.method import Method
-from geodesic_motion_ros.comparison.results import Results
+from geodesic_motion_ros.comparison.results import Played, Results
 from geodesic_motion_ros.comparison.scene import draw_scene
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill import Skill
@@ -44,17 +43,6 @@ class BenchmarkSettings:
                 raise ParameterError(f"{name} is {getattr(self, name)}; at least 1 is needed")
         if not self.methods:
             raise ParameterError(f"no method is given: choose from {'; '.join(ROWS)}")
-
-
-@dataclass(frozen=True)
-class Played:
-    """An outcome, whose it is, and how its method was set up."""
-
-    row: str
-    family: Family
-    number: int
-    settings: dict[str, Any]
-    outcome: Outcome
 
 
 class Bench:

@@ -16,8 +16,8 @@ from geodesic_motion_ros.comparison.method import Answer
 from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
 from geodesic_motion_ros.comparison.methods.replay import Replay
 from geodesic_motion_ros.comparison.report import Report, bootstrap_median, wilson
-from geodesic_motion_ros.comparison.results import Results
-from geodesic_motion_ros.comparison.run import BenchmarkSettings, Played
+from geodesic_motion_ros.comparison.results import Played, Results
+from geodesic_motion_ros.comparison.run import BenchmarkSettings
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
@@ -131,6 +131,9 @@ def test_what_was_played_is_kept_for_the_settings_it_was_played_with(tmp_path) -
     assert results.outcome("ours, hard", "gate", 3, {"a": (1, 3)}) is None
     assert results.outcome("ours", "gate", 3, {"a": (1, 2)}) is None
     assert Results(tmp_path, "reach", 1).outcome("ours, hard", "gate", 3, {"a": (1, 2)}) is None
+    # A row that has not played a scene yet keeps it out of a comparison.
+    assert [item.outcome for item in results.complete(["ours, hard"], ["gate"], 5)] == [outcome()]
+    assert results.complete(["ours, hard", "ours"], ["gate"], 5) == []
 
 
 def test_intervals_are_those_of_the_books() -> None:
