@@ -51,7 +51,7 @@ SIDES, _BORDER = {2: 100, 3: 40}, 0.1
 BEGINS = (0.05, 0.2, 0.35, 0.45)
 _HALF = 0.5
 TRAINING = JointTrainingSettings(
-    sheet="raw", hidden=(100, 50), steps=1500, batch=128, samples=SAMPLES, kernels=300, precision_iterations=60,
+    sheet="raw", hidden=(100, 50), steps=1000, batch=128, samples=SAMPLES, kernels=300, precision_iterations=60,
     precision_samples=2,
 )  # fmt: skip
 _COLOURS = (BLUE, ORANGE, GREEN, VERMILION)
