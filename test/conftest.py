@@ -148,12 +148,18 @@ def fan_with_varying_ends(seed: int = 0) -> Demonstrations:
 
 
 @pytest.fixture(scope="session")
-def fan_skill(once) -> Skill:
+def fan() -> Demonstrations:
+    """What fan_skill was learned from."""
+    return fan_of_demonstrations()
+
+
+@pytest.fixture(scope="session")
+def fan_skill(once, fan: Demonstrations) -> Skill:
     """A skill for a Panda on the raw sheet, really trained."""
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
     settings = TrainingSettings(sheet="raw", **SMALL)
-    return once("fan", lambda: train_task_space_skill(fan_of_demonstrations(), settings, name="fan"))
+    return once("fan", lambda: train_task_space_skill(fan, settings, name="fan"))
 
 
 @pytest.fixture(scope="session")

@@ -42,6 +42,9 @@ modes      simulated demonstrations past a pillar on both sides: one way followe
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
 moving-tool  spheres that cross the tool's way or chase it, with a skill of the tool: no contact where it can brake?
 obstacle-laws  the same scenes of spheres on the arm's way under laws, strengths and widths of the ambient metric
+grasp-task   reach to grasp, poses of the tool: targets that were not shown, and paths across the clusters of q and -q
+pouring-task three bottles to three cups, poses of the tool: all nine pairs, a moving sphere, a chain over all cups
+limbs      a sphere beside the tool's way: how many solutions of the inverse kinematics hit it, and a skill that sees it
 grasp-joint  reach to grasp with the whole arm in families: energies within and across, which ways are left when blocked
 pouring-joint  three bottles to three cups with the whole arm: geodesics through several groups, played by the arm
 volume     one whole-arm skill learned without and with the volume term of the paper's evidence lower bound
@@ -169,6 +172,24 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     moving_tool.add_argument("--processes", type=int, default=1, help="that play scenes")
     moving_tool.set_defaults(run=_moving_tool)
 
+    grasp_task = names.add_parser("grasp-task", help="reach to grasp in task space", formatter_class=HelpFormatter)
+    grasp_task.add_argument("--shown", type=int, default=8, help="demonstrations")
+    grasp_task.add_argument("--targets", type=int, default=20, help="random starts and goals for each seed")
+    grasp_task.set_defaults(run=_grasp_task)
+
+    pouring_task = names.add_parser("pouring-task", help="pouring in task space", formatter_class=HelpFormatter)
+    pouring_task.add_argument("--shown", type=int, default=3, help="demonstrations of each of three pairs")
+    pouring_task.set_defaults(run=_pouring_task)
+
+    limbs = names.add_parser("limbs", help="what a skill of the tool does not see", formatter_class=HelpFormatter)
+    limbs.add_argument(
+        "--skill", default="panda_reach_to_grasp", metavar="SKILL",
+        help="of joint space, of the same reach to grasp: its folder, or a shipped name",
+    )  # fmt: skip
+    limbs.add_argument("--side", type=int, default=150, help="nodes along each side of the latent grid")
+    limbs.add_argument("--solutions", type=int, default=100, help="of the inverse kinematics for each node")
+    limbs.set_defaults(run=_limbs)
+
     grasp_joint = names.add_parser("grasp-joint", help="families of grasps, blocked", formatter_class=HelpFormatter)
     grasp_joint.add_argument("--shown", type=int, default=3, help="demonstrations of each family")
     grasp_joint.set_defaults(run=_grasp_joint)
@@ -177,7 +198,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     pouring_joint.add_argument("--shown", type=int, default=3, help="demonstrations of each of three pairs")
     pouring_joint.set_defaults(run=_pouring_joint)
 
-    for learned in (grasp_joint, pouring_joint):
+    for learned in (grasp_task, pouring_task, grasp_joint, pouring_joint):
         learned.add_argument(
             "--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="of the trainings, one skill each"
         )
@@ -389,6 +410,42 @@ def _moving_tool(arguments: argparse.Namespace) -> None:
     folder = _folder(arguments)
     report = measure_moving_tool(skill, settings)
     draw_moving_tool(report, folder / "moving_tool.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _grasp_task(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.grasp_task import GraspTaskSettings, draw_grasp_task, measure_grasp_task
+
+    settings = GraspTaskSettings(arguments.shown, arguments.targets, arguments.seeds)
+    folder = _folder(arguments)
+    report = measure_grasp_task(settings, arguments.out / "skills")
+    draw_grasp_task(report, folder / "grasp_task.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _pouring_task(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.pouring_task import (
+        PouringTaskSettings,
+        draw_pouring_task,
+        measure_pouring_task,
+    )
+
+    settings = PouringTaskSettings(arguments.shown, arguments.seeds)
+    folder = _folder(arguments)
+    report = measure_pouring_task(settings, arguments.out / "skills")
+    draw_pouring_task(report, folder / "pouring_task.png")
+    _hand_over(arguments, folder, report.table(), report.as_dict())
+
+
+def _limbs(arguments: argparse.Namespace) -> None:
+    from geodesic_motion_ros.experiments.limbs import LimbsSettings, draw_limbs, measure_limbs
+    from geodesic_motion_ros.skill import Skill
+
+    settings = LimbsSettings((arguments.side, arguments.side), arguments.solutions)
+    skill = Skill.load(arguments.skill)
+    folder = _folder(arguments)
+    report = measure_limbs(skill, settings, arguments.out / "skills")
+    draw_limbs(report, folder / "limbs.png")
     _hand_over(arguments, folder, report.table(), report.as_dict())
 
 

@@ -314,8 +314,8 @@ def draw_limbs(report: LimbsReport, path: Path) -> None:
 
     from geodesic_motion_ros.joint_plots import draw_latent_tubes
 
-    figure = Figure(figsize=(13.0, 8.6), layout="constrained")
-    grid = figure.add_gridspec(3, 3, height_ratios=(4.6, 1.75, 1.75), width_ratios=(1.25, 1.0, 1.15))
+    figure = Figure(figsize=(13.0, 9.2), layout="constrained")
+    grid = figure.add_gridspec(3, 3, height_ratios=(4.6, 2.0, 2.0), width_ratios=(1.25, 1.0, 1.15))
     _heat_map(figure, figure.add_subplot(grid[0, 0]), report)
     axes = figure.add_subplot(grid[0, 1])
     share = np.linspace(0.0, 1.0, len(report.along.found))
@@ -323,20 +323,24 @@ def draw_limbs(report: LimbsReport, path: Path) -> None:
     axes.plot(share, 100.0 * report.along.shares, color=VERMILION, linewidth=1.8)
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, None), xlabel="share of the geodesic", ylabel="touch the sphere [%]")
     axes.grid(alpha=0.3)
-    axes.set_title("b  ... and along the tool's geodesic", loc="left", fontsize=11)
+    axes.set_title("b  The same along the tool's geodesic", loc="left", fontsize=11)
     ways = [Way(report.nominal.latent, np.empty((0, 3)), "geodesic without the sphere", BLUE)]
     if report.avoiding is not None:
         ways.append(Way(report.avoiding.latent, np.empty((0, 3)), "geodesic with the sphere", VERMILION))
     ball = Sphere(report.centre, report.radius, report.centre[None])
-    handles = draw_latent_tubes(figure, grid[0, 2], report.joint_planner, ways, [ball], "c  A skill of joint space")
-    rows = [("d  Skill of the tool: arms that have the tool on the geodesic, and touch the sphere", _hit_arms(report))]
+    handles = draw_latent_tubes(
+        figure, grid[0, 2], report.joint_planner, ways, [ball], "c  A skill of joint space", zoom=0.95
+    )  # fmt: skip
+    # Solutions that follow each other are on different branches: their elbows make no way.
+    rows = [("d  Skill of the tool: arms with the tool on the geodesic, touching the sphere", _hit_arms(report), False)]
     if report.avoiding is not None:
         clear = 1e3 * report.avoiding_clearance
         title = f"e  Skill of joint space: its way with the sphere there, {clear:.0f} mm clear of it"
-        rows.append((title, every(_PICTURE_PERIOD, report.avoiding)))
-    for row, (title, motion) in enumerate(rows, start=1):
+        rows.append((title, every(_PICTURE_PERIOD, report.avoiding), True))
+    for row, (title, motion, curves) in enumerate(rows, start=1):
         axes = figure.add_subplot(grid[row, :])
-        axes.imshow(posture_strips([motion], [{"0": (report.centre, report.radius)}], width=400, height=270))
+        sphere = {"0": (report.centre, report.radius)}
+        axes.imshow(posture_strips([motion], [sphere], width=400, height=270, curves=curves))
         axes.set_axis_off()
         axes.set_title(title, loc="left", fontsize=11)
     legend_below(figure, handles)

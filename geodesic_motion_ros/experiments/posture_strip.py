@@ -21,6 +21,7 @@ def posture_strips(
     height: int = 400,
     postures: int = 5,
     view: str = "front",
+    curves: bool = True,
 ) -> np.ndarray:
     """Picture, uint8, with a row for each motion; a posture is (height, width, 3) pixels.
 
@@ -28,20 +29,23 @@ def posture_strips(
     ----------
     motions : configurations (n, eta) [rad] each, evenly spaced in time.
     obstacles : of each motion, name -> (centre (3,), radius) [m].
-    view : one of `camera.VIEWS`.
+    view : one of `camera.VIEWS`. curves : draw the ways of tool and elbow.
     """
     with PandaWorld() as world:
         rows = []
         for motion, spheres in zip(motions, obstacles, strict=True):
             world.set_obstacles(spheres)
-            rows.append(_strip(world, motion, width, height, postures, view))
+            rows.append(_strip(world, motion, width, height, postures, view, curves))
     return np.concatenate(rows)
 
 
-def _strip(world: PandaWorld, motion: np.ndarray, width: int, height: int, postures: int, view: str) -> np.ndarray:
-    way = motion[evenly(len(motion), _SAMPLES)]
-    world.add_curve(np.array([world.robot.forward(configuration)[0] for configuration in way]), _TOOL_COLOUR)
-    world.add_curve(np.array([elbow_position(world.robot, configuration) for configuration in way]), _ELBOW_COLOUR)
+def _strip(
+    world: PandaWorld, motion: np.ndarray, width: int, height: int, postures: int, view: str, curves: bool
+) -> np.ndarray:
+    if curves:
+        way = motion[evenly(len(motion), _SAMPLES)]
+        world.add_curve(np.array([world.robot.forward(configuration)[0] for configuration in way]), _TOOL_COLOUR)
+        world.add_curve(np.array([elbow_position(world.robot, configuration) for configuration in way]), _ELBOW_COLOUR)
     pictures = []
     for configuration in motion[evenly(len(motion), postures)]:
         world.reset(configuration)

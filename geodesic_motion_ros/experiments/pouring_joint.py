@@ -11,8 +11,9 @@ the group whose demonstrated tool positions the executed tool is nearest to, of 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 
 TASK = "pouring_in_groups"
 PAIRS = len(BOTTLE_PLACES)
+ALL_PAIRS = tuple(product(range(PAIRS), repeat=2))
 
 
 @dataclass(frozen=True)
@@ -175,11 +177,12 @@ def measure_pouring_joint(
     return PouringJointReport(settings, tuple(pourings), tools, planners[0])
 
 
-def pour_all(planner: JointSpacePlanner, shown: Demonstrations, seed: int) -> list[Pouring]:
-    """All pairs with one skill; of what was shown the first third is of the first pair, and so on."""
+def pour_all(
+    planner: JointSpacePlanner, shown: Demonstrations, seed: int, pairs: Sequence[tuple[int, int]] = ALL_PAIRS
+) -> list[Pouring]:
+    """Pairs of bottle and cup with one skill; of what was shown the first third is of the first pair, and so on."""
     ways = _ways_of_pairs(planner.skill)
     trees = [cKDTree(np.concatenate([item.positions for item in group])) for group in _groups(shown)]
-    pairs = [(bottle, cup) for bottle in range(PAIRS) for cup in range(PAIRS)]
     with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE) as world:
         return [_pour(planner, world, ways, trees, seed, *pair) for pair in pairs]
 

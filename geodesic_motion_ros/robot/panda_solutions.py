@@ -31,7 +31,6 @@ MOST = 8
 _EXACT = 1e-6
 
 
-
 OUT = numba.types.Array(numba.float64, 2, "C")
 
 

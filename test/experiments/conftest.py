@@ -5,6 +5,8 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.quaternions import rotate_by
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
 
 
 @pytest.fixture(scope="session")
@@ -24,3 +26,20 @@ def demonstrations() -> Demonstrations:
         times = s[:, 0] * (2.0 + 0.1 * index)
         items.append(Demonstration(start + s * (goal - start) + lift, recorded, times, f"cup_{index}"))
     return Demonstrations(tuple(items))
+
+
+@pytest.fixture(scope="session")
+def reach_poses(reach_demonstrations) -> Demonstrations:
+    """The tool's poses in what reach_skill was learned from."""
+    return reach_demonstrations.tool_demonstrations(Robot.panda())
+
+
+@pytest.fixture(scope="session")
+def reach_pose_skill(once, reach_poses: Demonstrations) -> Skill:
+    """A skill of task space of the same reaches, on the canonical sheet, really trained."""
+    from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+
+    settings = TrainingSettings(
+        steps=800, hidden=(64, 32), samples=80, kernels=100, precision_samples=2, precision_iterations=60
+    )
+    return once("reach poses", lambda: train_task_space_skill(reach_poses, settings, name="reach poses"))
