@@ -51,7 +51,8 @@ def draw_success(report: Report, path: Path) -> None:
             axes.errorbar(
                 at, success, color=colour, marker=marker, markersize=14 if marker == "*" else 8, capsize=3, alpha=0.85,
                 elinewidth=1.0, xerr=[[at - low], [high - at]],
-                yerr=[[success - own["success_low"]], [own["success_high"] - success]], linestyle="none",
+                yerr=[[max(0.0, success - own["success_low"])], [max(0.0, own["success_high"] - success)]],
+                linestyle="none",
             )  # fmt: skip
         axes.set_xlabel("DTW from the closest demonstration, median of successes [mm]")
         axes.set_title(f"{title}: {scenes} scenes")

@@ -15,7 +15,8 @@ def test_figures_are_drawn_where_a_row_has_no_success_and_a_panel_no_scene(tmp_p
     }  # fmt: skip
     good = Outcome(mostly_free=True, reached=True, contact="", **told)
     hit = Outcome(mostly_free=True, reached=False, contact="moving", **told)
-    played = [Played("ours", "gate", 0, {}, good), Played("replay", "gate", 0, {}, hit)]
+    # Of nine successes in nine, the interval's upper end is not 1 but for rounding.
+    played = [Played("ours", "gate", i, {}, good) for i in range(9)] + [Played("replay", "gate", 0, {}, hit)]
     report = Report("reach", 0, played, {"ours": "geodesics", "replay": "the control"})
     for draw in (draw_success, draw_clearances):
         draw(report, tmp_path / "figure.png")
