@@ -201,6 +201,8 @@ class PlannersObstacle(Fault):
         else:
             ticks, said = bench.ticks_until(since, lambda status: status.code == self.code, self.code)
             findings.at_most(f"{self.code} after", ticks, TICKS, "ticks")
+            before = dict.fromkeys(status.code for status in bench.seen.since(since) if status.sent < said.sent)
+            findings.note(f"until then {', '.join(before) or 'nothing'}")
             findings.at_most("at rest after", bench.rest(), STOP)
         findings.note(said.reason)
         bench.spend(0.3)
