@@ -67,10 +67,17 @@ class PlannerInputs:
     """
 
     def __init__(
-        self, node: Node, parameters: NodeParameters, robot: Robot, place: Callable[[np.ndarray], Any]
+        self,
+        node: Node,
+        parameters: NodeParameters,
+        robot: Robot,
+        place: Callable[[np.ndarray], Any],
+        obstacles_changed: Callable[[], None],
     ) -> None:
-        """place : makes of joint positions (eta,) what the cycle takes as measured."""
+        """place : makes of joint positions (eta,) what the cycle takes as measured.
+        obstacles_changed : called when something new is known of obstacles, from the thread that heard it."""
         self._node, self._parameters, self._robot, self._place = node, parameters, robot, place
+        self._obstacles_changed = obstacles_changed
         self._frame: str = parameters["base_frame"]
         self.frames = frames_of(node)
         self.refusals = Refusals(node.get_logger().warning)
@@ -224,11 +231,13 @@ class PlannerInputs:
                 self._tracker.hear("obstacles", self._time.running())
             for update in updates:
                 self._apply("obstacles", update)
+        self._obstacles_changed()
 
     def _on_marker(self, message: Marker) -> None:
         update = read_marker(message, self._frame, self.frames)
         with self._lock:
             self._apply("obstacle_marker", update)
+        self._obstacles_changed()
 
     def _apply(self, source: str, update: MarkerUpdate) -> None:
         now = self._time.running()
@@ -247,6 +256,7 @@ class PlannerInputs:
         stamp = seconds(message.header.stamp)
         with self._lock:
             self._tracker.put("obstacle_point", ("", 0), centre, radius, self._time.running(), 0.0, stamp)
+        self._obstacles_changed()
 
     def _on_cloud(self, message: PointCloud2) -> None:
         # one that is of no use must not take the place of one that waits
@@ -278,6 +288,7 @@ class PlannerInputs:
         with self._lock:
             self._cloud_figures = figures
             self._tracker.replace_cloud("obstacle_cloud", field, arrived)
+        self._obstacles_changed()
 
     def _cloud_failed(self, error: BaseException) -> None:
         self.refusals.add("obstacle_cloud", f"internal error, see the log: {error!r}")

@@ -63,7 +63,7 @@ class PlannerNode(LoopingNode):
             )
         values = self._options
         self._cycle = self._kind.cycle
-        self._inputs = PlannerInputs(self, values, robot, self._kind.place)
+        self._inputs = PlannerInputs(self, values, robot, self._kind.place, self._obstacles_changed)
         self._outputs = PlannerOutputs(self, values["base_frame"], skill.robot, self._kind.command_topic)
         self._said: dict[VerdictCode, float] = {}
         self._newest: tuple[CycleInputs, CycleOutput] | None = None
@@ -109,6 +109,10 @@ class PlannerNode(LoopingNode):
             self._say(output.verdict)
         if previous is None or _path_news(previous, (inputs, output)):
             self._show_way(output)
+
+    def _obstacles_changed(self) -> None:
+        if self._kind.may_be_early:
+            self._loop.hurry()
 
     def _show_way(self, output: CycleOutput) -> None:
         if self._outputs.path_is_watched:

@@ -40,11 +40,14 @@ class SkillKind(ABC):
     ----------
     robot : that the skill is of. cycle : the stream of its commands.
     command_topic, command_type : where commands go: "target_pose", or "joint_trajectory".
+    may_be_early : whether a cycle need not wait for its time where obstacles have changed: what it sends says itself
+        when it begins, and not that it is to be followed at once.
     """
 
     robot: Robot
     cycle: StreamCycle
     command_topic: str
+    may_be_early: bool
 
     def __init__(self) -> None:
         self._goals = ThreadPoolExecutor(1, thread_name_prefix="goals")
@@ -86,6 +89,7 @@ class TaskSpaceKind(SkillKind):
     """Poses of the tool, streamed as `target_pose`."""
 
     command_topic = "target_pose"
+    may_be_early = False
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()
@@ -138,6 +142,7 @@ class JointSpaceKind(SkillKind):
     """Configurations of the whole arm, sent as `joint_trajectory`."""
 
     command_topic = "joint_trajectory"
+    may_be_early = True
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()

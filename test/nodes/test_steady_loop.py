@@ -66,6 +66,32 @@ def test_loop_ticks_until_stopped_and_knows_its_rate():
     assert 0.0 <= statistics.tick_p50 <= statistics.tick_p99
 
 
+def test_a_loop_in_a_hurry_does_not_wait_until_the_next_tick_is_due_but_for_its_period():
+    """A period of a minute: what comes within the test's patience has not waited."""
+    ticks = [threading.Event() for _ in range(3)]
+    count = iter(ticks)
+    loop = SteadyLoop(lambda _: next(count).set(), 1.0 / 60.0, failed=lambda error: None)
+    loop.start()
+    assert ticks[0].wait(20.0)
+    assert not ticks[1].wait(0.2)
+    loop.hurry()
+    assert ticks[1].wait(20.0)
+    loop.hurry()
+    assert not ticks[2].wait(0.2)
+    assert loop.misses == 0
+    assert loop.stop(20.0)
+
+
+def test_a_tick_before_its_time_is_the_only_one_of_its_period():
+    schedule = Schedule(period=0.01, start=5.0)
+    schedule.finished(5.001)
+    assert schedule.earliest == pytest.approx(5.0)
+    assert schedule.finished(5.004) == 1
+    assert schedule.earliest == pytest.approx(5.01)
+    assert schedule.due == pytest.approx(5.02)
+    assert schedule.misses == 0
+
+
 @pytest.mark.parametrize("slow_for", [1.5, 3.0])
 def test_the_rate_is_that_of_the_last_second(slow_for):
     recorder, now = _Recorder(1000), 0.0
