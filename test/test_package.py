@@ -215,8 +215,9 @@ def test_pip_never_brings_a_second_ros(distribution: PathDistribution) -> None:
     assert "test" in Parser().parsestr(distribution.read_text("METADATA")).get_all("Provides-Extra")
 
 
-def test_requirements_pin_everything_and_name_no_package_host() -> None:
-    text = (REPOSITORY / "requirements.txt").read_text()
+@pytest.mark.parametrize("name", ["requirements.txt", "requirements-benchmark.txt"])
+def test_requirements_pin_everything_and_name_no_package_host(name: str) -> None:
+    text = (REPOSITORY / name).read_text()
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
     pin = re.compile(r"[A-Za-z0-9._-]+(\[\w+\])?==[0-9][0-9a-z.]*( ; .*)?")
     assert not [line for line in lines if not pin.fullmatch(line)]
@@ -227,8 +228,8 @@ def test_requirements_pin_every_declared_dependency(distribution: PathDistributi
     def normal(name: str) -> str:
         return re.sub(r"[-_.]+", "-", re.match(r"[A-Za-z0-9._-]+", name)[0]).lower()
 
-    text = (REPOSITORY / "requirements.txt").read_text()
-    pinned = {normal(line) for line in text.splitlines() if "==" in line}
+    texts = [(REPOSITORY / name).read_text() for name in ("requirements.txt", "requirements-benchmark.txt")]
+    pinned = {normal(line) for text in texts for line in text.splitlines() if "==" in line}
     assert {normal(line) for line in distribution.requires} <= pinned
 
 

@@ -69,6 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
         from geodesic_motion_ros.nodes.faults.long_faults import Soak
         from geodesic_motion_ros.nodes.faults.report import markdown, table
         from geodesic_motion_ros.nodes.faults.suite import cases
+        from geodesic_motion_ros.nodes.running import go_first
     faults = chosen(arguments.only, arguments.all or arguments.list)
     for fault in faults:
         if isinstance(fault, Soak):
@@ -82,6 +83,8 @@ def run(arguments: argparse.Namespace) -> int:
     todo = cases(faults, arguments.phases, arguments.seeds)
     if not todo:
         raise GeodesicMotionError(f"none of these faults has a phase {' or '.join(arguments.phases)}")
+    # Messages that this process passes on must not wait for whatever else keeps the cores busy.
+    go_first()
     rows: list[Row] = []
     try:
         with termination_as_interrupt():

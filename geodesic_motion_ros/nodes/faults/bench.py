@@ -26,7 +26,6 @@ from geodesic_motion_ros.nodes.faults.fault import MOTION, START, Fault, Finding
 from geodesic_motion_ros.nodes.faults.record import Record, Status
 from geodesic_motion_ros.nodes.faults.relay import Relay
 from geodesic_motion_ros.nodes.faults.standstill import Standstill
-from geodesic_motion_ros.nodes.running import go_first
 from geodesic_motion_ros.nodes.twin_node import start_joints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -72,8 +71,6 @@ class Bench:
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node("bench", context=self._context)
         self._executor = EventsExecutor(context=self._context)
-        # Messages that it passes on must not wait for whatever else keeps the cores busy.
-        go_first()
         self._standstill = Standstill()
         self._executor.add_node(self.node)
         self.clock = BenchClock(self.node)
