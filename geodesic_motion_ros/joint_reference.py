@@ -249,8 +249,9 @@ def joined(old: JointReference, since: float, new: JointReference, until: float)
     kept = np.flatnonzero((old.times >= min(since, old.duration) - _ROUNDING) & (old.times < until - _ROUNDING))
     # Where it stands at its end, the old one keeps the clearance that it has there.
     clearance = np.append(old.clearance, old.clearance[-1])[kept]
+    passed = old.times[kept] - since
     return JointReference(
-        np.concatenate([np.maximum(0.0, old.times[kept] - since), until - since + new.times]),
+        np.concatenate([np.where(passed > _ROUNDING, passed, 0.0), until - since + new.times]),
         *(
             np.concatenate([getattr(old, name)[kept], getattr(new, name)])
             for name in ("positions", "velocities", "accelerations", "latent")
