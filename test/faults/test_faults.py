@@ -15,7 +15,10 @@ pytestmark = pytest.mark.realtime
 #: It moves slowly: an arm that a busy machine simulates can follow.
 SKILL = "panda_pouring"
 #: Faults, and the phase in which they are injected here.
-QUICK = {"state_stops": "motion", "obstacles_silent": "motion", "planner_stopped": "motion", "skill_altered": "start"}
+QUICK = {
+    "state_stops": "motion", "obstacles_silent": "motion", "all_blocked": "goal", "planner_stopped": "motion",
+    "skill_altered": "start",
+}  # fmt: skip
 
 
 #: A machine that others share stands still for longer than criteria allow, now and then: then a fault is run again.

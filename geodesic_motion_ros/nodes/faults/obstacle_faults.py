@@ -206,8 +206,7 @@ class PlannersObstacle(Fault):
             findings.at_most("at rest after", bench.rest(), STOP)
         findings.note(said.reason)
         bench.spend(0.3)
-        # A tick that ran out of time says so, and holds too.
-        others = {status.code for status in bench.seen.statuses[-20:]} - {self.code, "DEADLINE_MISSED"}
+        others = {status.code for status in bench.seen.statuses[-20:]} - {self.code}
         findings.require(not others, f"at rest the planner said {', '.join(sorted(others))}")
         since = bench.asks.tell_spheres([])
         ticks, _ = bench.ticks_until(since, lambda status: status.code == "OK", "OK")
