@@ -441,6 +441,19 @@ def health(bench) -> dict[str, str]:
     return {pair.key: pair.value for pair in heard[-1].status[0].values} if heard else {}
 
 
+@pytest.mark.parametrize(("changes", "early"), [({"skill": "panda_reach_to_grasp"}, True), ({}, False)])
+def test_an_obstacle_hurries_the_tick_of_a_whole_arm_skill_alone(bench, planner_options, monkeypatch, changes, early):
+    """Poses are to be followed at once: their ticks stay even."""
+    node, hurried = bench.add(PlannerNode, **planner_options | changes), threading.Event()
+    monkeypatch.setattr(node._loop, "hurry", hurried.set)
+    bench.watch_planner()
+    bench.wait_for_code("STALE_STATE")
+    assert not hurried.is_set()
+    bench.send_spheres(([2.0, 2.0, 2.0], 0.1))
+    bench.wait(lambda: len(node._inputs.snapshot().obstacles), "the obstacle")
+    assert hurried.wait(20.0 if early else 0.2) is early
+
+
 class TestPictures:
     def test_late_listeners_get_the_latent_view(self, bench, planner_options, start_joints, skill):
         node = bench.add(PlannerNode, **planner_options | {"latent_view_rate": 5.0, "latent_view_size": 128})
