@@ -57,6 +57,24 @@ class SweptArm:
             self.pair[first:],
         )  # fmt: skip
 
+    def lasting(self, time: float) -> SweptArm:
+        """With the arm standing where it comes to rest until a time [s] at least."""
+        if time <= self.times[-1]:
+            return self
+        return SweptArm(
+            np.append(self.times, time), np.concatenate([self.placed, self.placed[-1:]]),
+            np.concatenate([self.bulges, np.zeros_like(self.bulges[-1:])]),
+            np.append(self.self_clearance, self.self_clearance[-1]), np.append(self.pair, self.pair[-1]),
+        )  # fmt: skip
+
+    def until(self, time: float) -> SweptArm:
+        """What comes before a time [s], to the knot at or after it."""
+        knots = max(2, int(np.searchsorted(self.times, time)) + 1)
+        return SweptArm(
+            self.times[:knots], self.placed[:knots], self.bulges[: knots - 1], self.self_clearance[: knots - 1],
+            self.pair[: knots - 1],
+        )  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -95,9 +113,14 @@ class ArmCertifier:
         self._levers = lever_bounds(robot, self._frames, self._offsets)
         self._moving = np.flatnonzero(np.any(self._levers > 0.0, axis=0))
 
-    def certify(self, reference: JointReference, obstacles: Obstacles, horizon: float) -> Certificate:
-        """The certificate of a reference among obstacles, which move linearly for `horizon` [s] and then stand."""
-        return self.certify_swept(self.swept(reference), obstacles, horizon)
+    def certify(
+        self, reference: JointReference, obstacles: Obstacles, horizon: float, beyond: bool = True
+    ) -> Certificate:
+        """The certificate of a reference among obstacles, which move linearly for `horizon` [s] and then stand.
+
+        beyond : False: what moves is not counted after the horizon; until then the arm stands where it came to rest.
+        """
+        return self.certify_swept(self.swept(reference), obstacles, horizon, beyond)
 
     def swept(self, reference: JointReference) -> SweptArm:
         """Where a reference takes the arm."""
@@ -107,12 +130,25 @@ class ArmCertifier:
         placed = place_body_points(contiguous(reference.positions), self._frames, self._offsets, self._robot.chain)
         return SweptArm(times, placed, bulges, *self_clearances(placed, bulges, self._radii, self._pairs))
 
-    def certify_swept(self, swept: SweptArm, obstacles: Obstacles, horizon: float) -> Certificate:
+    def certify_swept(
+        self, swept: SweptArm, obstacles: Obstacles, horizon: float, beyond: bool = True
+    ) -> Certificate:
         """`certify` for where a reference takes the arm; obstacles are where they are at its time 0."""
-        clearance, sphere = clearances_in_motion(
+        if beyond or obstacles.stand:
+            clearance, sphere = self._clearances(swept, obstacles, horizon)
+        else:
+            clearance, sphere = self._clearances(swept, obstacles.at_rest(), horizon)
+            nearby, by = self._clearances(swept.lasting(horizon).until(horizon), obstacles.in_motion(), horizon)
+            for i, distance in enumerate(nearby):
+                interval = min(i, len(clearance) - 1)
+                if distance < clearance[interval]:
+                    clearance[interval], sphere[interval] = distance, by[i]
+        return Certificate(swept.times, clearance, sphere, swept.self_clearance, swept.pair)
+
+    def _clearances(self, swept: SweptArm, obstacles: Obstacles, horizon: float) -> tuple[np.ndarray, np.ndarray]:
+        return clearances_in_motion(
             swept.times, swept.placed, swept.bulges, self._radii, self._moving, obstacles, horizon
         )
-        return Certificate(swept.times, clearance, sphere, swept.self_clearance, swept.pair)
 
     def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
         """Why a reference must not be followed, naming the link; None where `margin` [m] is kept from obstacles and

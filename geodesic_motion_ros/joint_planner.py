@@ -6,7 +6,8 @@ with it in position, velocity and acceleration; every reference ends at rest. It
 obstacles that move on linearly for a while, before it is handed out.
 
 While nothing changes the reference stays. Otherwise the search is repeated, and the new way taken where it is a gain.
-Where no way is left that can be certified the arm stops along the way it was going.
+Where no way is left that can be certified the arm stops along the way it was going; where something is then coming to
+where it stands, it gives way to it.
 """
 
 from __future__ import annotations
@@ -44,6 +45,9 @@ _PERIOD_CLOSE, _PERIOD_FAR = 0.05, 0.1
 _ROUNDING = 1e-6
 #: Knots are no nearer to each other [s].
 _SHORTEST_INTERVAL = 1e-3
+#: An arm without a way gives way to what comes within so many times the prediction: to get out of the way takes longer
+#: than to stop.
+_AHEAD = 2.0
 #: No less than this share of what a way promised, or of the margin among obstacles that move, must be left.
 _LEFT_OF_PROMISE = 0.5
 
@@ -88,7 +92,7 @@ class _Followed:
     """What the reference being played was planned for, its verdict, and when another was last looked for [s].
 
     The verdict tells the present clearance; `promised` was that of the plan, `looked` that when another curve was last
-    drawn [m]. `nodes` as of `JointPlan`.
+    drawn [m]. `nodes` and `trusting` as of `JointPlan`. `gives_way`: it leads aside, from where something is coming.
     """
 
     query: JointQuery
@@ -98,6 +102,8 @@ class _Followed:
     promised: float
     looked: float
     nodes: np.ndarray | None = None
+    trusting: bool = False
+    gives_way: bool = False
 
     @property
     def keeps_off(self) -> bool:
@@ -345,7 +351,8 @@ class JointSpacePlanner:
                 self._followed = followed
                 return self._continued(now, followed)
         known = followed.nodes if followed is not None and followed.keeps_off else None
-        plan = self._solver.solve(query, state, obstacles, self._worthwhile_attempts(followed), deadline, known)
+        attempts = self._worthwhile_attempts(followed)
+        plan = self._solver.solve(query, state, obstacles, attempts, deadline, known)
         if followed is not None and (late.passed or not self._gains(plan, followed, state)):
             found_again = plan.reference is None and plan.verdict.ok
             looked = followed.looked if found_again else followed.verdict.clearance
@@ -353,9 +360,10 @@ class JointSpacePlanner:
             return self._continued(now, followed)
         self._without_way = query if plan.reference is None else None
         if plan.reference is None:
-            return self._stopped(now, plan.verdict)
+            aside = None if deadline.passed else self._aside(now, query, state, obstacles, plan.verdict, deadline)
+            return aside or self._stopped(now, plan.verdict)
         nearest = plan.verdict.clearance
-        found = _Followed(query, plan.verdict, self._obstacles, now, nearest, nearest, plan.nodes)
+        found = _Followed(query, plan.verdict, self._obstacles, now, nearest, nearest, plan.nodes, plan.trusting)
         return self._play(plan.reference, now, state.time, found)
 
     def stop(self, now: float, verdict: Verdict, late: Deadline = NEVER) -> JointPlan:
@@ -397,7 +405,7 @@ class JointSpacePlanner:
             return JointPlan(None, 0.0, query)
         still = np.zeros_like(start)
         state = MotionState(self._obstacles.time, start, still, still, query.start_latent)
-        return self._solver.solve(query, state, self._obstacles, self._solver.attempts)
+        return self._solver.solve(query, state, self._obstacles, self._solver.cautious)
 
     def _state_at_switch(self, played: _Played, followed: _Followed | None, now: float) -> MotionState:
         time = played.switch(now + self.settings.latency)
@@ -429,27 +437,33 @@ class JointSpacePlanner:
         if self._swept is None:
             self._swept = self._solver.certifier.swept(played.reference)
         left = self._swept.since(state.time - played.begin)
-        certificate = self._solver.certifier.certify_swept(left, obstacles, self.settings.prediction)
+        certificate = self._solver.certifier.certify_swept(
+            left, obstacles, self.settings.prediction, beyond=not followed.trusting
+        )
         if self.settings.avoidance and self._solver.certifier.objection(certificate) is not None:
             return None
         return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
 
     def _worthwhile_attempts(self, followed: _Followed | None) -> tuple[Attempt, ...]:
         """All where a way has just been lost, or not been looked for yet. One where it is free, or there was none the
-        last time: then another one in every tick."""
+        last time: then another one in every tick, and the first trusting one."""
+        attempts = self._solver.attempts
         if followed is not None:
-            return self._solver.attempts[:1]
+            return attempts[:1]
         if self._query is not self._without_way:
             self._attempted = 0
-            return self._solver.attempts
-        self._attempted = (self._attempted + 1) % len(self._solver.attempts)
-        return self._solver.attempts[self._attempted :][:1]
+            return attempts
+        cautious, trusting = self._solver.cautious, self._solver.trusting
+        self._attempted = (self._attempted + 1) % len(cautious)
+        return (cautious[self._attempted], *trusting[:1])
 
     def _gains(self, plan: JointPlan, followed: _Followed, state: MotionState) -> bool:
         """Whether a new plan is safer than what is being played from a state on, or takes clearly less time."""
         assert self._played is not None
         if plan.reference is None:
             return False
+        if followed.trusting and not plan.trusting:
+            return True
         nearest, left = followed.verdict.clearance, self._played.end - state.time
         safer = self.settings.avoidance and nearest <= _CLOSE and plan.verdict.clearance > nearest
         return safer or left > _WORTHWHILE * plan.reference.duration
@@ -465,17 +479,60 @@ class JointSpacePlanner:
                 return self._stopped(now, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason))
         return JointPlan(None, now, followed.verdict)
 
-    def _stop(self, now: float) -> tuple[JointReference, float, Certificate]:
-        """The soonest stop along what is being played, when it takes over [s], and its certificate."""
+    def _aside(
+        self,
+        now: float,
+        query: JointQuery,
+        state: MotionState,
+        obstacles: Obstacles,
+        verdict: Verdict,
+        deadline: Deadline,
+    ) -> JointPlan | None:
+        """A way aside where something comes to where the arm stops or stands, and it has no way to the goal.
+
+        None where there is none, or nothing comes: then to stop along the way being gone is the answer.
+        """
         assert self._played is not None
+        if not self.settings.avoidance or obstacles.stand or verdict.code is not VerdictCode.NO_FEASIBLE_PATH:
+            return None
+        followed, certifier = self._followed, self._solver.certifier
+        if followed is not None and followed.verdict.ok and now < self._played.end:
+            left = certifier.swept(self._stop(now)[0])
+        else:
+            left = certifier.swept(self._played.reference).since(state.time - self._played.begin)
+
+        going = JointPlan(None, now, verdict) if followed is not None and followed.gives_way else None
+        for horizon in (_AHEAD * self.settings.prediction, self.settings.prediction):
+            certificate = certifier.certify_swept(left, obstacles, horizon, beyond=False)
+            if certifier.objection(certificate) is None:
+                return going
+            plan = self._solver.aside(query, state, obstacles, horizon, deadline)
+            if plan is not None:
+                break
+        else:
+            return None
+        assert plan.reference is not None
+        nearest = plan.verdict.clearance
+        verdict = replace(verdict, clearance=nearest, reason=f"{verdict.reason}; giving way to what is coming")
+        found = _Followed(query, verdict, self._obstacles, now, nearest, nearest, gives_way=True)
+        return self._play(plan.reference, now, state.time, found)
+
+    def _stop(self, now: float) -> tuple[JointReference, float, Certificate]:
+        """The soonest stop along what is being played, when it takes over [s], and its certificate, which counts what
+        comes to where the arm then stands.
+        """
+        assert self._played is not None
+        prediction, certifier = self.settings.prediction, self._solver.certifier
         switch = self._played.switch(now + self.settings.latency)
         stop = stopping_reference(self._played.reference, switch - self._played.begin, self.limits)
-        return stop, switch, self._solver.certify(stop, self._obstacles.at(switch, self.settings.prediction))
+        swept = certifier.swept(stop).lasting(prediction)
+        return stop, switch, certifier.certify_swept(swept, self._obstacles.at(switch, prediction), prediction)
 
     def _stopped(self, now: float, verdict: Verdict) -> JointPlan:
         """A stop along the way being gone, or what is being played where that is one already."""
         assert self._played is not None
-        stops_already = self._followed is None or not self._followed.verdict.ok
+        followed = self._followed
+        stops_already = followed is None or not (followed.verdict.ok or followed.gives_way)
         if stops_already or now >= self._played.end:
             return JointPlan(None, now, verdict)
         stop, switch, certificate = self._stop(now)

@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate
+from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.refinement import refined
-from geodesic_motion_ros.graph.reshaping import Reshaping
+from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
+from geodesic_motion_ros.graph.shortest_path import shortest_free_path
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import JointQuery
 from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
@@ -32,19 +33,28 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 class Attempt(NamedTuple):
     """A multiple of the obstacle margin, whether the way is refined, and the width in grid steps of the smoothing,
     first in the latent space, then decoded: refined ways have no corners of the grid.
+
+    trusting : what moves will have left the way by the time that the arm comes there: it is not counted beyond the
+        prediction.
     """
 
     multiple: float
     refine: bool
     width: float
+    trusting: bool = False
 
 
 #: What is tried until a curve is certified. Keeping further off helps more often than cutting less.
 _ATTEMPTS = (
     Attempt(1.0, True, 1.0), Attempt(1.0, False, 2.0), Attempt(4.0, True, 1.0), Attempt(4.0, False, 2.0),
-    Attempt(4.0, False, 1.0),
+    Attempt(4.0, False, 1.0), Attempt(1.0, True, 1.0, trusting=True), Attempt(1.0, False, 2.0, trusting=True),
 )  # fmt: skip
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in _ATTEMPTS)
+#: Where to give way to is looked for so many grid steps around, among so many nodes, in directions of which any two
+#: have no larger cosine than this.
+_REFUGE_STEPS, _MOST_LOOKED_AT, _ALIKE = 15, 500, 0.7
+#: From there the goal must be reachable, without obstacles, at less than this share of what a way may cost.
+_WAY_BACK = 0.5
 #: Samples of the curve per grid step.
 _SAMPLES_PER_STEP = 1.0
 
@@ -58,14 +68,16 @@ class JointPlan:
     reference : what is to be played from `begin` on, in the place of everything before; None: what is being played
         stays, or the arm stands.
     begin : time of the reference's first knot [s].
-    verdict : OK comes with a way to the goal. With any other verdict the reference is a stop.
+    verdict : OK comes with a way to the goal. With any other verdict the reference is a stop, or leads aside.
     nodes : of the graph that the way was found along, where the first attempt found it.
+    trusting : as of `Attempt`.
     """
 
     reference: JointReference | None
     begin: float
     verdict: Verdict
     nodes: np.ndarray | None = None
+    trusting: bool = False
 
 
 @dataclass(frozen=True)
@@ -98,6 +110,16 @@ class JointSolver:
             robot, collision.points.frames, collision.points.offsets, collision.radii, collision.self_pairs
         )
 
+    @property
+    def cautious(self) -> tuple[Attempt, ...]:
+        """The attempts that are not trusting."""
+        return _alike(self.attempts, False)
+
+    @property
+    def trusting(self) -> tuple[Attempt, ...]:
+        """Those that are."""
+        return _alike(self.attempts, True)
+
     def solve(
         self,
         query: JointQuery,
@@ -111,15 +133,32 @@ class JointSolver:
 
         known : nodes of a way that needs no second look: where the search finds it again, that is the answer, OK.
         """
+        plan = self._first_certified(query, state, obstacles, _alike(attempts, False), deadline, known)
+        trusting = _alike(attempts, True)
+        blocked = plan.reference is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+        if blocked and trusting and not obstacles.stand and not deadline.passed:
+            other = self._first_certified(query, state, obstacles, trusting, deadline)
+            if other.reference is not None:
+                return replace(other, trusting=True)
+        return plan
+
+    def _first_certified(
+        self,
+        query: JointQuery,
+        state: MotionState,
+        obstacles: Obstacles,
+        attempts: tuple[Attempt, ...],
+        deadline: Deadline,
+        known: np.ndarray | None = None,
+    ) -> JointPlan:
+        """`solve` with attempts of which all are trusting, or none."""
         settings = self.settings
         avoided = obstacles if settings.avoidance else Obstacles.none()
-        ends = self._end_clearance(query, state, avoided)
+        ends = self._end_clearance(query, state, avoided, attempts[0].trusting)
         if isinstance(ends, Verdict):
             return JointPlan(None, state.time, ends)
-        reshaping = Reshaping.of(
-            query.body, avoided.swept(settings.prediction), settings.ambient_strength, settings.ambient_width_ratio,
-            _LARGEST_MULTIPLE * settings.obstacle_margin, settings.ambient_law,
-        )  # fmt: skip
+        swept = avoided.at_rest() if attempts[0].trusting else avoided.swept(settings.prediction)
+        reshaping = self._reshaping(query, swept)
         start = query.start_latent if state.latent is None else state.latent
         # Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
         margin = 0.0 if obstacles.stand else min(MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
@@ -127,7 +166,7 @@ class JointSolver:
         ways: dict[float, LatentWay | Verdict] = {}
         tried: set[tuple[bytes, bool, float]] = set()
         for number, attempt in enumerate(attempts):
-            multiple, refine, width = attempt
+            multiple, refine, width, trusting = attempt
             if number > 0 and deadline.passed:
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
                 return JointPlan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
@@ -145,18 +184,62 @@ class JointSolver:
             tried.add(this)
             if refine:
                 way = replace(way, polyline=refined(query.field, reshaping, kept_off, way.polyline))
-            plan = self._certified(query, state, way, obstacles, margin, width)
+            plan = self._certified(query, state, way, obstacles, margin, width, trusting)
             if plan.reference is not None:
                 return replace(plan, nodes=way.nodes) if attempt == self.attempts[0] else plan
             verdict = plan.verdict
         return JointPlan(None, state.time, verdict)
 
-    def _end_clearance(self, query: JointQuery, state: MotionState, obstacles: Obstacles) -> float | Verdict:
+    def aside(
+        self, query: JointQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
+    ) -> JointPlan | None:
+        """A certified way to a place nearby that nothing is expected to come to, or None where none is found in time.
+
+        horizon : obstacles are expected to move on for so long [s].
+        """
+        start = query.start_latent if state.latent is None else state.latent
+        near = self.graph.nodes_near(start, _REFUGE_STEPS)
+        near = near[query.to_goal[near] < _WAY_BACK * query.cost_limit]
+        if len(near) == 0:
+            return None
+        source, near = int(near[0]), np.ascontiguousarray(near[:: 1 + len(near) // _MOST_LOOKED_AT])
+        reshaping = self._reshaping(query, obstacles.swept(horizon))
+        look_at(near, reshaping)
+        # As of every way: a start closer to an obstacle than the margin may stay so.
+        here, _ = obstacle_clearance(self.collision, self.robot, state.position, obstacles)
+        margin = min(MOVING_MULTIPLE * self.settings.obstacle_margin, 0.5 * here)
+        free = near[reshaping.clearance[near] >= MOVING_MULTIPLE * self.settings.obstacle_margin]
+        for refuge in _in_all_directions(free, (self.graph.latent[free] - start) / self.graph.grid.spacing):
+            # By the triangle inequality a node is no nearer to the refuge than the difference of their costs.
+            ahead = np.abs(query.from_start - query.from_start[refuge])
+            nodes, edges, _ = shortest_free_path(self.graph.adjacency, query.graph.base, ahead, source, refuge)
+            if len(edges) == 0:
+                continue
+            points = np.concatenate([start[None], self.graph.latent[nodes]])
+            way = LatentWay(nodes, points, float(np.max(query.graph.energies(edges))), 0.0)
+            plan = self._certified(query, state, way, obstacles, margin, 1.0, True, horizon)
+            if plan.reference is not None:
+                return plan
+            if deadline.passed:
+                return None
+        return None
+
+    def _reshaping(self, query: JointQuery, obstacles: Obstacles) -> Reshaping:
+        settings = self.settings
+        return Reshaping.of(
+            query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
+            _LARGEST_MULTIPLE * settings.obstacle_margin, settings.ambient_law,
+        )  # fmt: skip
+
+    def _end_clearance(
+        self, query: JointQuery, state: MotionState, obstacles: Obstacles, trusting: bool
+    ) -> float | Verdict:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
-        The goal is to be free of where obstacles are expected to come to a stand.
+        The goal is to be free of where obstacles are expected to come to a stand; trusting: of those alone that stand.
         """
-        later = obstacles.at(obstacles.time + self.settings.prediction, self.settings.prediction)
+        prediction = self.settings.prediction
+        later = obstacles.at_rest() if trusting else obstacles.at(obstacles.time + prediction, prediction)
         nearest = []
         for where, configuration, code, there in (
             ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),
@@ -178,18 +261,24 @@ class JointSolver:
         obstacles: Obstacles,
         margin: float,
         width: float,
+        trusting: bool,
+        aside: float | None = None,
     ) -> JointPlan:
-        """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be played."""
+        """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be played.
+
+        aside : the way does not lead to the goal, but ends where it ends; obstacles move on for so long [s].
+        """
         step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
         latent = smooth_latent(resample_latent(way.polyline, step), width * _SAMPLES_PER_STEP)
         carried = query.offsets.carried(self.graph.decoder.configurations(latent), *self.graph.progress_map(latent))
         path = smooth_latent(carried, width * _SAMPLES_PER_STEP)
-        path, correction = _meeting(path, state.position, query.goal)
+        path, correction = _meeting(path, state.position, query.goal if aside is None else path[-1])
         reference = timed_joint_reference(path, latent, self.limits, state.velocity, state.acceleration)
         if reference is None:
             reason = "stopping first: the way to the goal turns off the present motion, or leaves the joints' limits"
             return JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
-        certificate = self.certify(reference, obstacles)
+        horizon = self.settings.prediction if aside is None else aside
+        certificate = self.certifier.certify(reference, obstacles, horizon, beyond=not trusting)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
         verdict = way_verdict(
             self.skill, self.graph, query, self.graph.decoder.uncertainty(latent), way,
@@ -199,9 +288,21 @@ class JointSolver:
         found = replace(reference, clearance=certificate.clearance) if verdict.ok else None
         return JointPlan(found, state.time, verdict)
 
-    def certify(self, reference: JointReference, obstacles: Obstacles) -> Certificate:
-        """The certificate of a reference that begins when obstacles are where they are told to be."""
-        return self.certifier.certify(reference, obstacles, self.settings.prediction)
+
+def _alike(attempts: tuple[Attempt, ...], trusting: bool) -> tuple[Attempt, ...]:
+    return tuple(attempt for attempt in attempts if attempt.trusting is trusting)
+
+
+def _in_all_directions(nodes: np.ndarray, away: np.ndarray) -> list[int]:
+    """Of nodes (n,) at offsets away (n, d), the nearest first, those of which none lies behind another one."""
+    lengths = np.linalg.norm(away, axis=1)
+    nodes, away = nodes[lengths > 0.0], away[lengths > 0.0] / lengths[lengths > 0.0, None]
+    chosen: list[int] = []
+    while len(nodes):
+        chosen.append(int(nodes[0]))
+        apart = away @ away[0] < _ALIKE
+        nodes, away = nodes[apart], away[apart]
+    return chosen
 
 
 def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:

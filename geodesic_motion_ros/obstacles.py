@@ -59,6 +59,21 @@ class Obstacles:
     def stand(self) -> bool:
         return not (np.any(self.velocities) or np.any(self.solid_velocities))
 
+    def at_rest(self) -> Obstacles:
+        """Those alone that stand."""
+        return self._only(~np.any(self.velocities, axis=1), ~np.any(self.solid_velocities, axis=1), self.cloud)
+
+    def in_motion(self) -> Obstacles:
+        """Those alone that move."""
+        moving = np.any(self.velocities, axis=1), np.any(self.solid_velocities, axis=1)
+        return self._only(*moving, DistanceField.none())
+
+    def _only(self, spheres: np.ndarray, solids: np.ndarray, cloud: DistanceField) -> Obstacles:
+        return replace(
+            self, centres=self.centres[spheres], radii=self.radii[spheres], velocities=self.velocities[spheres],
+            solids=self.solids[solids], solid_velocities=self.solid_velocities[solids], cloud=cloud,
+        )  # fmt: skip
+
     def objection(self) -> str:
         """What is wrong with the first obstacle that is not one, or ''."""
         good = np.all(np.isfinite(self.centres) & np.isfinite(self.velocities), axis=1)

@@ -42,7 +42,7 @@ class SearchSettings:
     ridge_strength: float = 1.0
     cost_cap: float = 20.0
     query_conditioning: bool = True
-    prediction: float = 0.8
+    prediction: float = 1.6
     avoidance: bool = True
     grid_shape: tuple[int, ...] | None = None
     neighbours: int | None = None

@@ -112,6 +112,36 @@ def test_what_is_left_of_a_motion_is_certified_like_a_motion_of_its_own():
         np.testing.assert_allclose(ended.clearance, stands.clearance, atol=1e-9)
 
 
+def test_beyond_the_horizon_what_moves_may_be_left_out_but_not_what_stands_nor_what_comes_before():
+    """Less certified obstacles give no less clearance; to the horizon, and of what stands, it is the same."""
+    gained = 0
+    for seed in range(60):
+        reference, obstacles = scene(seed)
+        obstacles.velocities[:2] = 0.0
+        certain = certified(reference, obstacles)
+        trusting = CERTIFIER.certify(reference, obstacles, HORIZON, beyond=False)
+        standing = certified(reference, obstacles.at_rest())
+        later = reference.times[:-1] >= HORIZON
+        np.testing.assert_allclose(trusting.clearance[~later], certain.clearance[~later], atol=1e-12)
+        np.testing.assert_allclose(trusting.clearance[later], standing.clearance[later], atol=1e-12)
+        assert np.all(trusting.clearance >= certain.clearance - 1e-12)
+        gained += np.any(trusting.clearance > certain.clearance + 1e-3)
+    assert gained > 5
+
+
+def test_what_comes_to_where_the_arm_stands_at_the_end_is_counted_to_the_horizon():
+    reference, _ = scene(0)
+    short = reference.rest(reference.duration - 0.05)
+    hand = placed_at(short, np.array([short.duration]))[0, -1]
+    coming = Obstacles.of_spheres(
+        (hand + [0.0, 0.0, 1.0])[None], np.array([0.05]), np.array([[0.0, 0.0, -1.0 / HORIZON]])
+    )
+    assert np.min(CERTIFIER.certify(short, coming, HORIZON).clearance) > 0.1
+    assert np.min(CERTIFIER.certify(short, coming, HORIZON, beyond=False).clearance) < -0.05
+    lasting = CERTIFIER.swept(short).lasting(HORIZON)
+    assert np.min(CERTIFIER.certify_swept(lasting, coming, HORIZON).clearance) < -0.05
+
+
 def solids_in(seed: int) -> Obstacles:
     """Four moving solids where the arm is."""
     random = np.random.default_rng(seed)

@@ -225,8 +225,8 @@ def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start
     certified = solver._certified
     monkeypatch.setattr(solver, "attempts", tuple(attempt for attempt in solver.attempts if not attempt.refine))
 
-    def picky(query, state, way, obstacles, margin, width):
-        plan = certified(query, state, way, obstacles, margin, width)
+    def picky(query, state, way, obstacles, margin, width, trusting):
+        plan = certified(query, state, way, obstacles, margin, width, trusting)
         return plan if width == 1.0 else JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, "not this"))
 
     monkeypatch.setattr(solver, "_certified", picky)
@@ -331,6 +331,57 @@ def test_a_goal_that_is_covered_is_waited_for(stream, goal, nominal) -> None:
     assert "is to go" in plan.verdict.reason
     stream.planner.set_obstacles(*NOTHING)
     stream.run(nominal.duration + 0.1)
+    assert stream.off(goal) < 1e-9
+
+
+def test_a_goal_that_is_about_to_be_passed_long_before_the_arm_is_there_is_gone_to(stream, goal, nominal) -> None:
+    """The control: one that stands there is waited for."""
+    planner = stream.planner
+    hand, _ = planner.robot.forward(goal)
+    velocity = np.array([0.0, 0.25, 0.0])
+    begin, radius = hand - planner.settings.prediction * velocity, np.array([0.05])
+    planner.set_obstacles(hand[None], radius)
+    assert not stream.run(PERIOD)[0].verdict.ok
+    planner.set_obstacles(begin[None], radius, velocity[None], stream.now)
+    plan = stream.run(PERIOD)[0]
+    assert plan.verdict.ok, plan.verdict.reason
+    while stream.now < nominal.duration + 1.0:
+        planner.set_obstacles((begin + stream.now * velocity)[None], radius, velocity[None], stream.now)
+        plan = stream.run(PERIOD)[0]
+        assert plan.verdict.ok, plan.verdict.reason
+    assert stream.off(goal) < 1e-9
+
+
+def test_an_arm_that_has_no_way_gives_way_to_what_comes_to_where_it_stands(stream, goal, nominal, geometry) -> None:
+    """The control: the arm as it stands would be hit. Afterwards it goes on."""
+    planner = stream.planner
+    stream.run(0.5 * nominal.duration)
+    hand, _ = planner.robot.forward(goal)
+    wall = hand, 0.05
+    planner.set_obstacles(wall[0][None], np.array([wall[1]]))
+    stream.run(0.6)
+    stood = stream.state()[0]
+    hand, _ = planner.robot.forward(stood)
+    velocity, met, radius = np.array([0.0, 0.0, -0.2]), stream.now + 3.0, 0.04
+
+    def passing(time: float) -> np.ndarray:
+        return hand + (time - met) * velocity
+
+    least = hit = np.inf
+    while stream.now < met + 1.5:
+        centres = np.stack([wall[0], passing(stream.now)])
+        velocities = np.stack([np.zeros(3), velocity])
+        planner.set_obstacles(centres, np.array([wall[1], radius]), velocities, stream.now)
+        plan = stream.run(PERIOD)[0]
+        assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+        sphere = passing(stream.now)[None], np.array([radius])
+        least = min(least, clearance(geometry, stream.postures[-1:], sphere))
+        hit = min(hit, clearance(geometry, [stood], sphere))
+    assert hit < 0.0 < least
+    assert max(stream.jumps) < 1e-6
+    planner.set_obstacles(*NOTHING)
+    plan = stream.run(2.0 * nominal.duration)[-1]
+    assert plan.verdict.ok, plan.verdict.reason
     assert stream.off(goal) < 1e-9
 
 

@@ -111,3 +111,15 @@ def test_moved_obstacles_are_as_far_from_moved_places():
         clearances(moved, PLACES @ rotation.T + translation), clearances(scene(), PLACES), atol=1e-9
     )
     np.testing.assert_allclose(moved.solid_velocities, scene().solid_velocities @ rotation.T)
+
+
+def test_what_stands_and_what_moves_are_all_there_is():
+    obstacles = scene()
+    obstacles.velocities[1] = obstacles.solid_velocities[0] = 0.0
+    standing, moving = obstacles.at_rest(), obstacles.in_motion()
+    assert (len(standing.radii), len(moving.radii)) == (1, 2)
+    assert (len(standing.solids), len(moving.solids)) == (1, 1)
+    assert standing.stand
+    assert moving.cloud.squares.size == 0
+    both = np.minimum(clearances(standing, PLACES), clearances(moving, PLACES))
+    np.testing.assert_array_equal(both, clearances(obstacles, PLACES))

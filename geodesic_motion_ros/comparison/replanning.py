@@ -20,10 +20,11 @@ from geodesic_motion_ros.comparison.method import Answer, JointState
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference, timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner_settings import JointPlannerSettings
 
 #: A new reference takes over so long after it was asked for, obstacles are expected to move on for so long, and a path
 #: is asked for again so long after there was none [s]; the first two as our planner.
-LATENCY, PREDICTION, RETRY = 0.03, 0.8, 0.1
+LATENCY, PREDICTION, RETRY = JointPlannerSettings.latency, JointPlannerSettings.prediction, 0.1
 #: Kept from obstacles that move by a new reference [m], as by our planner's; those that stand must not be touched.
 MARGIN = 0.01
 

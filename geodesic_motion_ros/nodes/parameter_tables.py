@@ -139,7 +139,7 @@ PLANNER = (
     ),
     Parameter(
         "prediction",
-        0.8,
+        1.6,
         "Obstacles are expected to move on as they do for so long, longer than a stop takes",
         "s",
         0.0,
@@ -147,7 +147,7 @@ PLANNER = (
     ),
     Parameter(
         "horizon",
-        1.0,
+        1.6,
         "Joint-space skills: a trajectory leads so far ahead, then to rest, and is sent again in time: without the "
         "planner the arm stops by itself; not less than prediction",
         "s",

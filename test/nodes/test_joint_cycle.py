@@ -20,7 +20,7 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 
 PERIOD = 0.01
-HORIZON = 1.0
+HORIZON = 1.6
 
 
 @dataclass
@@ -198,7 +198,7 @@ def test_a_search_that_took_too_long_is_followed_by_a_stop_from_the_present_on(p
 
 
 def test_a_horizon_shorter_than_the_prediction_is_refused(planner):
-    with pytest.raises(ParameterError, match=r"horizon = 0\.5: must not be less than prediction, 0\.8 s"):
+    with pytest.raises(ParameterError, match=r"horizon = 0\.5: must not be less than prediction, 1\.6 s"):
         JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=0.5)
 
 

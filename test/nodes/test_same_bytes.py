@@ -87,7 +87,7 @@ class WholeArm:
     def run(self) -> tuple[str, int]:
         self.planner.clear_goal()
         self.planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
-        cycle = JointCycle(self.planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=1.0, clock=lambda: 0.0)
+        cycle = JointCycle(self.planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=2.0, clock=lambda: 0.0)
         self.planner.stand_at(self.skill.canonical.start_poles[0], 100.0)
         return digest(cycle, self.skill, lambda now: self.planner.commanded(now)[0], self.sent)
 
