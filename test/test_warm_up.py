@@ -62,6 +62,14 @@ for way in means:
     planner.tick(time_of + 0.1)
     planner.stop(time_of + 0.2, Verdict(VerdictCode.NO_GOAL))
 planner.plan(skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:])
+# No way, and something comes to where the arm stands.
+planner.stand_at(way[len(way) // 2], 10.0)
+planner.set_goal_configuration(way[-1])
+hand, goal = end_effector_poses(way[[len(way) // 2, -1]].copy(), planner.robot.chain)[0]
+centres, velocities = np.stack([goal, hand + [0.0, 0.0, 0.5]]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.3]])
+planner.take_obstacles(Obstacles.of_spheres(centres, np.full(2, 0.05), velocities, 10.0))
+reasons = [planner.tick(10.0 + 0.01 * number).verdict.reason for number in range(5)]
+assert any("giving way" in reason for reason in reasons), reasons
 print(len(before) > 40, sorted(codes), sorted(loaded() - before))
 """
 
