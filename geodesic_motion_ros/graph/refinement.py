@@ -59,7 +59,8 @@ def refined(field: MetricField, reshaping: Reshaping, margin: float, path: np.nd
 def _refined(
     field: MetricField, reshaping: Reshaping, margin: float, path: np.ndarray
 ) -> tuple[np.ndarray, bool]:
-    """The curve (N + 1, d) after a few of Newton's steps, and whether it is better than the path (p, d) it began from.
+    """The curve (N + 1, d) after a few of Newton's steps, or smoothed alone where that is shorter, and whether it is
+    better than the path (p, d) it began from.
 
     Each step keeps, or betters, how well nodes support each piece and how far it is from obstacles: where it would not
     the piece's points are held, and the step is looked for anew. Where the energy does not sink the step is halved.
@@ -97,6 +98,7 @@ def _refined(
     before = _assemble(
         field, reshaping, curve, weights, nearest, energies, support, clearance, gradient, diagonal, beside
     )
+    begun = curve.copy()
     for _ in range(_SWEEPS):
         after, share = math.inf, 1.0
         held[:] = False
@@ -122,9 +124,14 @@ def _refined(
         gained, before = before - after, after
         if gained < _GAIN * before:
             break
-    new_faults, new_length = _judged(field, reshaping, margin, curve, cells)
+    # Where the metric changes within a piece its middle may tell too little of it: then what was begun from is better.
     faults, length = _judged(field, reshaping, margin, path, cells)
-    return curve, new_faults <= faults and new_length < length
+    best, better = path, False
+    for found in (begun, curve):
+        new_faults, new_length = _judged(field, reshaping, margin, found, cells)
+        if new_faults <= faults and new_length < length:
+            best, better, faults, length = found, True, new_faults, new_length
+    return best, better
 
 
 @numba.njit(cache=True, nogil=True)
