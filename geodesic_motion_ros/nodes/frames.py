@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from rclpy.clock import JumpThreshold
+from rclpy.clock import ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time as RosTime
@@ -38,7 +38,8 @@ class BufferedFrames:
         if stamp.sec < 0:
             return f"its stamp, {stamp.sec} s, is negative"
         try:
-            found = self._buffer.lookup_transform(target, source, RosTime.from_msg(stamp)).transform
+            at = RosTime(seconds=stamp.sec, nanoseconds=stamp.nanosec, clock_type=ClockType.ROS_TIME)
+            found = self._buffer.lookup_transform(target, source, at).transform
         except self._unknown as error:
             return f"tf2 has no transform of it at its stamp: {error}"
         position, rotation = found.translation, found.rotation

@@ -13,7 +13,7 @@ import array
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
@@ -34,6 +34,9 @@ from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.solids import solid_rows
 from geodesic_motion_ros.task_frame import TaskFrame
 
+if TYPE_CHECKING:
+    from geodesic_motion_ros.nodes.marker_bytes import SeenMarker
+
 # Nothing a robot arm has to do with is further away [m] or has turned further [rad] than this.
 LARGEST_COORDINATE = 1000.0
 
@@ -43,6 +46,8 @@ MOST_POINTS = 1_000_000
 # Encoders and a controller's overshoot may show a joint this much [rad] beyond its limit.
 LIMIT_TOLERANCE = 0.02
 
+#: Where the base frame stands in itself.
+_BASE = TaskFrame.identity()
 _FLOATS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
 
@@ -70,7 +75,7 @@ def base_only(target: str, source: str, stamp: Time) -> str:
 def frame_of(header: Header, base_frame: str, lookup: FrameLookup) -> TaskFrame:
     """Where the frame of a message stands in the base frame at its stamp; refused where nobody knows, naming both."""
     if header.frame_id == base_frame:
-        return TaskFrame.identity()
+        return _BASE
     found = lookup(base_frame, header.frame_id, header.stamp)
     if isinstance(found, str):
         raise MessageRefused(f"frame '{header.frame_id}' is unknown here: send it in '{base_frame}' ({found})")
@@ -199,7 +204,7 @@ class MarkerUpdate:
     solid: np.ndarray | None = None
 
 
-def read_marker(message: Marker, base_frame: str, lookup: FrameLookup = base_only) -> MarkerUpdate:
+def read_marker(message: Marker | SeenMarker, base_frame: str, lookup: FrameLookup = base_only) -> MarkerUpdate:
     """An obstacle by (ns, id), as the base frame sees it, or its deletion.
 
     SPHERE has its diameter for scale [m], of an ellipsoid the largest. CUBE is a box with its sides for scale, turned

@@ -19,6 +19,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.frames import frames_of
+from geodesic_motion_ros.nodes.marker_bytes import marker_in, markers_in
 from geodesic_motion_ros.nodes.messages import (
     MarkerUpdate,
     MessageRefused,
@@ -100,8 +101,8 @@ class PlannerInputs:
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
         self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
         self._subscribe(PoseStamped, "task_frame", self._on_task_frame, GOALS)
-        self._subscribe(MarkerArray, "obstacles", self._on_obstacles, EDITS)
-        self._subscribe(Marker, "obstacle_marker", self._on_marker, EDITS)
+        self._subscribe(MarkerArray, "obstacles", self._on_obstacles, EDITS, raw=True)
+        self._subscribe(Marker, "obstacle_marker", self._on_marker, EDITS, raw=True)
         self._subscribe(PointStamped, "obstacle_point", self._on_point, RECENT)
         self._subscribe(PointCloud2, "obstacle_cloud", self._on_cloud, NEWEST)
 
@@ -173,8 +174,11 @@ class PlannerInputs:
             self._tracker.clear()
         return count
 
-    def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile) -> None:
-        self._node.create_subscription(kind, topic, partial(self._guarded, topic, take), qos)
+    def _subscribe(
+        self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile, raw: bool = False
+    ) -> None:
+        """raw : `take` is given the message's bytes."""
+        self._node.create_subscription(kind, topic, partial(self._guarded, topic, take), qos, raw=raw)
 
     def _guarded(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
         with self.refusals.guard(topic):
@@ -220,27 +224,28 @@ class PlannerInputs:
         with self._lock:
             self._task_frame = frame
 
-    def _on_obstacles(self, message: MarkerArray) -> None:
-        updates = []
-        for marker in message.markers:
+    def _on_obstacles(self, message: bytes) -> None:
+        markers, updates = markers_in(message), []
+        for marker in markers:
             # one bad marker must not hide the good ones beside it
             with self.refusals.guard("obstacles"):
                 updates.append(read_marker(marker, self._frame, self.frames))
-        with self._lock:
-            if len(updates) == len(message.markers):
-                self._tracker.hear("obstacles", self._time.running())
-            for update in updates:
-                self._apply("obstacles", update)
-        self._obstacles_changed()
-
-    def _on_marker(self, message: Marker) -> None:
-        update = read_marker(message, self._frame, self.frames)
-        with self._lock:
-            self._apply("obstacle_marker", update)
-        self._obstacles_changed()
-
-    def _apply(self, source: str, update: MarkerUpdate) -> None:
         now = self._time.running()
+        with self._lock:
+            if len(updates) == len(markers):
+                self._tracker.hear("obstacles", now)
+            for update in updates:
+                self._apply("obstacles", update, now)
+        self._obstacles_changed()
+
+    def _on_marker(self, message: bytes) -> None:
+        update = read_marker(marker_in(message), self._frame, self.frames)
+        now = self._time.running()
+        with self._lock:
+            self._apply("obstacle_marker", update, now)
+        self._obstacles_changed()
+
+    def _apply(self, source: str, update: MarkerUpdate, now: float) -> None:
         if update.action == "put":
             self._tracker.put(
                 source, update.key, update.centre, update.radius, now, update.lifetime, update.stamp, update.solid

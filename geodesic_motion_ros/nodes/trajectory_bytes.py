@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 #: What precedes a message: plain CDR in this machine's order of bytes.
-_ENCAPSULATION = bytes([0, int(sys.byteorder == "little"), 0, 0])
+ENCAPSULATION = bytes([0, int(sys.byteorder == "little"), 0, 0])
 _GAP = bytes(4)
 
 
@@ -39,7 +39,7 @@ def joint_trajectory_bytes(
     points = _points(times, positions, velocities, accelerations).tobytes()
     # The first point's numbers come after a length too.
     gap = _GAP if len(head) % 8 == 0 else b""
-    return _ENCAPSULATION + head + points[:4] + gap + points[4:]
+    return ENCAPSULATION + head + points[:4] + gap + points[4:]
 
 
 def _string(text: str) -> bytes:

@@ -7,13 +7,14 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from geodesic_motion_ros.nodes.faults.fuzz import INPUTS, Fuzzer
+from geodesic_motion_ros.nodes.marker_bytes import marker_in
 from geodesic_motion_ros.nodes.messages import MessageRefused, read_cloud, read_joint_positions, read_marker, read_pose
 from geodesic_motion_ros.robot.kinematics import Robot
 
 READERS = {
     "goal_pose": lambda message: read_pose(message, "panda_link0"),
     "joint_states": lambda message: read_joint_positions(message, Robot.panda().joint_names),
-    "obstacle_marker": lambda message: read_marker(message, "panda_link0"),
+    "obstacle_marker": lambda message: read_marker(marker_in(serialize_message(message)), "panda_link0"),
     "obstacle_cloud": lambda message: read_cloud(message, "panda_link0"),
 }
 

@@ -1,0 +1,158 @@
+"""Markers as they come over the wire, without a Python object for each of their fields.
+
+rclpy makes 25 objects of each marker, and holds the interpreter until it has made all of a message: 5 ms and more for
+a hundred, in which the control loop stands still. An obstacle needs a few of their numbers, which are read here. In
+plain CDR (OMG DDS-XTypes 1.3, 7.4.1) numbers lie at multiples of their size from where the message begins, and what has
+no fixed length begins with its length.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+from geodesic_motion_ros.nodes.messages import MessageRefused
+from geodesic_motion_ros.nodes.trajectory_bytes import ENCAPSULATION
+
+_LENGTH = struct.Struct("=I")
+_STAMP = struct.Struct("=iI")
+_WHICH = struct.Struct("=iii")
+_NUMBERS = struct.Struct("=10d")
+_POINT, _COLOUR, _TEXTURE_COORDINATES = (3, 8), (4, 4), (2, 4)
+
+
+class Stamp(NamedTuple):
+    """builtin_interfaces/Time or Duration."""
+
+    sec: int
+    nanosec: int
+
+
+class StampedFrame(NamedTuple):
+    """std_msgs/Header."""
+
+    stamp: Stamp
+    frame_id: str
+
+
+class Vector(NamedTuple):
+    """geometry_msgs/Point or Vector3."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Turn(NamedTuple):
+    """geometry_msgs/Quaternion."""
+
+    x: float
+    y: float
+    z: float
+    w: float
+
+
+class Place(NamedTuple):
+    """geometry_msgs/Pose."""
+
+    position: Vector
+    orientation: Turn
+
+
+class SeenMarker(NamedTuple):
+    """What of a visualization_msgs/Marker tells of an obstacle, under the names that it has there."""
+
+    header: StampedFrame
+    ns: str
+    id: int
+    type: int
+    action: int
+    pose: Place
+    scale: Vector
+    lifetime: Stamp
+
+
+def marker_in(wire: bytes) -> SeenMarker:
+    """Of a serialised Marker."""
+    return _markers(wire, 1)[0]
+
+
+def markers_in(wire: bytes) -> list[SeenMarker]:
+    """Of a serialised MarkerArray."""
+    return _markers(wire)
+
+
+def _markers(wire: bytes, count: int | None = None) -> list[SeenMarker]:
+    if wire[:2] != ENCAPSULATION[:2]:
+        raise MessageRefused(f"markers are written as {wire[:2].hex()}, expected plain CDR, {ENCAPSULATION[:2].hex()}")
+    data, at, found = wire[4:], 0, []
+    try:
+        if count is None:
+            (count,), at = _LENGTH.unpack_from(data), 4
+        for _ in range(count):
+            marker, at = _marker(data, _multiple(at, 4))
+            found.append(marker)
+        if at > len(data):
+            raise struct.error
+    except struct.error as error:
+        raise MessageRefused(f"markers end before they should, after {len(data)} bytes") from error
+    return found
+
+
+def _marker(data: bytes, at: int) -> tuple[SeenMarker, int]:
+    """The marker that begins at a byte, and where it ends."""
+    stamp = Stamp._make(_STAMP.unpack_from(data, at))
+    frame, at = _text(data, at + 8)
+    namespace, at = _text(data, at)
+    number, kind, action = _WHICH.unpack_from(data, at)
+    at = _multiple(at + 12, 8)
+    x, y, z, *orientation, length, width, height = _NUMBERS.unpack_from(data, at)
+    # A colour of 16 bytes is of no interest.
+    at += 96
+    lifetime = Stamp._make(_STAMP.unpack_from(data, at))
+    # Nor is whether it is locked to its frame, one byte.
+    end = _after_looks(data, _multiple(at + 9, 4))
+    place = Place(Vector(x, y, z), Turn._make(orientation))
+    header, scale = StampedFrame(stamp, frame), Vector(length, width, height)
+    return SeenMarker(header, namespace, number, kind, action, place, scale, lifetime), end
+
+
+def _after_looks(data: bytes, at: int) -> int:
+    """Where a marker ends whose points begin at a byte: there follow colours, a texture, texts and a mesh."""
+    at = _after_numbers(data, at, *_POINT)
+    at = _after_numbers(data, at, *_COLOUR)
+    at = _after_bytes(data, at)  # texture_resource
+    at = _after_bytes(data, at + 8)  # stamp and frame of the texture
+    at = _after_bytes(data, at)  # its format
+    at = _after_bytes(data, at)
+    at = _after_numbers(data, at, *_TEXTURE_COORDINATES)
+    at = _after_bytes(data, at)  # text
+    at = _after_bytes(data, at)  # mesh_resource
+    at = _after_bytes(data, at)  # the mesh's name
+    (size,) = _LENGTH.unpack_from(data, at)
+    # The last field is one byte, which need not lie at a multiple of anything.
+    return at + 4 + size + 1
+
+
+def _text(data: bytes, at: int) -> tuple[str, int]:
+    """The text that begins at a byte, and where what follows does."""
+    (length,) = _LENGTH.unpack_from(data, at)
+    end = at + 4 + length
+    # A zero ends it.
+    return data[at + 4 : max(at + 4, end - 1)].decode(errors="replace"), _multiple(end, 4)
+
+
+def _after_bytes(data: bytes, at: int) -> int:
+    (length,) = _LENGTH.unpack_from(data, at)
+    return (at + 7 + length) & ~3
+
+
+def _after_numbers(data: bytes, at: int, each: int, size: int) -> int:
+    """Behind a sequence of so many numbers each, of a size [bytes]."""
+    (length,) = _LENGTH.unpack_from(data, at)
+    return _multiple(at + 4, size) + length * each * size if length else at + 4
+
+
+def _multiple(at: int, size: int) -> int:
+    """The next multiple of a power of two at or after a byte."""
+    return (at + size - 1) & -size
