@@ -125,17 +125,19 @@ class Asking:
         self._scene_shown = bool(scene)
 
     def tell_spheres(self, spheres: Sequence[Sphere]) -> float:
-        """Tell the planner, and not the twin, of spheres from now on, in the place of those before; the time [s]."""
+        """Tell the planner, and not the twin, of spheres from now on, in the place of those before; when that was [s].
+        """
         self._spheres = list(spheres)
-        now = time.monotonic()
-        self._tell_spheres()
-        return now
+        return self._tell_spheres()
 
-    def _tell_spheres(self) -> None:
+    def _tell_spheres(self) -> float:
         stamp, frame = self._node.get_clock().now().to_msg(), self._skill.base_frame
         markers = [
             sphere_marker("bench", number, *sphere, _GREY, frame, stamp) for number, sphere in enumerate(self._spheres)
         ]
         update = self._shown_spheres.update(markers, stamp)
+        # To make a hundred markers takes a while, in which nobody has been told of them.
+        now = time.monotonic()
         if update.markers:
             self._relay.send(update)
+        return now
