@@ -45,8 +45,8 @@ class Schedule:
 
 @dataclass(frozen=True)
 class LoopStatistics:
-    """How the loop is doing: rate [Hz] in the last second, tick durations [s] over the last ticks, counts since the
-    start."""
+    """How the loop is doing: rate [Hz] in the last second, pauses included, tick durations [s] over the last ticks,
+    counts since the start."""
 
     rate: float
     tick_p50: float
@@ -72,18 +72,25 @@ class _Recorder:
     def last_duration(self) -> float:
         return float(self._durations[(self.ticks - 1) % len(self._durations)]) if self.ticks else float("nan")
 
-    def statistics(self, misses: int) -> LoopStatistics:
+    def statistics(self, misses: int, expected: float) -> LoopStatistics:
+        """expected : by when [s] another tick should have begun."""
         count = min(self.ticks, len(self._starts))
         if count < 2:
             return LoopStatistics(float("nan"), float("nan"), float("nan"), self.ticks, misses)
         p50, p99 = np.percentile(self._durations[:count], [50.0, 99.0])
-        return LoopStatistics(_rate(np.sort(self._starts[:count])), float(p50), float(p99), self.ticks, misses)
+        rate = _rate(np.sort(self._starts[:count]), expected)
+        return LoopStatistics(rate, float(p50), float(p99), self.ticks, misses)
 
 
-def _rate(starts: np.ndarray) -> float:
-    """Ticks a second among the last of those that began at `starts` (n,) [s], two at least."""
-    first = min(int(np.searchsorted(starts, starts[-1] - _RATE_SPAN)), len(starts) - 2)
-    return float((len(starts) - 1 - first) / (starts[-1] - starts[first]))
+def _rate(starts: np.ndarray, expected: float) -> float:
+    """Ticks a second of those that began at `starts` (n,) [s], two at least, in the last `_RATE_SPAN`.
+
+    A pause counts whole: one at the beginning of that time, by the tick before it, and one that goes on, by when a tick
+    was `expected` at the latest [s].
+    """
+    now = max(float(starts[-1]), expected)
+    first = max(0, min(int(np.searchsorted(starts, now - _RATE_SPAN, side="right")), len(starts) - 1) - 1)
+    return float((len(starts) - 1 - first) / (now - starts[first]))
 
 
 class SteadyLoop:
@@ -145,7 +152,7 @@ class SteadyLoop:
         return self._recorder.last_duration
 
     def statistics(self) -> LoopStatistics:
-        return self._recorder.statistics(self._misses)
+        return self._recorder.statistics(self._misses, time.monotonic() - self._period)
 
     def _run(self) -> None:
         try:

@@ -98,19 +98,35 @@ def test_the_rate_is_that_of_the_last_second(slow_for):
     for _ in range(500):
         recorder.add(now, 0.001)
         now += 0.01
-    assert recorder.statistics(0).rate == pytest.approx(100.0)
+    assert recorder.statistics(0, now - 0.01).rate == pytest.approx(100.0)
     end = now + slow_for
     while now < end:
         recorder.add(now, 0.001)
         now += 0.02
-    assert recorder.statistics(0).rate == pytest.approx(50.0)
+    assert recorder.statistics(0, now - 0.02).rate == pytest.approx(50.0)
 
 
 def test_after_a_long_pause_the_rate_is_low():
     recorder = _Recorder(1000)
     for start in (0.0, 0.01, 0.02, 5.02):
         recorder.add(start, 0.001)
-    assert recorder.statistics(0).rate == pytest.approx(0.2)
+    assert recorder.statistics(0, 5.02).rate == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("begin", [3.0, 3.2, 3.5, 3.9])
+def test_no_pause_falls_between_two_looks_a_second_apart(begin):
+    """0.3 s of a second without a tick, wherever they lie: who looks once a second sees them."""
+    recorder, rates, look = _Recorder(1000), [], 1.0
+    for number in range(700):
+        now = 0.01 * number
+        if now >= look:
+            rates.append(recorder.statistics(0, now - 0.01).rate)
+            look += 1.0
+        if not begin <= now < begin + 0.3:
+            recorder.add(now, 0.001)
+    assert rates[:2] == pytest.approx([100.0, 100.0])
+    assert min(rates) < 86.0
+    assert rates[-1] == pytest.approx(100.0)
 
 
 def test_an_error_ends_the_loop_and_is_reported_once():
