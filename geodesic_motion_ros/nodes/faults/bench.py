@@ -198,7 +198,9 @@ class Bench:
         """Motion resumes after a fault has cleared: the arm reaches its goal, which is sent again where it was
         dropped or never given."""
         since = time.monotonic()
-        self.wait(lambda: self.seen.status.sent > since + 0.7, "the planner to settle")
+        self.wait(
+            lambda: self.seen.status.sent > since + 0.7 and not self.seen.status.lost, "the planner to settle"
+        )
         if self.seen.status.code == "NO_GOAL":
             self.asks.send_goal()
         began = time.monotonic()

@@ -22,8 +22,6 @@ from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 
-#: What the planner says when commands begin anew at where the arm is.
-_LOST = "nothing is commanded until"
 #: A status that explains a command is heard this long [s] after it at most.
 _TOLD_AFTER = 0.1
 #: What the planner takes for the place of the arm is no older than this [s].
@@ -70,7 +68,7 @@ class Commands:
 
     def judge(self, findings: Findings) -> None:
         """Judge every command of the run so far; what is judged is forgotten."""
-        lost = np.array([status.sent for status in self._record.statuses if _LOST in status.reason])
+        lost = np.array([status.sent for status in self._record.statuses if status.lost])
         wrong: list[str] = []
         before = -math.inf
         for command in self._ear.take():

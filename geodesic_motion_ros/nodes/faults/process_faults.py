@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,6 +26,16 @@ _RATE = next(parameter.default for parameter in PLANNER if parameter.name == "ra
 _CONFLICT = 2.5
 #: Length of a stop [s]; more ticks than this in a row at once are a burst, in a time that normally holds one.
 _STOPPED, _BURST = 1.0, 3
+#: A busy process has begun to work after so long [s].
+_BUSY = 0.5
+#: What it does, with the priority of any other process.
+_WORK = """
+import os
+os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+os.setpriority(os.PRIO_PROCESS, 0, 0)
+while True:
+    sum(range(100_000))
+"""
 
 
 class PlannerKilled(Fault):
@@ -95,12 +106,16 @@ class CoresLoaded(Fault):
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         with _busy_cores(2):
+            bench.spend(_BUSY)
             bench.set_out(phase)
             since, told = bench.seen.status, len(bench.seen.health)
             bench.spend(3.0)
             now = bench.seen.status
             rate = (now.number("tick") - since.number("tick")) / (now.sent - since.sent)
             misses = now.number("deadline_misses") - since.number("deadline_misses")
+            # How the loop has been doing until now is told within a second.
+            heard = len(bench.seen.health)
+            bench.wait(lambda: len(bench.seen.health) > heard, "the loop's health")
             degraded = any("DEGRADED" in text for text in bench.seen.health[told:])
             findings.note(f"{rate:.1f} ticks a second, {misses:.0f} misses{', DEGRADED said' if degraded else ''}")
             findings.require(rate >= 0.95 * _RATE or degraded, f"{rate:.1f} ticks a second and nothing was said")
@@ -127,26 +142,17 @@ class SecondCommander(Fault):
 @contextmanager
 def _busy_cores(each: int) -> Iterator[None]:
     """So many processes on each core that do nothing but work, no more important than others."""
-    context = multiprocessing.get_context("spawn")
-    count = each * len(os.sched_getaffinity(0))
-    workers = [context.Process(target=_work, daemon=True) for _ in range(count)]
+    workers = []
     try:
-        for worker in workers:
-            worker.start()
+        for _ in range(each * len(os.sched_getaffinity(0))):
+            # In a session of its own, which is no group of processes that go first; without libraries, whose loading
+            # would go first as well.
+            workers.append(subprocess.Popen([sys.executable, "-I", "-S", "-c", _WORK], start_new_session=True))
         yield
     finally:
         for worker in workers:
             worker.kill()
-            worker.join()
-
-
-def _work() -> None:
-    # In a session of its own, which is no group of processes that go first.
-    os.setsid()
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    os.setpriority(os.PRIO_PROCESS, 0, 0)
-    while True:
-        sum(range(100_000))
+            worker.wait()
 
 
 PROCESS_FAULTS = (PlannerKilled, TwinKilled, PlannerStopped, CoresLoaded, SecondCommander)

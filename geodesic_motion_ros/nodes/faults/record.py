@@ -20,6 +20,8 @@ from geodesic_motion_ros.nodes.faults.command_ear import steady_time
 from geodesic_motion_ros.nodes.messages import seconds
 from geodesic_motion_ros.robot.kinematics import Robot
 
+#: What the planner says while an arm that is not where it was sent has not rested.
+_LOST = "nothing is commanded until"
 #: An arm whose joints stay within this [rad] for this long [s] rests.
 _REST, _REST_TIME = 1e-3, 0.15
 
@@ -37,6 +39,11 @@ class Status(NamedTuple):
     @property
     def reason(self) -> str:
         return self.values["reason"]
+
+    @property
+    def lost(self) -> bool:
+        """Whether the arm was found elsewhere than commanded: commands will begin anew at where it is."""
+        return _LOST in self.reason
 
     def number(self, key: str) -> float:
         return float(self.values[key])
