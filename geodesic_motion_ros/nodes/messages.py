@@ -278,8 +278,9 @@ def read_cloud(message: PointCloud2, base_frame: str, lookup: FrameLookup = base
     count = message.width * message.height
     if count > MOST_POINTS:
         raise MessageRefused(f"cloud: {count} points, at most {MOST_POINTS} are taken: filter the cloud first")
-    points = _cloud_points(message)
-    finite = np.isfinite(points.sum(axis=1))  # a sum with NaN or inf in it is not finite
+    with np.errstate(invalid="ignore"):
+        points = _cloud_points(message)
+        finite = np.isfinite(points.sum(axis=1))  # a sum with NaN or inf in it is not finite
     points = points if finite.all() else points[finite]
     if len(points) and np.max(np.abs(points)) > LARGEST_COORDINATE:
         raise MessageRefused(f"cloud: a coordinate exceeds {LARGEST_COORDINATE:g} m; metres are expected")
