@@ -196,12 +196,12 @@ class Bench:
 
     def finish(self, findings: Findings) -> None:
         """Motion resumes after a fault has cleared: the arm reaches its goal, which is sent again where it was
-        dropped or never given."""
+        dropped or never taken."""
         since = time.monotonic()
         self.wait(
             lambda: self.seen.status.sent > since + 0.7 and not self.seen.status.lost, "the planner to settle"
         )
-        if self.seen.status.code == "NO_GOAL":
+        if self.seen.status.without_goal:
             self.asks.send_goal()
         began = time.monotonic()
         try:

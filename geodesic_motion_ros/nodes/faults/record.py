@@ -41,6 +41,11 @@ class Status(NamedTuple):
         return self.values["reason"]
 
     @property
+    def without_goal(self) -> bool:
+        """Whether the planner has no goal: then what it says is why, of the newest one asked for."""
+        return self.code != "OK" and self.code == self.values["goal_code"]
+
+    @property
     def lost(self) -> bool:
         """Whether the arm was found elsewhere than commanded: commands will begin anew at where it is."""
         return _LOST in self.reason
