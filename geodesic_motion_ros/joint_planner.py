@@ -146,6 +146,8 @@ class JointSpacePlanner:
         # The query for which there was no way the last time, and the attempt that was made then.
         self._without_way: JointQuery | None = None
         self._attempted = 0
+        # When a trusting attempt, and when a way aside, was last looked for in vain [s].
+        self._trusted = self._looked_aside = -np.inf
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -278,6 +280,7 @@ class JointSpacePlanner:
         self._stands += 1
         self._played, self._played_before, self._swept = _Played(standing, now), None, None
         self._followed = self._query = None
+        self._trusted = self._looked_aside = -np.inf
         return JointPlan(standing, now, Verdict(VerdictCode.OK))
 
     def _checked(self, what: str, configuration: np.ndarray) -> tuple[np.ndarray | None, str]:
@@ -351,7 +354,7 @@ class JointSpacePlanner:
                 self._followed = followed
                 return self._continued(now, followed)
         known = followed.nodes if followed is not None and followed.keeps_off else None
-        attempts = self._worthwhile_attempts(followed)
+        attempts = self._worthwhile_attempts(followed, now)
         plan = self._solver.solve(query, state, obstacles, attempts, deadline, known)
         if followed is not None and (late.passed or not self._gains(plan, followed, state)):
             found_again = plan.reference is None and plan.verdict.ok
@@ -444,9 +447,9 @@ class JointSpacePlanner:
             return None
         return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
 
-    def _worthwhile_attempts(self, followed: _Followed | None) -> tuple[Attempt, ...]:
+    def _worthwhile_attempts(self, followed: _Followed | None, now: float) -> tuple[Attempt, ...]:
         """All where a way has just been lost, or not been looked for yet. One where it is free, or there was none the
-        last time: then another one in every tick, and the first trusting one."""
+        last time: then another one in every tick, and the first trusting one as often as better ways are looked for."""
         attempts = self._solver.attempts
         if followed is not None:
             return attempts[:1]
@@ -455,6 +458,9 @@ class JointSpacePlanner:
             return attempts
         cautious, trusting = self._solver.cautious, self._solver.trusting
         self._attempted = (self._attempted + 1) % len(cautious)
+        if now < self._trusted + _PERIOD_CLOSE - _ROUNDING:
+            return (cautious[self._attempted],)
+        self._trusted = now
         return (cautious[self._attempted], *trusting[:1])
 
     def _gains(self, plan: JointPlan, followed: _Followed, state: MotionState) -> bool:
@@ -506,10 +512,12 @@ class JointSpacePlanner:
             certificate = certifier.certify_swept(left, obstacles, horizon, beyond=False)
             if certifier.objection(certificate) is None:
                 return going
-            plan = self._solver.aside(query, state, obstacles, horizon, deadline)
+            looks = now >= self._looked_aside + _PERIOD_CLOSE - _ROUNDING
+            plan = self._solver.aside(query, state, obstacles, horizon, deadline) if looks else None
             if plan is not None:
                 break
         else:
+            self._looked_aside = now if looks else self._looked_aside
             return None
         assert plan.reference is not None
         nearest = plan.verdict.clearance

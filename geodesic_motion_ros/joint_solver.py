@@ -51,8 +51,8 @@ _ATTEMPTS = (
 )  # fmt: skip
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in _ATTEMPTS)
 #: Where to give way to is looked for so many grid steps around, among so many nodes, in directions of which any two
-#: have no larger cosine than this.
-_REFUGE_STEPS, _MOST_LOOKED_AT, _ALIKE = 15, 500, 0.7
+#: have no larger cosine than this, and so many ways are tried.
+_REFUGE_STEPS, _MOST_LOOKED_AT, _ALIKE, _MOST_REFUGES = 15, 500, 0.7, 4
 #: From there the goal must be reachable, without obstacles, at less than this share of what a way may cost.
 _WAY_BACK = 0.5
 #: Samples of the curve per grid step.
@@ -209,7 +209,8 @@ class JointSolver:
         here, _ = obstacle_clearance(self.collision, self.robot, state.position, obstacles)
         margin = min(MOVING_MULTIPLE * self.settings.obstacle_margin, 0.5 * here)
         free = near[reshaping.clearance[near] >= MOVING_MULTIPLE * self.settings.obstacle_margin]
-        for refuge in _in_all_directions(free, (self.graph.latent[free] - start) / self.graph.grid.spacing):
+        directions = _in_all_directions(free, (self.graph.latent[free] - start) / self.graph.grid.spacing)
+        for refuge in directions[:_MOST_REFUGES]:
             # By the triangle inequality a node is no nearer to the refuge than the difference of their costs.
             ahead = np.abs(query.from_start - query.from_start[refuge])
             nodes, edges, _ = shortest_free_path(self.graph.adjacency, query.graph.base, ahead, source, refuge)
