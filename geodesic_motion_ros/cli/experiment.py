@@ -207,7 +207,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     laws.add_argument(
         "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
     )  # fmt: skip
-    laws.add_argument("--scenes", type=int, default=120, help="of one or two spheres on the way, or near it")
+    laws.add_argument("--scenes", type=int, default=120, help="of a sphere near the way, or in it")
     laws.add_argument("--seed", type=int, default=0, help="of the scenes")
     laws.set_defaults(run=_obstacle_laws)
 

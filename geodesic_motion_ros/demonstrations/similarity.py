@@ -53,7 +53,7 @@ def distance_to_closest(curve: PoseCurve, others: Sequence[PoseCurve]) -> float:
 
 
 def dtw_matching(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Index pairs (k, 2) of the matching with the least sum of distances between points (n, 3) and (m, 3)
+    """Index pairs (k, 2) of the matching with the least sum of distances between points (n, d) and (m, d)
     [m].
 
     Starts at (0, 0), ends at (n - 1, m - 1), and each step advances one index or both by one.

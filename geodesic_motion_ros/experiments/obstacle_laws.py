@@ -1,16 +1,31 @@
-"""How the metric may grow towards obstacles: the Gaussian hill, the completed metric, and the hard law compared.
+"""How the metric may grow towards obstacles, and what removes nodes: the paper's law, ours, and both halves of ours.
 
-Every scene has a start and a goal as they were demonstrated, and one or two spheres that the arm hits, or comes near
-to, on the way that the planner takes between them without obstacles; start and goal stay free. Whether there is another
-way is not asked. The same scenes are planned under each law.
-Columns of the table, a row per law:
+Every scene has a start and a goal as they were demonstrated and a sphere that leaves them free. On the way that the
+planner takes without obstacles the arm comes near it in every third scene (*near*), touches it where another family's
+mean way is free in the next (*one way*), and touches it, whatever else is free, in the last (*touched*). The same
+scenes are planned in these ways:
 
-infeasible     share of the scenes in which no way was found that can be certified
-clearance      least distance of the arm's collision spheres from the spheres on its way [mm]: median and least
-length         of the body points' ways over that without obstacles: median, and exceeded by one in ten
-ms             processor time of planning: median
+ignored         the way without obstacles, as a control
+soft alone      the Gaussian hill of `graph/ambient.py`, as in the paper: nothing is removed, nothing certified
+hard alone      nodes in obstacles are removed, references certified; the metric does not grow
+soft and hard   the Gaussian hill, nodes removed, references certified: what the planner does
+completed       the metric without a top in the place of the Gaussian; nodes removed, references certified
 
-Clearance and length are over those scenes in which every law found a way, so that they are of the same ones.
+each but the first and the third with several strengths zeta and widths, those of the Gaussian over the radius of
+obstacle and body together. Columns of the table:
+
+infeasible  share of the scenes in which no way was found
+hits        ways found on which the arm (its meshes, by PyBullet) touches the sphere, of all that were found
+capped      both again where ways that cost too much count as none: more than `SearchSettings.cost_cap` times what a
+            demonstration costs without obstacles. The planner always does that; the paper tells blocked ways by it
+least       the least distance of the arm's collision spheres from that sphere on any of them [mm], negative inside
+clearance   the same distance: mean of the ways [mm]
+deviation   of the body points from the way without obstacles, matched by dynamic time warping: mean of the ways [mm]
+length      of the body points' ways over that without obstacles: mean
+ms          processor time of planning: median
+
+Clearance, deviation and length are over those scenes in which a way was always found, so that they are of the same
+ones.
 """
 
 from __future__ import annotations
@@ -19,83 +34,168 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from geodesic_motion_ros.comparison.methods.geodesic import no_body
+from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.similarity import dtw_matching
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_queries import ArmQuery, body_spheres, distances, draw_query
-from geodesic_motion_ros.graph.ambient import LAWS, AmbientLaw
+from geodesic_motion_ros.experiments.blocked_arm import arm_clearance, every
+from geodesic_motion_ros.graph.ambient import AmbientLaw, ambient_factor
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_solver import JointSolver, MotionState
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
-from geodesic_motion_ros.plots import BLUE, GREEN, VERMILION, write_figure
+from geodesic_motion_ros.plots import BLUE, GREEN, GREY, VERMILION, write_figure
 from geodesic_motion_ros.robot.body_points import place_body_points
+from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.verdict import Verdict
 
+Kind = Literal["ignored", "soft alone", "hard alone", "soft and hard", "completed"]
+#: zeta, and Gaussian width over obstacle and body radius.
+STRENGTHS, WIDTHS = (100.0, 1000.0, 10000.0), (0.5, 1.0)
 #: Radii of spheres [m], and how far their centres are from a place in the arm [m], as a standard deviation.
 RADII, OFF = (0.02, 0.06), 0.08
-#: Most spheres of a scene; how near the way comes to each, and what start and goal keep from them [m].
-SPHERES, NEAR, FREE_END = 2, 0.04, 0.015
+#: What a scene's sphere does, and how near the way without obstacles comes to it, at least and at most [m].
+BETWEEN: dict[str, tuple[float, float]] = {"near": (0.0, 0.04), "one way": (-0.04, -0.01), "touched": (-0.04, -0.01)}
+#: Kept from the sphere by start and goal, and by the mean way of another family [m].
+FREE_END, FREE_WAY = 0.015, 0.02
 #: Part of a way on which spheres are drawn.
 INTERIOR = (0.2, 0.8)
 #: Time between the postures at which a reference is judged [s].
 CHECK_PERIOD = 0.01
+#: Postures, evenly along the body's arc, that are matched with those of the way without obstacles.
+_COMPARED = 100
 #: Places that are tried for a sphere, and queries for a scene.
 _PLACES, _QUERIES = 300, 30
-_COLOURS = (BLUE, VERMILION, GREEN)
+#: The sphere and the strength for which the picture shows the laws [m].
+_SHOWN_RADIUS, _SHOWN_STRENGTH = 0.04, 1000.0
+_COLOURS: dict[Kind, str] = {"soft alone": VERMILION, "soft and hard": BLUE, "completed": GREEN}
+_STYLES = dict(zip(WIDTHS, ("-", "--"), strict=True))
+#: How far apart marks of one strength are drawn.
+_APART = 0.1
+
+
+@dataclass(frozen=True)
+class Law:
+    """One way to plan among obstacles: strength (zeta) and width as of `SearchSettings`; None where there is none."""
+
+    kind: Kind
+    strength: float | None = None
+    width: float | None = None
+
+    @property
+    def is_hard(self) -> bool:
+        """Whether nodes in obstacles are removed and references certified."""
+        return self.kind != "soft alone"
+
+    def settings(self, base: JointPlannerSettings) -> JointPlannerSettings:
+        """The planner's settings under this law."""
+        if self.strength is None or self.width is None:
+            return replace(base, ambient_law="hard")
+        ambient: AmbientLaw = "completed" if self.kind == "completed" else "gaussian"
+        return replace(base, ambient_law=ambient, ambient_strength=self.strength, ambient_width_ratio=self.width)
+
+
+CONTROL = Law("ignored")
+#: Those that are planned with, in the order of the table.
+LAWS: tuple[Law, ...] = tuple(
+    law
+    for kind in get_args(Kind)[1:]
+    for law in (
+        [Law(kind)] if kind == "hard alone" else [Law(kind, zeta, width) for width in WIDTHS for zeta in STRENGTHS]
+    )
+)
+
+
+@dataclass(frozen=True, eq=False)
+class LawScene:
+    """A start and a goal, the way between them without obstacles, and a sphere: its centre (3,) and radius [m], and
+    what it does, a key of `BETWEEN`.
+    """
+
+    sphere: str
+    query: ArmQuery
+    nominal: JointReference
+    centre: np.ndarray
+    radius: float
 
 
 @dataclass(frozen=True)
 class LawAnswer:
-    """What came of a scene under a law: clearance [m] and length over the free way's, NaN without a way; seconds."""
+    """What came of a scene under a law; the rest is NaN and False without a way, seconds are NaN of the control.
 
-    law: AmbientLaw
+    Attributes
+    ----------
+    sphere : what it does, a key of `BETWEEN`.
+    answered : whether there is a way; under_cap : whether there is one that does not cost too much.
+    hits : whether the arm touches the sphere.
+    clearance, length, deviation, seconds : as of the table, in metres and seconds.
+    """
+
+    law: Law
     scene: int
-    spheres: int
+    sphere: str
     answered: bool
-    clearance: float
-    length: float
+    under_cap: bool
     seconds: float
+    hits: bool = False
+    clearance: float = math.nan
+    deviation: float = math.nan
+    length: float = math.nan
 
 
 @dataclass(frozen=True)
 class LawsReport:
-    """Every answer."""
+    """Every answer, the control's too, under those laws."""
 
     skill: str
     answers: tuple[LawAnswer, ...]
+    laws: tuple[Law, ...] = LAWS
 
-    def of(self, law: AmbientLaw) -> list[LawAnswer]:
+    def of(self, law: Law) -> list[LawAnswer]:
         """The answers under a law, scene by scene."""
         return [answer for answer in self.answers if answer.law == law]
 
     @property
     def common(self) -> list[int]:
-        """Scenes in which every law found a way."""
+        """Scenes in which a way was found under every law."""
         refused = {answer.scene for answer in self.answers if not answer.answered}
         return sorted({answer.scene for answer in self.answers} - refused)
 
-    def summary(self) -> dict[str, dict[str, float | int]]:
+    def summary(self) -> list[dict[str, Any]]:
         """Per law what the table shows; lengths in metres, times in seconds."""
-        common, rows = set(self.common), {}
-        for law in LAWS:
+        common, rows = set(self.common), []
+        for law in (CONTROL, *self.laws):
             mine = self.of(law)
+            found = [answer for answer in mine if answer.answered]
             shared = [answer for answer in mine if answer.scene in common]
-            clearance = np.array([answer.clearance for answer in shared] or [math.nan])
-            length = np.array([answer.length for answer in shared] or [math.nan])
-            rows[law] = {
+            rows.append({
+                **asdict(law),
                 "scenes": len(mine),
-                "infeasible": float(np.mean([not answer.answered for answer in mine])),
-                "clearance_median": float(np.median(clearance)),
-                "clearance_least": float(np.min(clearance)),
-                "length_median": float(np.median(length)),
-                "length_p90": float(np.quantile(length, 0.9)),
+                "infeasible": 1.0 - len(found) / len(mine),
+                "found": len(found),
+                "hits": sum(answer.hits for answer in found),
+                "capped_infeasible": float(np.mean([not answer.under_cap for answer in mine])),
+                "capped_found": sum(answer.under_cap for answer in mine),
+                "capped_hits": sum(answer.hits and answer.under_cap for answer in mine),
+                "clearance_least": min((answer.clearance for answer in found), default=math.nan),
+                "clearance_mean": _mean([answer.clearance for answer in shared]),
+                "deviation_mean": _mean([answer.deviation for answer in shared]),
+                "length_mean": _mean([answer.length for answer in shared]),
                 "seconds_median": float(np.median([answer.seconds for answer in mine])),
-            }
+            })  # fmt: skip
         return rows
 
     def as_dict(self) -> dict[str, Any]:
@@ -107,20 +207,36 @@ class LawsReport:
 
     def table(self) -> str:
         """The table as plain text."""
-        head = ["law", "scenes", "infeasible", "clearance mm", "least", "length", "p90", "ms"]
-        rows = []
-        for law, row in self.summary().items():
+        head = [
+            "obstacles", "zeta", "width", "infeasible", "hits", "capped: infeasible", "hits", "least mm",
+            "clearance mm", "deviation mm", "length", "ms",
+        ]  # fmt: skip
+        rows: list[list[Cell]] = []
+        for row in self.summary():
+            length = row["length_mean"]
             rows.append([
-                law, row["scenes"], f"{row['infeasible']:.0%}", f"{1e3 * row['clearance_median']:.1f}",
-                f"{1e3 * row['clearance_least']:.1f}", f"{row['length_median']:.3f}", f"{row['length_p90']:.3f}",
-                f"{1e3 * row['seconds_median']:.1f}",
+                row["kind"], None if row["strength"] is None else f"{row['strength']:.0f}",
+                None if row["width"] is None else f"{row['width']:g}", f"{row['infeasible']:.0%}",
+                f"{row['hits']} of {row['found']}", f"{row['capped_infeasible']:.0%}",
+                f"{row['capped_hits']} of {row['capped_found']}", 1e3 * row["clearance_least"],
+                1e3 * row["clearance_mean"], 1e3 * row["deviation_mean"],
+                None if math.isnan(length) else f"{length:.3f}", 1e3 * row["seconds_median"],
             ])  # fmt: skip
-        note = f"clearance and length: over the {len(self.common)} scenes in which every law found a way"
-        return "\n".join([self.skill, text_table(head, rows), note])
+        scenes = len(self.of(CONTROL))
+        note = f"{scenes} scenes; clearance, deviation, length: over the {len(self.common)} that always have a way"
+        return "\n".join([self.skill, text_table(head, rows, 1), note])
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values)) if len(values) else math.nan
 
 
 def compare_laws(
-    skill: Skill, scenes: int = 120, seed: int = 0, settings: JointPlannerSettings | None = None
+    skill: Skill,
+    scenes: int = 120,
+    seed: int = 0,
+    laws: Sequence[Law] = LAWS,
+    settings: JointPlannerSettings | None = None,
 ) -> LawsReport:
     """Plan so many scenes under each law; a scene depends on the seed and its number alone.
 
@@ -132,90 +248,194 @@ def compare_laws(
         raise ParameterError(f"scenes is {scenes}; at least 1 is needed")
     if skill.space != "joint":
         raise ParameterError(f"skill '{skill.name}' is of task space: the laws are compared with the whole arm")
-    base = settings or JointPlannerSettings()
-    planners = {law: JointSpacePlanner(skill, replace(base, ambient_law=law)) for law in LAWS}
-    answers = []
-    for number in range(scenes):
-        query, nominal, centres, radii = _scene(planners["gaussian"], np.random.default_rng([seed, number]), number)
-        for law, planner in planners.items():
-            answers.append(_answer(planner, law, number, query, nominal, centres, radii))
-    return LawsReport(skill.name, tuple(answers))
+    compared = _Compared(skill, laws, settings or JointPlannerSettings())
+    answers = [answer for number in range(scenes) for answer in compared.answers(number, seed)]
+    return LawsReport(skill.name, tuple(answers), tuple(laws))
 
 
-def _scene(
-    planner: JointSpacePlanner, random: np.random.Generator, number: int
-) -> tuple[ArmQuery, JointReference, np.ndarray, np.ndarray]:
-    """A query, its way without obstacles, and spheres on it: centres (o, 3), radii (o,) [m]."""
+class _Compared:
+    """Draws scenes on a skill's ways, plans them under every law on one graph, and judges what is found."""
+
+    def __init__(self, skill: Skill, laws: Sequence[Law], settings: JointPlannerSettings) -> None:
+        self._planner = planner = JointSpacePlanner(skill, settings)
+        self._geometry = CollisionGeometry.panda()
+        bodies = {True: planner.collision, False: no_body(planner.robot)}
+        self._queries = {
+            hard: JointQueryBuilder(skill, planner.graph, settings, body) for hard, body in bodies.items()
+        }  # fmt: skip
+        self._solvers = {
+            law: JointSolver(
+                skill, planner.graph, law.settings(settings), planner.robot, bodies[law.is_hard], planner.limits
+            )
+            for law in laws
+        }
+
+    def answers(self, number: int, seed: int) -> list[LawAnswer]:
+        """Of one scene, the control's first."""
+        scene = draw_scene(self._planner, np.random.default_rng([seed, number]), number)
+        nominal, goal = every(CHECK_PERIOD, scene.nominal), GoalChoice(scene.query.goal[None], "drawn")
+        built = {hard: builder.build(scene.query.start, goal) for hard, builder in self._queries.items()}
+        obstacles = Obstacles.of_spheres(scene.centre[None], np.array([scene.radius]))
+        control = LawAnswer(CONTROL, number, scene.sphere, True, True, math.nan)
+        answers = [self._judged(control, nominal, nominal, scene)]
+        for law, solver in self._solvers.items():
+            began = time.thread_time()
+            way = _way(solver, built[law.is_hard], obstacles)
+            seconds, under_cap = time.thread_time() - began, way is not None
+            if way is None:
+                way = _way(solver, built[law.is_hard], obstacles, capped=False)
+            answer = LawAnswer(law, number, scene.sphere, way is not None, under_cap, seconds)
+            answers.append(answer if way is None else self._judged(answer, way, nominal, scene))
+        return answers
+
+    def _judged(self, answer: LawAnswer, way: np.ndarray, nominal: np.ndarray, scene: LawScene) -> LawAnswer:
+        """An answer with the figures of its way (n, eta), beside the one without obstacles (m, eta)."""
+        clearance = float(distances(self._planner, body_spheres(self._planner, way), scene.centre, scene.radius).min())
+        radii = np.array([scene.radius])
+        # The arm's spheres hold its meshes: where they are free so is the arm.
+        hits = clearance <= 0.0 and arm_clearance(self._geometry, way, scene.centre[None], radii) <= 0.0
+        return replace(
+            answer, hits=hits, clearance=clearance, deviation=self._deviation(way, nominal),
+            length=_length(self._points(way)) / _length(self._points(nominal)),
+        )  # fmt: skip
+
+    def _points(self, postures: np.ndarray) -> np.ndarray:
+        """Body points (n, K, 3) [m]."""
+        body = self._planner.graph.body
+        return place_body_points(np.ascontiguousarray(postures), body.frames, body.offsets, self._planner.robot.chain)
+
+    def _deviation(self, way: np.ndarray, nominal: np.ndarray) -> float:
+        """Mean distance [m] of the body points on a way from those on another, at the postures that match."""
+        one, other = (
+            self._points(along_body_arc(postures, self._planner.robot, self._planner.skill.metric, _COMPARED))
+            for postures in (way, nominal)
+        )
+        rows, columns = dtw_matching(one.reshape(_COMPARED, -1), other.reshape(_COMPARED, -1)).T
+        return float(np.linalg.norm(one[rows] - other[columns], axis=2).mean())
+
+
+def _way(
+    solver: JointSolver, query: JointQuery | Verdict, obstacles: Obstacles, capped: bool = True
+) -> np.ndarray | None:
+    """Configurations (n, eta) on the way from rest at the start to the goal; None where there is none.
+
+    capped : whether it may cost no more than the query allows.
+    """
+    if isinstance(query, Verdict):
+        return None
+    if not capped:
+        query = replace(query, cost_limit=math.inf)
+    still = np.zeros_like(query.start)
+    state = MotionState(0.0, query.start, still, still, query.start_latent)
+    reference = solver.solve(query, state, obstacles, solver.attempts).reference
+    return None if reference is None else every(CHECK_PERIOD, reference)
+
+
+def _length(points: np.ndarray) -> float:
+    """Mean over the body points (n, K, 3) of how far they go [m]."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=2).sum(axis=0).mean())
+
+
+def draw_scene(planner: JointSpacePlanner, random: np.random.Generator, number: int) -> LawScene:
+    """Scene number `number`.
+
+    Raises
+    ------
+    ParameterError : none was found, as where the skill has one family; or the skill is on the raw sheet.
+    """
+    sphere = tuple(BETWEEN)[number % len(BETWEEN)]
     for _ in range(_QUERIES):
         query, nominal = draw_query(planner, random)
-        bodies = body_spheres(planner, _postures(nominal))
-        ends = body_spheres(planner, np.stack([query.start, query.goal]))
-        found = [_sphere(planner, bodies, ends, random) for _ in range(1 + number % SPHERES)]
-        if None not in found:
-            return query, nominal, np.array([sphere[0] for sphere in found]), np.array([sphere[1] for sphere in found])
-    raise ParameterError(f"no spheres were found near any of {_QUERIES} ways that leave start and goal free")
+        way = every(CHECK_PERIOD, nominal)
+        others = np.delete(query.ways, query.family(way), axis=0) if sphere == "one way" else []
+        found = _place(planner, way, others, np.stack([query.start, query.goal]), BETWEEN[sphere], random)
+        if found is not None:
+            return LawScene(sphere, query, nominal, *found)
+    raise ParameterError(f"no scene of the kind '{sphere}' was found on {_QUERIES} ways of the skill")
 
 
-def _sphere(
-    planner: JointSpacePlanner, bodies: np.ndarray, ends: np.ndarray, random: np.random.Generator
+def _place(
+    planner: JointSpacePlanner,
+    way: np.ndarray,
+    others: Sequence[np.ndarray],
+    ends: np.ndarray,
+    between: tuple[float, float],
+    random: np.random.Generator,
 ) -> tuple[np.ndarray, float] | None:
-    """A sphere near the arm (n, S, 3) on its way and not at its ends (2, S, 3); None where none was found."""
+    """Centre and radius of a sphere that the arm comes as near to on its way (n, eta) as is asked, that start and goal,
+    `ends` (2, eta), leave free, and so does one of some other ways, if there are any; None where none was found."""
+    bodies, at_ends = body_spheres(planner, way), body_spheres(planner, ends)
+    at_others = [body_spheres(planner, other) for other in others]
     for _ in range(_PLACES):
         radius = random.uniform(*RADII)
         along = int(random.uniform(*INTERIOR) * len(bodies))
         centre = bodies[along, random.integers(bodies.shape[1])] + random.normal(scale=OFF, size=3)
-        free = distances(planner, ends, centre, radius).min() >= FREE_END
-        if free and distances(planner, bodies, centre, radius).min() < NEAR:
+        if distances(planner, at_ends, centre, radius).min() < FREE_END:
+            continue
+        if not between[0] <= distances(planner, bodies, centre, radius).min() <= between[1]:
+            continue
+        if not at_others or max(distances(planner, other, centre, radius).min() for other in at_others) >= FREE_WAY:
             return centre, radius
     return None
 
 
-def _answer(
-    planner: JointSpacePlanner,
-    law: AmbientLaw,
-    number: int,
-    query: ArmQuery,
-    nominal: JointReference,
-    centres: np.ndarray,
-    radii: np.ndarray,
-) -> LawAnswer:
-    planner.set_obstacles(centres, radii)
-    began = time.thread_time()
-    plan = query.plan(planner)
-    seconds = time.thread_time() - began
-    if plan.reference is None:
-        return LawAnswer(law, number, len(radii), False, math.nan, math.nan, seconds)
-    postures = _postures(plan.reference)
-    bodies = body_spheres(planner, postures)
-    clearance = min(
-        float(distances(planner, bodies, centre, radius).min()) for centre, radius in zip(centres, radii, strict=True)
-    )
-    length = _length(planner, postures) / _length(planner, _postures(nominal))
-    return LawAnswer(law, number, len(radii), True, clearance, length, seconds)
-
-
-def _postures(reference: JointReference) -> np.ndarray:
-    times = np.append(np.arange(0.0, reference.duration, CHECK_PERIOD), reference.duration)
-    return np.ascontiguousarray(reference.samples(times)[0])
-
-
-def _length(planner: JointSpacePlanner, postures: np.ndarray) -> float:
-    """Mean over the body points of how far they go [m]."""
-    body = planner.graph.body
-    points = place_body_points(postures, body.frames, body.offsets, planner.robot.chain)
-    return float(np.linalg.norm(np.diff(points, axis=0), axis=2).sum(axis=0).mean())
-
-
 def draw_laws(report: LawsReport, path: Path) -> None:
-    """Clearance over length of every way, a colour for each law."""
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    axes = figure.add_subplot()
-    for law, colour in zip(LAWS, _COLOURS, strict=True):
-        found: Sequence[LawAnswer] = [answer for answer in report.of(law) if answer.answered]
-        lengths, clearances = [item.length for item in found], [1e3 * item.clearance for item in found]
-        axes.scatter(lengths, clearances, color=colour, s=14, alpha=0.7, label=f"{law}: {len(found)} ways")
-    axes.set_xlabel("length of the way over that without obstacles")
-    axes.set_ylabel("least clearance on it [mm]")
-    axes.set_yscale("log")
-    axes.legend(frameon=False)
+    """The laws themselves, and what the table says of each against its strength: filled marks the narrow width."""
+    figure = Figure(figsize=(11.0, 6.4), layout="constrained")
+    panels = figure.subplots(2, 3).ravel()
+    _draw_factors(panels[0])
+    rows = report.summary()
+    for row in rows:
+        row["hit_share"] = row["hits"] / row["found"] if row["found"] else math.nan
+    for axes, letter, column, scale, title in (
+        (panels[1], "b", "hit_share", 1e2, "ways found that hit the sphere [%]"),
+        (panels[2], "c", "clearance_mean", 1e3, "clearance, mean [mm]"),
+        (panels[3], "d", "deviation_mean", 1e3, "deviation from the way without [mm]"),
+        (panels[4], "e", "infeasible", 1e2, "scenes without a way [%]"),
+        (panels[5], "f", "capped_infeasible", 1e2, "without one that costs up to the cap [%]"),
+    ):
+        _draw_column(axes, rows, column, scale)
+        axes.set_title(f"{letter}  {title}", loc="left", fontsize=11)
+    handles, names = panels[1].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     write_figure(figure, path)
+
+
+def _draw_factors(axes: Axes) -> None:
+    """The ambient factor of a body point over its distance from a sphere's surface."""
+    away = np.linspace(0.002, 0.25, 300)
+    body = JointPlannerSettings().body_radius
+    centres, radii = np.zeros((1, 3)), np.array([_SHOWN_RADIUS])
+    for kind in ("soft and hard", "completed"):
+        for width, style in _STYLES.items():
+            factors = [
+                ambient_factor(
+                    _SHOWN_RADIUS + d, 0.0, 0.0, body, centres, radii, _SHOWN_STRENGTH, width, kind == "completed"
+                )
+                for d in away
+            ]  # fmt: skip
+            axes.plot(100.0 * away, factors, style, color=_COLOURS[kind])
+    axes.axvline(100.0 * body, color=GREY, linewidth=0.8)
+    axes.annotate("the body touches", (100.0 * body, 2e4), xytext=(4, 0), textcoords="offset points", fontsize=8)
+    surface = f"body point from a sphere of {100.0 * _SHOWN_RADIUS:.0f} cm [cm]"
+    axes.set(yscale="log", ylim=(0.8, 1e5), xlabel=surface)
+    title = f"a  ambient factor, zeta {_SHOWN_STRENGTH:.0f} (dashed: width {WIDTHS[-1]:g})"
+    axes.set_title(title, loc="left", fontsize=11)
+    axes.grid(alpha=0.3)
+
+
+def _draw_column(axes: Axes, rows: Sequence[dict[str, Any]], column: str, scale: float) -> None:
+    """One column of the table against the strength, a mark for each law and width."""
+    for number, (kind, width) in enumerate(product(_COLOURS, WIDTHS)):
+        values = [scale * row[column] for row in rows if (row["kind"], row["width"]) == (kind, width)]
+        axes.plot(
+            np.arange(len(values)) + _APART * (number - 2.5), values, "o", color=_COLOURS[kind], markersize=6,
+            markerfacecolor="white" if width == WIDTHS[-1] else None, label=f"{kind}, width {width:g}",
+        )  # fmt: skip
+    for kind, style in (("hard alone", "-"), ("ignored", ":")):
+        for row in rows:
+            if row["kind"] == kind:
+                axes.axhline(scale * row[column], color="black", linestyle=style, linewidth=1.2, label=kind, zorder=1)
+    axes.set_xticks(range(len(STRENGTHS)), [f"{strength:.0f}" for strength in STRENGTHS])
+    axes.set_xlabel("zeta")
+    axes.grid(alpha=0.3)

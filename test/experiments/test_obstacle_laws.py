@@ -1,4 +1,4 @@
-"""The laws compared: on the same scenes, which the way without obstacles hits, and with figures that are true."""
+"""The laws compared: on the same scenes, with true figures; what is hard keeps clear, what is soft alone does not."""
 
 from __future__ import annotations
 
@@ -9,60 +9,115 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments import obstacle_laws
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
-from geodesic_motion_ros.experiments.obstacle_laws import LawAnswer, LawsReport, compare_laws, draw_laws
-from geodesic_motion_ros.graph.ambient import LAWS
+from geodesic_motion_ros.experiments.blocked_arm import every
+from geodesic_motion_ros.experiments.obstacle_laws import (
+    BETWEEN,
+    CHECK_PERIOD,
+    CONTROL,
+    FREE_END,
+    FREE_WAY,
+    LAWS,
+    Law,
+    LawAnswer,
+    LawsReport,
+    compare_laws,
+    draw_laws,
+    draw_scene,
+)
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.skill import Skill
 
 COARSE = JointPlannerSettings(grid_shape=(30, 30, 30))
-SCENES = 6
+SOFT, HARD = Law("soft alone", 100.0, 0.5), Law("hard alone")
+FEW = (SOFT, HARD, Law("soft and hard", 1000.0, 0.5), Law("completed", 1000.0, 0.5))
+SCENES = 12
 
 
 @pytest.fixture(scope="module")
 def report(reach_skill: Skill) -> LawsReport:
-    return compare_laws(reach_skill, SCENES, settings=COARSE)
+    return compare_laws(reach_skill, SCENES, laws=FEW, settings=COARSE)
 
 
-def test_every_law_answers_every_scene_and_what_it_answers_is_clear(report: LawsReport, tmp_path: Path) -> None:
-    for law in LAWS:
+def test_what_is_hard_answers_with_free_ways_alone(report: LawsReport) -> None:
+    for law in FEW:
         answers = report.of(law)
         assert [answer.scene for answer in answers] == list(range(SCENES))
         for answer in answers:
-            assert answer.answered == math.isfinite(answer.clearance) == math.isfinite(answer.length)
-            assert not answer.clearance <= 0.0
-    assert any(answer.answered for answer in report.answers)
-    assert report.table().count("\n") == 2 + len(LAWS) + 1
+            assert answer.answered == math.isfinite(answer.clearance) == math.isfinite(answer.deviation)
+            assert answer.answered >= answer.under_cap
+            assert not (law.is_hard and answer.clearance <= 0.0)
+            assert not (answer.hits and answer.clearance > 0.0)
+    assert any(answer.answered for answer in report.of(HARD))
+
+
+def test_the_soft_law_alone_never_refuses_and_goes_through(report: LawsReport) -> None:
+    assert all(answer.answered for answer in report.of(SOFT))
+    refused = {answer.scene for answer in report.of(HARD) if not answer.answered}
+    through = {answer.scene for answer in report.of(SOFT) if answer.clearance < 0.0}
+    assert refused
+    assert refused <= through
+
+
+def test_the_control_is_the_way_without_obstacles(report: LawsReport) -> None:
+    for answer in report.of(CONTROL):
+        nearest, farthest = BETWEEN[answer.sphere]
+        assert nearest <= answer.clearance <= farthest
+        assert answer.deviation == pytest.approx(0.0, abs=1e-12)
+        assert answer.length == 1.0
+
+
+def test_table_and_picture(report: LawsReport, tmp_path: Path) -> None:
+    assert report.table().count("\n") == 2 + 1 + len(FEW) + 1
     draw_laws(report, tmp_path / "laws.png")
     assert (tmp_path / "laws.png").stat().st_size > 10_000
 
 
-def test_the_way_without_obstacles_comes_near_every_sphere_and_its_ends_do_not(reach_skill: Skill) -> None:
+def test_spheres_do_what_their_kind_says(reach_skill: Skill) -> None:
     planner = JointSpacePlanner(reach_skill, COARSE)
-    for number in range(3):
-        query, nominal, centres, radii = obstacle_laws._scene(planner, np.random.default_rng([0, number]), number)
-        assert len(radii) == 1 + number % 2
-        way = body_spheres(planner, obstacle_laws._postures(nominal))
-        ends = body_spheres(planner, np.stack([query.start, query.goal]))
-        for centre, radius in zip(centres, radii, strict=True):
-            assert distances(planner, way, centre, radius).min() < obstacle_laws.NEAR
-            assert distances(planner, ends, centre, radius).min() >= obstacle_laws.FREE_END
+    for number, kind in enumerate(BETWEEN):
+        scene = draw_scene(planner, np.random.default_rng([0, number]), number)
+        assert scene.sphere == kind
+
+        def clearance(postures, scene=scene) -> float:
+            return distances(planner, body_spheres(planner, postures), scene.centre, scene.radius).min()
+
+        way = every(CHECK_PERIOD, scene.nominal)
+        assert BETWEEN[kind][0] <= clearance(way) <= BETWEEN[kind][1]
+        assert clearance(np.stack([scene.query.start, scene.query.goal])) >= FREE_END
+        if kind == "one way":
+            others = np.delete(scene.query.ways, scene.query.family(way), axis=0)
+            assert max(clearance(other) for other in others) >= FREE_WAY
 
 
-def test_clearance_and_length_are_of_the_scenes_that_all_laws_solve() -> None:
-    def answer(law, scene, clearance, length):
-        return LawAnswer(law, scene, 1, not math.isnan(clearance), clearance, length, 0.1)
+def test_strengths_widths_and_laws_reach_the_planner() -> None:
+    assert len(LAWS) == len(set(LAWS)) == 1 + 3 * 6
+    for law in LAWS:
+        settings = law.settings(COARSE)
+        if law == HARD:
+            assert settings.ambient_law == "hard"
+        else:
+            assert settings.ambient_law == ("completed" if law.kind == "completed" else "gaussian")
+            assert (settings.ambient_strength, settings.ambient_width_ratio) == (law.strength, law.width)
 
-    shared = [answer(law, 0, 0.01 * (1 + number), 1.1) for number, law in enumerate(LAWS)]
-    lone = [answer(law, 1, 0.5 if law == "hard" else math.nan, 9.0) for law in LAWS]
-    report = LawsReport("skill", (*shared, *lone))
-    assert report.common == [0]
-    rows = report.summary()
-    assert [rows[law]["clearance_median"] for law in LAWS] == pytest.approx([0.01, 0.02, 0.03])
-    assert [rows[law]["infeasible"] for law in LAWS] == [0.5, 0.5, 0.0]
-    assert {rows[law]["length_median"] for law in LAWS} == {1.1}
+
+def test_means_are_of_the_scenes_that_always_have_a_way() -> None:
+    def answer(law: Law, scene: int, clearance: float, hits: bool = False) -> LawAnswer:
+        found = not math.isnan(clearance)
+        return LawAnswer(law, scene, "near", found, found and law != SOFT, 0.1, hits, clearance, 0.02, 1.1)
+
+    laws = (SOFT, HARD)
+    shared = [answer(law, scene, 0.01 * (scene + 1)) for law in (CONTROL, *laws) for scene in (0, 1)]
+    lone = [answer(CONTROL, 2, -0.03, True), answer(SOFT, 2, -0.02, True), answer(HARD, 2, math.nan)]
+    report = LawsReport("skill", (*shared, *lone), laws)
+    assert report.common == [0, 1]
+    control, soft, hard = report.summary()
+    assert [row["clearance_mean"] for row in (control, soft, hard)] == pytest.approx([0.015] * 3)
+    assert [row["clearance_least"] for row in (control, soft, hard)] == [-0.03, -0.02, 0.01]
+    assert [row["infeasible"] for row in (control, soft, hard)] == pytest.approx([0.0, 0.0, 1.0 / 3.0])
+    assert (soft["hits"], soft["found"], soft["capped_hits"], soft["capped_found"]) == (1, 3, 0, 0)
+    assert (hard["hits"], hard["found"], hard["capped_infeasible"]) == (0, 2, pytest.approx(1.0 / 3.0))
 
 
 def test_what_cannot_be_compared_is_refused(reach_skill: Skill) -> None:
