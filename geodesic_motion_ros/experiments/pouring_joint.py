@@ -25,16 +25,15 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.execution import Execution, play
 from geodesic_motion_ros.experiments.grasp_joint import mean_ways, passed_in_turn
-from geodesic_motion_ros.experiments.posture_strip import evenly
+from geodesic_motion_ros.experiments.pouring_places import pouring_strip, standing_there
 from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_query import GoalChoice
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.plots import BLUE, Way, write_figure
 from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE
-from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring
-from geodesic_motion_ros.simulation.tabletop import Cylinder, TabletopWorld, fixed_to
-from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION, bottle_in_hand, pouring_stands
+from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, pouring
+from geodesic_motion_ros.simulation.tabletop import TabletopWorld
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import Cell, text_table
 
@@ -211,15 +210,6 @@ def _pour(
     )  # fmt: skip
 
 
-def standing_there(bottle: int) -> list[Cylinder]:
-    """The stand of one bottle, which is in the hand, and all cups with theirs."""
-    bodies: list[Cylinder] = []
-    for cup in CUP_PLACES:
-        stands = pouring_stands(BOTTLE_REGION.at(np.array(BOTTLE_PLACES[bottle])), CUP_REGION.at(np.array(cup)))
-        bodies += stands if not bodies else stands[1:]
-    return bodies
-
-
 def _ways_of_pairs(skill: Skill) -> np.ndarray:
     """Mean canonical motions (PAIRS, S, eta) [rad]; ParameterError where the skill found other groups than pairs."""
     ways = mean_ways(skill)
@@ -252,7 +242,7 @@ def draw_pouring_joint(report: PouringJointReport, path: Path) -> None:
     _from_above(figure.add_subplot(grid[0, 1]), report, example, FAMILY_COLOURS)
     _bands(figure.add_subplot(grid[0, 2]), answered, FAMILY_COLOURS)
     axes = figure.add_subplot(grid[1, :])
-    axes.imshow(_strip(example))
+    axes.imshow(pouring_strip(example.execution.configurations, example.bottle))
     axes.set_axis_off()
     title = f"d  The arm brings bottle {example.bottle} to cup {example.cup}, a pair that was not shown"
     axes.set_title(title, loc="left", fontsize=11)
@@ -292,16 +282,3 @@ def _bands(axes: Any, answered: list[Pouring], colours: tuple[str, ...]) -> None
     axes.invert_yaxis()
     axes.set(xlim=(0.0, 1.0), xlabel="share of the time", ylabel="bottle to cup (*: shown)")
     axes.set_title("c  Which group the tool is in", loc="left", fontsize=11)
-
-
-def _strip(item: Pouring, width: int = 400, height: int = 270, postures: int = 5) -> np.ndarray:
-    """The arm with the bottle at even shares of the time of a pouring, side by side."""
-    assert item.execution is not None
-    pictures = []
-    with TabletopWorld() as world:
-        for configuration in item.execution.configurations[evenly(len(item.latent), postures)]:
-            world.reset(configuration)
-            pose = world.tool_pose()
-            world.furnish((), [*standing_there(item.bottle), *(fixed_to(*pose, part) for part in bottle_in_hand())])
-            pictures.append(world.render(width, height, "front", oversampling=2))
-    return np.concatenate(pictures, axis=1)

@@ -15,7 +15,6 @@ from geodesic_motion_ros.experiments.pouring_joint import (
     PouringJointSettings,
     draw_pouring_joint,
     pour_all,
-    standing_there,
 )
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill
@@ -67,12 +66,6 @@ def test_the_arm_does_what_the_reference_says(report) -> None:
         assert execution.goal_error < 1e-3
         np.testing.assert_allclose(np.diff(execution.times), execution.times[1], atol=1e-9)
         assert len(execution.times) == len(item.by_skill) == len(item.by_tool)
-
-
-def test_cups_stand_there_once_and_one_bottle_is_in_the_hand() -> None:
-    assert len(standing_there(0)) == 1 + 3 * 2
-    assert len(set(standing_there(1))) == len(standing_there(1))
-    assert standing_there(0)[0] != standing_there(1)[0]
 
 
 def test_what_is_handed_over_is_complete(report, tmp_path) -> None:

@@ -1,0 +1,63 @@
+"""The bottle that the tool holds: spheres for the planner that hold it, and exact distances to judge ways by."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import brentq
+
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.quaternions import to_rotation
+from geodesic_motion_ros.simulation.tabletop import fixed_to
+from geodesic_motion_ros.simulation.teacher import bottle_in_hand
+
+#: Distance of the spheres along the bottle [m].
+_SPACING = 0.03
+#: Radius of spheres in the bottle's way, and how deep in it they are [m].
+SPHERE_RADIUS, DEPTH = 0.04, 0.01
+#: Where they are, seen from the bottle: under it, and beside it.
+SIDES = ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0))
+
+
+def bottle_settings() -> PlannerSettings:
+    """Tool spheres that hold the bottle in the hand, besides the one at the tool's origin."""
+    points, radii = [(0.0, 0.0, 0.0)], [PlannerSettings().tool_radii[0]]
+    for part in bottle_in_hand():
+        along = to_rotation(np.array(part.quaternion)).apply([0.0, 0.0, 1.0])
+        count = math.ceil(part.height / _SPACING) + 1
+        for place in np.linspace(-0.5, 0.5, count) * part.height:
+            points.append(tuple((np.array(part.centre) + place * along).tolist()))
+            # Half way between two spheres the cylinder's surface is held just so.
+            radii.append(math.hypot(part.radius, 0.5 * part.height / (count - 1)))
+    return PlannerSettings(tool_points=tuple(points), tool_radii=tuple(radii))
+
+
+def bottle_distance(positions: np.ndarray, quaternions: np.ndarray, centres: np.ndarray, radius: float) -> float:
+    """Least signed distance [m] of the bottle from a sphere, the tool at poses (n, 3), (n, 4), the sphere at (n, 3)."""
+    least = math.inf
+    local = to_rotation(quaternions).inv().apply(centres - positions)
+    for part in bottle_in_hand():
+        seen = to_rotation(np.array(part.quaternion)).inv().apply(local - part.centre)
+        beside = np.hypot(seen[:, 0], seen[:, 1]) - part.radius
+        beyond = np.abs(seen[:, 2]) - 0.5 * part.height
+        outside = np.hypot(np.maximum(beside, 0.0), np.maximum(beyond, 0.0))
+        least = min(least, float(np.min(outside + np.minimum(np.maximum(beside, beyond), 0.0))))
+    return least - radius
+
+
+def bottle_mouth(position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
+    """Where the bottle's mouth is (3,) [m], the tool at a pose (3,), (4,)."""
+    neck = fixed_to(position, quaternion, bottle_in_hand()[1])
+    return np.array(neck.centre) + 0.5 * neck.height * to_rotation(np.array(neck.quaternion)).apply([0.0, 0.0, 1.0])
+
+
+def sphere_beside(position: np.ndarray, quaternion: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Centre (3,) of a sphere, `DEPTH` deep in the bottle from a direction (3,), the tool at a pose (3,), (4,)."""
+    middle = np.array(fixed_to(position, quaternion, bottle_in_hand()[0]).centre)
+
+    def depth(away: float) -> float:
+        centre = middle + away * direction
+        return -bottle_distance(position[None], quaternion[None], centre[None], SPHERE_RADIUS) - DEPTH
+
+    return middle + brentq(depth, 0.0, 0.5) * direction
