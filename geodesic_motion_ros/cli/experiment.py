@@ -4,31 +4,15 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Any
 
-from geodesic_motion_ros.cli.arguments import (
-    HelpFormatter,
-    add_json,
-    add_recording,
-    evenly_sampled,
-    indices,
-    metres,
-    read_recording,
-    writable,
-)
-from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.demonstrations.writers import save_demonstrations
-from geodesic_motion_ros.errors import ExperimentError, ParameterError
+from geodesic_motion_ros.cli import experiment_measures as measures
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, add_recording, indices, metres, writable
+from geodesic_motion_ros.errors import ExperimentError
 from geodesic_motion_ros.tables import text_table, write_json
-
-if TYPE_CHECKING:
-    from tqdm import tqdm
-
-    from geodesic_motion_ros.experiments.trained import Trained
-    from geodesic_motion_ros.manifold.training import TrainingSettings
 
 _DESCRIPTION = """\
 toy-task   a J in the plane with orientations that draw a C on the sphere: two clusters, walls, geodesic and line
@@ -74,6 +58,211 @@ examples:
   geodesic-motion experiment rate --skill panda_reach_to_grasp --rates 100,250,500
 """
 
+_MOVING_TOOL = """\
+Spheres cross the tool's way or chase it; each scene is played once more with a planner that is not told of them. Exact
+distances of the tool's spheres are judged 200 times a second: with such a skill nothing but the tool avoids obstacles.
+What counts are contacts of a tool that moved and had had room to brake; there should be none.
+"""
+
+Option = tuple[str, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One of them.
+
+    Attributes
+    ----------
+    told : what it is, in a line; description : more of it.
+    measure : what its arguments ask for. options : its arguments, and what argparse is told of them.
+    save : writes the demonstrations that it makes to the file `--save`. on_recordings : it is given recordings.
+    """
+
+    told: str
+    measure: Callable[[argparse.Namespace], measures.Measured]
+    options: tuple[Option, ...] = ()
+    description: str | None = None
+    save: Callable[[argparse.Namespace], None] | None = None
+    on_recordings: bool = False
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(float(number) for number in text.split(","))
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(","))
+
+
+def _count(flag: str, default: int, told: str) -> Option:
+    return flag, {"type": int, "default": default, "help": told}
+
+
+def _seeds(told: str, default: str = "0,1,2") -> Option:
+    return "--seeds", {"type": indices, "default": default, "metavar": "SEEDS", "help": told}
+
+
+def _skill(default: str, told: str = "its folder, or a shipped name") -> Option:
+    return "--skill", {"default": default, "metavar": "SKILL", "help": told}
+
+
+_OF_JOINTS = _skill("panda_reach_to_grasp", "of joint space: its folder, or a shipped name")
+_STEPS: Option = ("--steps", {"type": int, "help": "of the training; TrainingSettings' default without it"})
+_SAVE: Option = (
+    "--save",
+    {
+        "type": Path, "metavar": "FILE.npz",
+        "help": "write the demonstrations of the first seed to a file to train on (units m) and measure nothing",
+    },
+)  # fmt: skip
+_OF_DATA = (_seeds("of data and training, one skill each"), _STEPS, _SAVE)
+_OF_FOLDS: tuple[Option, ...] = (
+    ("--folds", {"metavar": "FOLDS", "help": "to hold out, 0,3,6/1,4,7; without it three folds"}),
+    _seeds("one training each", "0"),
+    _STEPS,
+)
+_TRAININGS = _seeds("of the trainings, one skill each")
+
+EXPERIMENTS: dict[str, Experiment] = {
+    "toy-task": Experiment("the paper's letters J and C", measures.of_seeds, (_seeds("one training each"),)),
+    "toy-joint": Experiment("an S in two postures", measures.of_seeds, (_seeds("one training each"),)),
+    "circle": Experiment("two and three latent dimensions", measures.of_seeds, (_seeds("two trainings each"),)),
+    "geodesics": Experiment(
+        "ways to a geodesic compared", measures.geodesics,
+        (_skill("panda_pouring"), _count("--pairs", 3, "pairs of ends")),
+    ),
+    "avoidance": Experiment(
+        "spheres on the path", measures.avoidance,
+        (
+            ("--radii", {"type": metres, "default": "0.02,0.04,0.08", "metavar": "M,M", "help": "of spheres [m]"}),
+            ("--tool-radius", {
+                "type": float, "default": 0.0, "metavar": "M",
+                "help": "of a sphere around the tool's origin [m]; 0: the radii already stand for obstacle and tool "
+                "together",
+            }),
+            _count("--scenes", 8, "places on the path of each held-out demonstration"),
+            ("--sheet", {
+                "choices": ("canonical", "raw"), "default": "canonical", "help": "skills are learned on",
+            }),
+            *_OF_FOLDS,
+        ),
+        on_recordings=True,
+    ),
+    "crossing": Experiment("what changing clusters costs", measures.crossing, _OF_FOLDS, on_recordings=True),
+    "goals": Experiment(
+        "starts and goals that vary", measures.of_data,
+        (
+            _count("--shown", 12, "demonstrations that a skill is learned from"),
+            _count("--held-out", 12, "demonstrations that are predicted"),
+            *_OF_DATA,
+        ),
+        save=measures.save_goals,
+    ),
+    "modes": Experiment(
+        "two ways past a pillar", measures.of_data,
+        (
+            _count("--shown", 6, "demonstrations of each way that a skill is learned from"),
+            _count("--cases", 40, "starts and goals that each skill is asked for"),
+            *_OF_DATA,
+        ),
+        save=measures.save_modes,
+    ),
+    "whole-arm": Experiment(
+        "avoidance with the whole arm", measures.whole_arm,
+        (
+            _OF_JOINTS,
+            ("--parts", {
+                "type": _names, "default": "tubes,one way,all ways,elbow,moving", "metavar": "PART,PART",
+                "help": "what is measured",
+            }),
+            _count("--scenes", 40, "of standing spheres, or of none, in each part"),
+            _count("--moving-scenes", 40, "of moving spheres"),
+            _count("--seed", 0, "of the scenes"),
+            _count("--processes", 1, "that play scenes of moving spheres"),
+        ),
+    ),
+    "moving-tool": Experiment(
+        "moving spheres with a skill of the tool", measures.moving_tool,
+        (
+            _skill("panda_pouring", "of task space: its folder, or a shipped name"),
+            ("--tools", {
+                "type": _names, "default": "hand,slim", "metavar": "TOOL,TOOL",
+                "help": "hand: tool_spheres of the planner node, 18 cm wide; slim: one sphere of 4 cm at the tool's "
+                "origin",
+            }),
+            _count("--scenes", 40, "of each seed, with each tool"),
+            _seeds("of the scenes", "0"),
+            _count("--processes", 1, "that play scenes"),
+        ),
+        description=_MOVING_TOOL,
+    ),
+    "grasp-task": Experiment(
+        "reach to grasp in task space", measures.of_settings,
+        (
+            _count("--shown", 8, "demonstrations"),
+            _count("--targets", 20, "random starts and goals for each seed"),
+            _TRAININGS,
+        ),
+    ),
+    "pouring-task": Experiment(
+        "pouring in task space", measures.of_settings,
+        (_count("--shown", 3, "demonstrations of each of three pairs"), _TRAININGS),
+    ),
+    "limbs": Experiment(
+        "what a skill of the tool does not see", measures.limbs,
+        (
+            _skill(
+                "panda_reach_to_grasp", "of joint space, of the same reach to grasp: its folder, or a shipped name"
+            ),
+            _count("--side", 150, "nodes along each side of the latent grid"),
+            _count("--solutions", 100, "of the inverse kinematics for each node"),
+        ),
+    ),
+    "grasp-joint": Experiment(
+        "families of grasps, blocked", measures.of_settings,
+        (_count("--shown", 3, "demonstrations of each family"), _TRAININGS),
+    ),
+    "pouring-joint": Experiment(
+        "groups of pourings", measures.of_settings,
+        (_count("--shown", 3, "demonstrations of each of three pairs"), _TRAININGS),
+    ),
+    "obstacle-laws": Experiment(
+        "ambient metrics compared", measures.obstacle_laws,
+        (
+            _OF_JOINTS,
+            _count("--scenes", 120, "of a sphere near the way, or in it"),
+            _count("--seed", 0, "of the scenes"),
+        ),
+    ),
+    "volume": Experiment(
+        "the volume term off and on", measures.volume,
+        (
+            ("--demos", {
+                "type": Path, "metavar": "FILE",
+                "help": "recorded joints, as `demonstrate`'s; without it a simulated reach to grasp, four times in two "
+                "families",
+            }),
+            ("--robot", {"default": "panda", "help": "whose joints were recorded"}),
+            ("--weights", {"type": _numbers, "default": "0,1", "metavar": "W,W", "help": "of the volume term"}),
+            ("--steps", {"type": int, "help": "of the training; JointTrainingSettings' default without it"}),
+        ),
+    ),
+    "dimension": Experiment(
+        "two to five latent dimensions", measures.of_seeds, (_seeds("four trainings each", "0,1"),)
+    ),
+    "rate": Experiment(
+        "ticks a second of the running nodes", measures.rate,
+        (
+            _skill("panda_pouring"),
+            ("--rates", {"type": _numbers, "default": "100", "metavar": "HZ,HZ", "help": "of the planner"}),
+            ("--seconds", {"type": float, "default": 8.0, "help": "length of each stretch"}),
+            ("--goals-hz", {"type": float, "default": 10.0, "help": "new goals a second"}),
+            _count("--obstacles", 10, "spheres beside the way"),
+            _count("--spheres", 100, "that appear in the way, to time answers; 0: none"),
+        ),
+    ),
+}  # fmt: skip
+
 
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command and its experiments to the parser of the command line."""
@@ -82,168 +271,34 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     names = parser.add_subparsers(dest="experiment", metavar="NAME", required=True)
-
-    toy_task = names.add_parser("toy-task", help="the paper's letters J and C", formatter_class=HelpFormatter)
-    toy_task.add_argument("--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="one training each")
-    toy_task.set_defaults(run=_toy_task)
-
-    toy_joint = names.add_parser("toy-joint", help="an S in two postures", formatter_class=HelpFormatter)
-    toy_joint.add_argument("--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="one training each")
-    toy_joint.set_defaults(run=_toy_joint)
-
-    circle = names.add_parser("circle", help="two and three latent dimensions", formatter_class=HelpFormatter)
-    circle.add_argument("--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="two trainings each")
-    circle.set_defaults(run=_circle)
-
-    geodesics = names.add_parser("geodesics", help="ways to a geodesic compared", formatter_class=HelpFormatter)
-    geodesics.add_argument("--skill", default="panda_pouring", metavar="SKILL", help="its folder, or a shipped name")
-    geodesics.add_argument("--pairs", type=int, default=3, help="pairs of ends")
-    geodesics.set_defaults(run=_geodesics)
-
-    avoidance = names.add_parser("avoidance", help="spheres on the path", formatter_class=HelpFormatter)
-    avoidance.add_argument("--radii", type=metres, default="0.02,0.04,0.08", metavar="M,M", help="of spheres [m]")
-    avoidance.add_argument(
-        "--tool-radius", type=float, default=0.0, metavar="M",
-        help="of a sphere around the tool's origin [m]; 0: the radii already stand for obstacle and tool together",
-    )  # fmt: skip
-    avoidance.add_argument("--scenes", type=int, default=8, help="places on the path of each held-out demonstration")
-    avoidance.add_argument("--sheet", choices=("canonical", "raw"), default="canonical", help="skills are learned on")
-    avoidance.set_defaults(run=_avoidance)
-
-    crossing = names.add_parser("crossing", help="what changing clusters costs", formatter_class=HelpFormatter)
-    crossing.set_defaults(run=_crossing)
-
-    for trains in (avoidance, crossing):
-        add_recording(trains, several=True)
-        trains.add_argument("--folds", metavar="FOLDS", help="to hold out, 0,3,6/1,4,7; without it three folds")
-        trains.add_argument("--seeds", type=indices, default="0", metavar="SEEDS", help="one training each")
-        trains.add_argument("--steps", type=int, help="of the training; TrainingSettings' default without it")
-
-    goals = names.add_parser("goals", help="starts and goals that vary", formatter_class=HelpFormatter)
-    goals.add_argument("--shown", type=int, default=12, help="demonstrations that a skill is learned from")
-    goals.add_argument("--held-out", type=int, default=12, help="demonstrations that are predicted")
-    goals.set_defaults(run=_goals)
-
-    modes = names.add_parser("modes", help="two ways past a pillar", formatter_class=HelpFormatter)
-    modes.add_argument("--shown", type=int, default=6, help="demonstrations of each way that a skill is learned from")
-    modes.add_argument("--cases", type=int, default=40, help="starts and goals that each skill is asked for")
-    modes.set_defaults(run=_modes)
-
-    for simulated in (goals, modes):
-        simulated.add_argument(
-            "--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="of data and training, one skill each"
+    for name, experiment in EXPERIMENTS.items():
+        own = names.add_parser(
+            name, help=experiment.told, description=experiment.description, formatter_class=HelpFormatter
         )
-        simulated.add_argument("--steps", type=int, help="of the training; TrainingSettings' default without it")
-        simulated.add_argument(
-            "--save", type=Path, metavar="FILE.npz",
-            help="write the demonstrations of the first seed to a file to train on (units m) and measure nothing",
-        )  # fmt: skip
-
-    whole_arm = names.add_parser("whole-arm", help="avoidance with the whole arm", formatter_class=HelpFormatter)
-    whole_arm.add_argument(
-        "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
-    )  # fmt: skip
-    whole_arm.add_argument(
-        "--parts", type=_names, default="tubes,one way,all ways,elbow,moving", metavar="PART,PART",
-        help="what is measured",
-    )  # fmt: skip
-    whole_arm.add_argument("--scenes", type=int, default=40, help="of standing spheres, or of none, in each part")
-    whole_arm.add_argument("--moving-scenes", type=int, default=40, help="of moving spheres")
-    whole_arm.add_argument("--seed", type=int, default=0, help="of the scenes")
-    whole_arm.add_argument("--processes", type=int, default=1, help="that play scenes of moving spheres")
-    whole_arm.set_defaults(run=_whole_arm)
-
-    moving_tool = names.add_parser(
-        "moving-tool", help="moving spheres with a skill of the tool", formatter_class=HelpFormatter,
-        description="Spheres cross the tool's way or chase it; each scene is played once more with a planner that is "
-        "not told of them. Exact distances of the tool's spheres are judged 200 times a second: with such a skill "
-        "nothing but the tool avoids obstacles. What counts are contacts of a tool that moved and had had room to "
-        "brake; there should be none.",
-    )  # fmt: skip
-    moving_tool.add_argument(
-        "--skill", default="panda_pouring", metavar="SKILL", help="of task space: its folder, or a shipped name"
-    )
-    moving_tool.add_argument(
-        "--tools", type=_names, default="hand,slim", metavar="TOOL,TOOL",
-        help="hand: tool_spheres of the planner node, 18 cm wide; slim: one sphere of 4 cm at the tool's origin",
-    )  # fmt: skip
-    moving_tool.add_argument("--scenes", type=int, default=40, help="of each seed, with each tool")
-    moving_tool.add_argument("--seeds", type=indices, default="0", metavar="SEEDS", help="of the scenes")
-    moving_tool.add_argument("--processes", type=int, default=1, help="that play scenes")
-    moving_tool.set_defaults(run=_moving_tool)
-
-    grasp_task = names.add_parser("grasp-task", help="reach to grasp in task space", formatter_class=HelpFormatter)
-    grasp_task.add_argument("--shown", type=int, default=8, help="demonstrations")
-    grasp_task.add_argument("--targets", type=int, default=20, help="random starts and goals for each seed")
-    grasp_task.set_defaults(run=_grasp_task)
-
-    pouring_task = names.add_parser("pouring-task", help="pouring in task space", formatter_class=HelpFormatter)
-    pouring_task.add_argument("--shown", type=int, default=3, help="demonstrations of each of three pairs")
-    pouring_task.set_defaults(run=_pouring_task)
-
-    limbs = names.add_parser("limbs", help="what a skill of the tool does not see", formatter_class=HelpFormatter)
-    limbs.add_argument(
-        "--skill", default="panda_reach_to_grasp", metavar="SKILL",
-        help="of joint space, of the same reach to grasp: its folder, or a shipped name",
-    )  # fmt: skip
-    limbs.add_argument("--side", type=int, default=150, help="nodes along each side of the latent grid")
-    limbs.add_argument("--solutions", type=int, default=100, help="of the inverse kinematics for each node")
-    limbs.set_defaults(run=_limbs)
-
-    grasp_joint = names.add_parser("grasp-joint", help="families of grasps, blocked", formatter_class=HelpFormatter)
-    grasp_joint.add_argument("--shown", type=int, default=3, help="demonstrations of each family")
-    grasp_joint.set_defaults(run=_grasp_joint)
-
-    pouring_joint = names.add_parser("pouring-joint", help="groups of pourings", formatter_class=HelpFormatter)
-    pouring_joint.add_argument("--shown", type=int, default=3, help="demonstrations of each of three pairs")
-    pouring_joint.set_defaults(run=_pouring_joint)
-
-    for learned in (grasp_task, pouring_task, grasp_joint, pouring_joint):
-        learned.add_argument(
-            "--seeds", type=indices, default="0,1,2", metavar="SEEDS", help="of the trainings, one skill each"
-        )
-
-    laws = names.add_parser("obstacle-laws", help="ambient metrics compared", formatter_class=HelpFormatter)
-    laws.add_argument(
-        "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
-    )  # fmt: skip
-    laws.add_argument("--scenes", type=int, default=120, help="of a sphere near the way, or in it")
-    laws.add_argument("--seed", type=int, default=0, help="of the scenes")
-    laws.set_defaults(run=_obstacle_laws)
-
-    volume = names.add_parser("volume", help="the volume term off and on", formatter_class=HelpFormatter)
-    volume.add_argument(
-        "--demos", type=Path, metavar="FILE",
-        help="recorded joints, as `demonstrate`'s; without it a simulated reach to grasp, four times in two families",
-    )  # fmt: skip
-    volume.add_argument("--robot", default="panda", help="whose joints were recorded")
-    volume.add_argument("--weights", type=_numbers, default="0,1", metavar="W,W", help="of the volume term")
-    volume.add_argument("--steps", type=int, help="of the training; JointTrainingSettings' default without it")
-    volume.set_defaults(run=_volume)
-
-    dimension = names.add_parser("dimension", help="two to five latent dimensions", formatter_class=HelpFormatter)
-    dimension.add_argument("--seeds", type=indices, default="0,1", metavar="SEEDS", help="four trainings each")
-    dimension.set_defaults(run=_dimension)
-
-    rate = names.add_parser("rate", help="ticks a second of the running nodes", formatter_class=HelpFormatter)
-    rate.add_argument("--skill", default="panda_pouring", metavar="SKILL", help="its folder, or a shipped name")
-    rate.add_argument("--rates", type=_numbers, default="100", metavar="HZ,HZ", help="of the planner")
-    rate.add_argument("--seconds", type=float, default=8.0, help="length of each stretch")
-    rate.add_argument("--goals-hz", type=float, default=10.0, help="new goals a second")
-    rate.add_argument("--obstacles", type=int, default=10, help="spheres beside the way")
-    rate.add_argument("--spheres", type=int, default=100, help="that appear in the way, to time answers; 0: none")
-    rate.set_defaults(run=_rate)
-
-    alone = dict(names.choices)
-    for needs_recording in ("avoidance", "crossing"):
-        del alone[needs_recording]
+        for flag, keywords in experiment.options:
+            own.add_argument(flag, **keywords)
+        if experiment.on_recordings:
+            add_recording(own, several=True)
+        own.set_defaults(run=_run)
+    alone = {name: names.choices[name] for name, experiment in EXPERIMENTS.items() if not experiment.on_recordings}
     everything = names.add_parser("all", help="one after the other", formatter_class=HelpFormatter)
     everything.set_defaults(run=lambda arguments: _all(arguments, alone))
-    for experiment in names.choices.values():
-        experiment.add_argument(
-            "--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results"
-        )
-        add_json(experiment)
+    for own in names.choices.values():
+        own.add_argument("--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results")
+        add_json(own)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    """Measure, draw and hand over; or save what would have been measured on."""
+    experiment = EXPERIMENTS[arguments.experiment]
+    if experiment.save is not None and arguments.save is not None:
+        experiment.save(arguments)
+        return
+    folder = _folder(arguments)
+    measured = experiment.measure(arguments)
+    if measured.draw is not None:
+        measured.draw(folder / f"{arguments.experiment.replace('-', '_')}.png")
+    _hand_over(arguments, folder, measured.table, measured.figures)
 
 
 def _all(arguments: argparse.Namespace, parsers: Mapping[str, argparse.ArgumentParser]) -> None:
@@ -265,312 +320,6 @@ def _all(arguments: argparse.Namespace, parsers: Mapping[str, argparse.ArgumentP
     failed = [row["experiment"] for row in rows if row["error"]]
     if failed:
         raise ExperimentError(f"{len(failed)} of {len(rows)} experiments failed: {', '.join(failed)}")
-
-
-def _toy_task(arguments: argparse.Namespace) -> None:
-    from tqdm import tqdm
-
-    from geodesic_motion_ros.experiments.toy_task import draw_toy_task, measure_toy_task
-
-    folder = _folder(arguments)
-    with tqdm(desc="toy-task", unit="model") as bar:
-        report = measure_toy_task(arguments.seeds, progress=_counted_on(bar))
-    draw_toy_task(report, folder / "toy_task.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _toy_joint(arguments: argparse.Namespace) -> None:
-    from tqdm import tqdm
-
-    from geodesic_motion_ros.experiments.toy_joint import draw_toy_joint, measure_toy_joint
-
-    folder = _folder(arguments)
-    with tqdm(desc="toy-joint", unit="model") as bar:
-        report = measure_toy_joint(arguments.seeds, progress=_counted_on(bar))
-    draw_toy_joint(report, folder / "toy_joint.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _circle(arguments: argparse.Namespace) -> None:
-    from tqdm import tqdm
-
-    from geodesic_motion_ros.experiments.circle import draw_circle, measure_circle
-
-    folder = _folder(arguments)
-    with tqdm(desc="circle", unit="model") as bar:
-        report = measure_circle(arguments.seeds, progress=_counted_on(bar))
-    draw_circle(report, folder / "circle.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _geodesics(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.geodesics import compare_geodesics, draw_geodesics
-    from geodesic_motion_ros.skill import Skill
-
-    skill = Skill.load(arguments.skill)
-    folder = _folder(arguments)
-    report = compare_geodesics(skill, arguments.pairs)
-    draw_geodesics(report, folder / "geodesics.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _rate(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.nodes import node_rate, reaction_time
-    from geodesic_motion_ros.skill import Skill
-
-    folder, rates = _folder(arguments), arguments.rates
-    rows = node_rate.measure_rates(
-        arguments.skill, folder, rates, arguments.seconds, arguments.goals_hz, arguments.obstacles
-    )
-    text, told = node_rate.table(rows), {"rows": [asdict(row) for row in rows]}
-    if arguments.spheres > 0 and Skill.load(arguments.skill).space == "joint":
-        reactions = reaction_time.measure_reaction(arguments.skill, folder, rates, arguments.spheres)
-        text += "\n\n" + reaction_time.table(reactions)
-        told["reactions"] = [asdict(row) for row in reactions]
-    _hand_over(arguments, folder, text, told)
-
-
-def _avoidance(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.avoidance import AvoidanceSettings, draw_avoidance, measure_avoidance
-
-    settings = AvoidanceSettings(arguments.radii, arguments.tool_radius, arguments.scenes)
-    folder = _folder(arguments)
-    report = measure_avoidance(_skills(arguments, arguments.sheet), settings)
-    draw_avoidance(report, folder / "avoidance.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _crossing(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.crossing import crossing_report, draw_crossings
-
-    folder = _folder(arguments)
-    # Clusters of q and -q are the paper's, on the raw sheet.
-    report = crossing_report(_skills(arguments, "raw"))
-    draw_crossings(report, folder / "crossing.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _goals(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.goals import GoalsSettings, draw_goals, drawn, measure_goals
-
-    settings = GoalsSettings(arguments.shown, arguments.held_out, arguments.seeds)
-    if arguments.save is not None:
-        everything, fold = drawn(settings, settings.seeds[0])
-        _save(arguments.save, everything, f"the last {len(fold)} are those held out")
-        return
-    folder = _folder(arguments)
-    report = measure_goals(settings, arguments.out / "skills", _training(arguments, "canonical"))
-    draw_goals(report, folder / "goals.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _modes(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.modes import ModesSettings, draw_modes, measure_modes
-    from geodesic_motion_ros.simulation.teacher import two_mode_demonstrations
-
-    settings = ModesSettings(arguments.shown, arguments.cases, arguments.seeds)
-    if arguments.save is not None:
-        shown = two_mode_demonstrations(settings.shown, settings.seeds[0])
-        _save(arguments.save, shown, f"first {settings.shown} on the left of the pillar, then as many on its right")
-        return
-    folder = _folder(arguments)
-    report = measure_modes(settings, arguments.out / "skills", _training(arguments, "canonical"))
-    draw_modes(report, folder / "modes.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _whole_arm(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.whole_arm import WholeArmSettings, draw_whole_arm, measure_whole_arm
-    from geodesic_motion_ros.skill import Skill
-
-    settings = WholeArmSettings(
-        arguments.parts, arguments.scenes, arguments.moving_scenes, arguments.seed, arguments.processes
-    )
-    skill = Skill.load(arguments.skill)
-    folder = _folder(arguments)
-    report = measure_whole_arm(skill, settings)
-    draw_whole_arm(report, folder)
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _moving_tool(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.moving_tool import MovingToolSettings, draw_moving_tool, measure_moving_tool
-    from geodesic_motion_ros.nodes.demo_scene import DEFAULTS
-    from geodesic_motion_ros.nodes.skill_kinds import task_settings
-    from geodesic_motion_ros.planner_settings import PlannerSettings
-    from geodesic_motion_ros.skill import Skill
-
-    known = {"hand": task_settings(DEFAULTS), "slim": PlannerSettings()}
-    unknown = [tool for tool in arguments.tools if tool not in known]
-    if unknown:
-        raise ParameterError(f"tools are {', '.join(arguments.tools)}: choose from {', '.join(known)}")
-    tools = {tool: known[tool] for tool in arguments.tools}
-    settings = MovingToolSettings(tools, arguments.scenes, arguments.seeds, arguments.processes)
-    skill = Skill.load(arguments.skill)
-    folder = _folder(arguments)
-    report = measure_moving_tool(skill, settings)
-    draw_moving_tool(report, folder / "moving_tool.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _grasp_task(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.grasp_task import GraspTaskSettings, draw_grasp_task, measure_grasp_task
-
-    settings = GraspTaskSettings(arguments.shown, arguments.targets, arguments.seeds)
-    folder = _folder(arguments)
-    report = measure_grasp_task(settings, arguments.out / "skills")
-    draw_grasp_task(report, folder / "grasp_task.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _pouring_task(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.pouring_task import (
-        PouringTaskSettings,
-        draw_pouring_task,
-        measure_pouring_task,
-    )
-
-    settings = PouringTaskSettings(arguments.shown, arguments.seeds)
-    folder = _folder(arguments)
-    report = measure_pouring_task(settings, arguments.out / "skills")
-    draw_pouring_task(report, folder / "pouring_task.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _limbs(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.limbs import LimbsSettings, draw_limbs, measure_limbs
-    from geodesic_motion_ros.skill import Skill
-
-    settings = LimbsSettings((arguments.side, arguments.side), arguments.solutions)
-    skill = Skill.load(arguments.skill)
-    folder = _folder(arguments)
-    report = measure_limbs(skill, settings, arguments.out / "skills")
-    draw_limbs(report, folder / "limbs.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _grasp_joint(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.grasp_joint import (
-        GraspJointSettings,
-        draw_grasp_joint,
-        measure_grasp_joint,
-    )
-
-    settings = GraspJointSettings(arguments.shown, arguments.seeds)
-    folder = _folder(arguments)
-    report = measure_grasp_joint(settings, arguments.out / "skills")
-    draw_grasp_joint(report, folder / "grasp_joint.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _pouring_joint(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.pouring_joint import (
-        PouringJointSettings,
-        draw_pouring_joint,
-        measure_pouring_joint,
-    )
-
-    settings = PouringJointSettings(arguments.shown, arguments.seeds)
-    folder = _folder(arguments)
-    report = measure_pouring_joint(settings, arguments.out / "skills")
-    draw_pouring_joint(report, folder / "pouring_joint.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _obstacle_laws(arguments: argparse.Namespace) -> None:
-    from geodesic_motion_ros.experiments.obstacle_laws import compare_laws, draw_laws
-    from geodesic_motion_ros.skill import Skill
-
-    skill = Skill.load(arguments.skill)
-    folder = _folder(arguments)
-    report = compare_laws(skill, arguments.scenes, arguments.seed)
-    draw_laws(report, folder / "obstacle_laws.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _volume(arguments: argparse.Namespace) -> None:
-    from tqdm import tqdm
-
-    from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
-    from geodesic_motion_ros.experiments.imitation import stage_shown_on
-    from geodesic_motion_ros.experiments.volume import compare_volume, draw_volume
-    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
-    from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
-
-    if arguments.demos is None:
-        demonstrations = reach_to_grasp(4, seed=0, families=2)
-    else:
-        demonstrations = read_joint_demonstrations(arguments.demos, arguments.robot)
-    settings = JointTrainingSettings()
-    if arguments.steps is not None:
-        settings = replace(settings, steps=arguments.steps)
-    folder = _folder(arguments)
-    with tqdm(desc="volume") as bar:
-        report = compare_volume(
-            demonstrations, arguments.weights, arguments.out / "skills", settings, stage_shown_on(bar)
-        )
-    draw_volume(report, folder / "volume.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _dimension(arguments: argparse.Namespace) -> None:
-    from tqdm import tqdm
-
-    from geodesic_motion_ros.experiments.dimension import draw_dimension, measure_dimension
-
-    folder = _folder(arguments)
-    with tqdm(desc="dimension", unit="model") as bar:
-        report = measure_dimension(seeds=arguments.seeds, progress=_counted_on(bar))
-    draw_dimension(report, folder / "dimension.png")
-    _hand_over(arguments, folder, report.table(), report.as_dict())
-
-
-def _counted_on(bar: tqdm) -> Callable[[str], None]:
-    """Tell on a bar what begins."""
-
-    def show(begins: str) -> None:
-        bar.set_postfix_str(begins)
-        bar.update()
-
-    return show
-
-
-def _numbers(text: str) -> tuple[float, ...]:
-    return tuple(float(number) for number in text.split(","))
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(","))
-
-
-def _save(path: Path, demonstrations: Demonstrations, said: str) -> None:
-    """Write demonstrations with equally many samples each, as the file wants them."""
-    save_demonstrations(evenly_sampled(demonstrations), path)
-    print(f"wrote {len(demonstrations)} demonstrations to {path}: {said}; read them with --units m")
-
-
-def _training(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"]) -> TrainingSettings:
-    """The defaults, but for --steps."""
-    from geodesic_motion_ros.manifold.training import TrainingSettings
-
-    settings = TrainingSettings(sheet=sheet)
-    return settings if arguments.steps is None else replace(settings, steps=arguments.steps)
-
-
-def _skills(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"]) -> Iterator[Trained]:
-    """The skills of every recording, fold and seed."""
-    from geodesic_motion_ros.experiments.imitation import default_folds, parse_folds
-    from geodesic_motion_ros.experiments.trained import trained_on_folds
-
-    settings = _training(arguments, sheet)
-    recordings = {path.stem: read_recording(arguments, path) for path in arguments.demos}
-    if len(recordings) < len(arguments.demos):
-        raise ParameterError("two recordings have the same file name; the table calls tasks by it: rename one")
-    for task, demonstrations in recordings.items():
-        count = len(demonstrations)
-        folds = parse_folds(arguments.folds, count) if arguments.folds else default_folds(count)
-        kept = arguments.out / "skills"
-        yield from trained_on_folds(task, demonstrations, folds, arguments.seeds, kept, settings)
 
 
 def _folder(arguments: argparse.Namespace) -> Path:

@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.cli import main
+from geodesic_motion_ros.cli import build_parser, experiment, main
+from geodesic_motion_ros.cli import experiment_measures as measures
+from geodesic_motion_ros.cli.experiment import EXPERIMENTS
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations
 from geodesic_motion_ros.simulation.teacher import two_mode_demonstrations
 
@@ -66,3 +68,22 @@ def test_what_cannot_be_done_is_said_in_one_line(arguments, said, tmp_path, caps
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("geodesic-motion: ")
     assert said in line
+
+
+def test_every_experiment_is_described() -> None:
+    described = {line.split()[0] for line in experiment._DESCRIPTION.splitlines() if line[:1].isalpha()}
+    assert set(EXPERIMENTS) | {"all"} <= described
+
+
+def test_experiments_of_one_shape_have_what_is_looked_up_by_their_names() -> None:
+    of_one_shape = {measures.of_seeds, measures.of_settings, measures.of_data}
+    found = [name for name, entry in EXPERIMENTS.items() if entry.measure in of_one_shape]
+    assert len(found) == 10
+    parser = build_parser()
+    for name in found:
+        arguments = parser.parse_args(["experiment", name])
+        module, called = measures._module(arguments)
+        assert callable(getattr(module, f"measure_{called}"))
+        assert callable(getattr(module, f"draw_{called}"))
+        if EXPERIMENTS[name].measure is not measures.of_seeds:
+            assert measures._settings(arguments).seeds == (0, 1, 2)
