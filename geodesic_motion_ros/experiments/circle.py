@@ -16,7 +16,7 @@ off deg         largest distance of a way's configuration from the nearest demon
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +29,14 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.latent_pictures import between_samples, draw_haloed, evenly, grid_around
-from geodesic_motion_ros.experiments.metric_graph import MetricGraph
-from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.manifold.body_layer import BodyLayer
-from geodesic_motion_ros.manifold.joint_metric import JointPullbackMetric
+from geodesic_motion_ros.experiments.joint_models import decoded, models, pullback_metric, supported, told, tool_error
+from geodesic_motion_ros.experiments.latent_pictures import between_samples, draw_haloed, grid_around
+from geodesic_motion_ros.experiments.metric_graph import MetricGraph, evenly
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, body_layer, train_joint_model
+from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
-from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import NEIGHBOURS, SUPPORT_MULTIPLE
+from geodesic_motion_ros.skill import NEIGHBOURS
 from geodesic_motion_ros.tables import text_table
 
 #: Swivel angles of the families, and demonstrations of each. Near zero the circle passes a singular posture.
@@ -130,16 +127,10 @@ class CircleReport:
 
 def shown_circles(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0) -> Circles:
     """As `simulation.joint_teacher` tells the arm, without physics: each circle in every family's swivel angle."""
-    from geodesic_motion_ros.simulation.joint_teacher import CIRCLE_SWIVEL, circle_guidances, configurations
+    from geodesic_motion_ros.simulation.joint_teacher import CIRCLE_SWIVEL, circle_guidances
 
-    robot, told = Robot.panda(), circle_guidances(per_family, seed)
-    curves = []
-    for swivel in SWIVELS:
-        for guidance in told:
-            motion, kept = guidance.motion, np.linspace(0, len(guidance.swivels) - 1, samples).astype(int)
-            sampled = replace(motion, positions=motion.positions[kept], quaternions=motion.quaternions[kept])
-            swivels = guidance.swivels[kept] - CIRCLE_SWIVEL + swivel
-            curves.append(configurations(robot, replace(guidance, motion=sampled, swivels=swivels)))
+    robot, guidances = Robot.panda(), circle_guidances(per_family, seed)
+    curves = [told(robot, each, samples, swivel - CIRCLE_SWIVEL) for swivel in SWIVELS for each in guidances]
     return Circles(np.stack(curves), len(SWIVELS))
 
 
@@ -163,30 +154,21 @@ def measure_circle(
     """
     if not seeds or not dimensions:
         raise ParameterError("no seeds or no dimensions: at least one training is needed")
-    robot, rows = Robot.panda(), []
-    shown = shown or shown_circles()
-    for dimension in dimensions:
-        for seed in seeds:
-            if progress is not None:
-                progress(f"{dimension}-D, seed {seed}")
-            chosen = replace(settings, seed=seed, latent_dimension=dimension)
-            vae = train_joint_model(shown.configurations, chosen, body_layer(robot, settings.metric))
-            rows.append(_measured(vae, shown, robot, chosen))
-    return CircleReport(shown, tuple(rows))
+    robot, shown = Robot.panda(), shown or shown_circles()
+    learned = models(shown.configurations, robot, dimensions, seeds, settings, progress)
+    return CircleReport(shown, tuple(_measured(vae, shown, robot, chosen) for vae, chosen in learned))
 
 
 def _measured(vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointTrainingSettings) -> CircleRow:
     with torch.no_grad():
-        codes = vae.encoder(torch.tensor(shown.configurations))[0]
-        given_back = vae.decoder.means(codes).numpy().reshape(-1, 7)
-    codes, dimension = codes.numpy(), settings.latent_dimension
-    found, wanted = (
-        end_effector_poses(np.ascontiguousarray(joints), robot.chain)[0]
-        for joints in (given_back, shown.configurations.reshape(-1, 7))
+        codes = vae.encoder(torch.tensor(shown.configurations))[0].numpy()
+    dimension = settings.latent_dimension
+    grid = grid_around(codes, SIDES[dimension], _BORDER)
+    graph = MetricGraph.on_grid(
+        pullback_metric(vae, robot, settings), grid, supported(vae, codes, grid.nodes()), NEIGHBOURS[dimension]
     )
-    graph = _graph(vae, codes, robot, settings)
     fine = between_samples(shown.configurations)
-    tree = cKDTree(fine.reshape(-1, 7))
+    tree = cKDTree(fine.reshape(-1, fine.shape[-1]))
     ways, apart = [], 0
     samples = shown.configurations.shape[1]
     for number, code in enumerate(codes):
@@ -197,24 +179,11 @@ def _measured(vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointT
                 apart += 1
                 continue
             latent = evenly(path)
-            with torch.no_grad():
-                off, nearest = tree.query(vae.decoder.means(torch.tensor(latent)).numpy())
+            off, nearest = tree.query(decoded(vae, latent))
             families = nearest // (fine.shape[1] * shown.per_family)
             ways.append(CircleWay(latent, number // shown.per_family, families, float(off.max())))
-    error = 1e3 * float(np.linalg.norm(found - wanted, axis=1).mean())
+    error = 1e3 * tool_error(vae, robot, shown.configurations)
     return CircleRow(dimension, settings.seed, error, codes, tuple(ways), apart)
-
-
-def _graph(vae: JointSpaceVAE, codes: np.ndarray, robot: Robot, settings: JointTrainingSettings) -> MetricGraph:
-    """The supported part of the latent box."""
-    dimension, decoder = settings.latent_dimension, vae.decoder.to_numpy()
-    grid = grid_around(codes, SIDES[dimension], _BORDER)
-    limit = SUPPORT_MULTIPLE * np.percentile(rms_sigma(decoder.uncertainty(codes.reshape(-1, dimension))), 99.0)
-    metric = JointPullbackMetric(
-        vae.decoder, BodyLayer(robot, settings.metric.body_points(robot)), settings.metric
-    )  # fmt: skip
-    kept = rms_sigma(decoder.uncertainty(grid.nodes())) <= limit
-    return MetricGraph.on_grid(metric, grid, kept, NEIGHBOURS[dimension])
 
 
 def draw_circle(report: CircleReport, path: Path) -> None:

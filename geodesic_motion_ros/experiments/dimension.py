@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,18 +32,22 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.latent_pictures import evenly, grid_around
-from geodesic_motion_ros.experiments.metric_graph import MetricGraph
-from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.manifold.body_layer import BodyLayer
+from geodesic_motion_ros.experiments.joint_models import (
+    decoded,
+    models,
+    pullback_metric,
+    supported,
+    told,
+    tool_error,
+    tool_positions,
+)
+from geodesic_motion_ros.experiments.latent_pictures import grid_around
+from geodesic_motion_ros.experiments.metric_graph import MetricGraph, evenly, latent_length
 from geodesic_motion_ros.manifold.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, body_layer, train_joint_model
-from geodesic_motion_ros.manifold.metric import curve_length
+from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, VERMILION, write_figure
-from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import SUPPORT_MULTIPLE
 from geodesic_motion_ros.tables import text_table
 
 #: Families, demonstrations of each (the last of each is held out), and samples of each.
@@ -129,13 +133,10 @@ class _Built:
 
 def shown_reaches(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0) -> Reaches:
     """As `simulation.joint_teacher` tells the arm, without physics."""
-    from geodesic_motion_ros.simulation.joint_teacher import configurations, reach_guidances
+    from geodesic_motion_ros.simulation.joint_teacher import reach_guidances
 
-    robot, curves = Robot.panda(), []
-    for guidance in reach_guidances(per_family, seed, FAMILIES, connected=False):
-        motion, kept = guidance.motion, np.linspace(0, len(guidance.swivels) - 1, samples).astype(int)
-        sampled = replace(motion, positions=motion.positions[kept], quaternions=motion.quaternions[kept])
-        curves.append(configurations(robot, replace(guidance, motion=sampled, swivels=guidance.swivels[kept])))
+    robot = Robot.panda()
+    curves = [told(robot, each, samples) for each in reach_guidances(per_family, seed, FAMILIES, connected=False)]
     return Reaches(np.stack(curves).reshape(FAMILIES, per_family, samples, -1))
 
 
@@ -159,40 +160,37 @@ def measure_dimension(
     """
     if not seeds or not dimensions or not set(dimensions) <= set(SIDES):
         raise ParameterError(f"dimensions {tuple(dimensions)}, seeds {tuple(seeds)}: give some, dimensions from 2 to 5")
-    robot, shown, rows = Robot.panda(), shown or shown_reaches(), []
-    for dimension in dimensions:
-        for seed in seeds:
-            if progress is not None:
-                progress(f"{dimension}-D, seed {seed}")
-            chosen = replace(settings, seed=seed, latent_dimension=dimension)
-            vae = train_joint_model(shown.shown, chosen, body_layer(robot, settings.metric))
-            rows += _measured(vae, shown, robot, chosen)
-    return DimensionReport(tuple(rows))
+    robot, shown = Robot.panda(), shown or shown_reaches()
+    learned = models(shown.shown, robot, dimensions, seeds, settings, progress)
+    return DimensionReport(tuple(row for vae, chosen in learned for row in _measured(vae, shown, robot, chosen)))
 
 
 def _measured(vae: JointSpaceVAE, shown: Reaches, robot: Robot, settings: JointTrainingSettings) -> list[DimensionRow]:
-    metric = JointPullbackMetric(vae.decoder, BodyLayer(robot, settings.metric.body_points(robot)), settings.metric)
+    metric = pullback_metric(vae, robot, settings)
     with torch.no_grad():
         codes = vae.encoder(torch.tensor(shown.shown))[0].numpy()
     built = [_on_grid(vae, metric, codes, settings), _of_neighbours(vae, metric, shown, codes, settings)]
     families = shown.configurations.shape[0]
-    tools = _tool(shown.shown, robot)
+    tools = tool_positions(robot, shown.shown)
     trees = [cKDTree(part.reshape(-1, 3)) for part in np.split(tools, families)]
     ways = {item.name: [_timed_path(item.graph, code) for code in codes] for item in built}
-    lengths = {name: np.array([_length(metric, way) for way, _ in found]) for name, found in ways.items()}
+    lengths = {
+        name: np.array([math.nan if way is None else latent_length(metric, way) for way, _ in found])
+        for name, found in ways.items()
+    }
     shorter = np.fmin(*lengths.values())
     rows = []
     for item in built:
         off = [
-            trees[number * families // len(codes)].query(_decoded_tool(vae, way, robot))[0].mean()
+            trees[number * families // len(codes)].query(tool_positions(robot, decoded(vae, evenly(way))))[0].mean()
             for number, (way, _) in enumerate(ways[item.name])
             if way is not None
         ]
         joined = np.isfinite(lengths[item.name])
         rows.append(
             DimensionRow(
-                settings.latent_dimension, settings.seed, item.name, _error(vae, shown.shown, robot),
-                _error(vae, shown.held_out, robot), int(np.sum(~joined)),
+                settings.latent_dimension, settings.seed, item.name, 1e3 * tool_error(vae, robot, shown.shown),
+                1e3 * tool_error(vae, robot, shown.held_out), int(np.sum(~joined)),
                 float(np.mean((lengths[item.name] / shorter)[joined])) if joined.any() else math.nan,
                 1e3 * float(np.mean(off)) if off else math.nan, item.lattice, len(item.graph.latent),
                 len(item.graph.edges), 1e-6 * item.graph.bytes, item.seconds,
@@ -207,7 +205,7 @@ def _on_grid(
 ) -> _Built:
     dimension, began = settings.latent_dimension, time.thread_time()
     grid = grid_around(codes, SIDES[dimension], _BORDER)
-    graph = MetricGraph.on_grid(metric, grid, _supported(vae, codes, grid.nodes()), DIRECTIONS[dimension])
+    graph = MetricGraph.on_grid(metric, grid, supported(vae, codes, grid.nodes()), DIRECTIONS[dimension])
     return _Built("grid", graph, math.prod(grid.shape), time.thread_time() - began)
 
 
@@ -219,46 +217,15 @@ def _of_neighbours(
         deviation = torch.exp(0.5 * vae.encoder(torch.tensor(shown.shown))[1]).numpy()
     noise = random.normal(size=(DRAWN, *codes.shape))
     drawn = (codes + deviation * noise).reshape(-1, codes.shape[-1])
-    nodes = np.concatenate([codes.reshape(-1, codes.shape[-1]), drawn[_supported(vae, codes, drawn)]])
+    nodes = np.concatenate([codes.reshape(-1, codes.shape[-1]), drawn[supported(vae, codes, drawn)]])
     graph = MetricGraph.of_neighbours(metric, nodes, NEAREST)
     return _Built("neighbours", graph, len(nodes), time.thread_time() - began)
-
-
-def _supported(vae: JointSpaceVAE, codes: np.ndarray, latent: np.ndarray) -> np.ndarray:
-    decoder = vae.decoder.to_numpy()
-    limit = SUPPORT_MULTIPLE * np.percentile(rms_sigma(decoder.uncertainty(codes.reshape(-1, codes.shape[-1]))), 99.0)
-    return rms_sigma(decoder.uncertainty(latent)) <= limit
 
 
 def _timed_path(graph: MetricGraph, code: np.ndarray) -> tuple[np.ndarray | None, float]:
     began = time.thread_time()
     path = graph.path(code[0], code[-1])
     return path, time.thread_time() - began
-
-
-def _length(metric: JointPullbackMetric, way: np.ndarray | None) -> float:
-    if way is None:
-        return math.nan
-    with torch.no_grad():
-        return float(curve_length(metric, torch.tensor(evenly(way))))
-
-
-def _error(vae: JointSpaceVAE, configurations: np.ndarray, robot: Robot) -> float:
-    """Mean distance [mm] of the tool in what encoder and decoder give back."""
-    with torch.no_grad():
-        given_back = vae.decoder.means(vae.encoder(torch.tensor(configurations))[0]).numpy()
-    return 1e3 * float(np.linalg.norm(_tool(given_back, robot) - _tool(configurations, robot), axis=-1).mean())
-
-
-def _decoded_tool(vae: JointSpaceVAE, way: np.ndarray, robot: Robot) -> np.ndarray:
-    with torch.no_grad():
-        return _tool(vae.decoder.means(torch.tensor(evenly(way))).numpy(), robot)
-
-
-def _tool(configurations: np.ndarray, robot: Robot) -> np.ndarray:
-    """Where the tool is (..., 3) [m]."""
-    flat = np.ascontiguousarray(configurations.reshape(-1, configurations.shape[-1]))
-    return end_effector_poses(flat, robot.chain)[0].reshape(*configurations.shape[:-1], 3)
 
 
 def draw_dimension(report: DimensionReport, path: Path) -> None:

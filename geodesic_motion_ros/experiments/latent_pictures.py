@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +11,6 @@ from matplotlib.figure import Figure
 from geodesic_motion_ros.experiments.metric_graph import magnification, metric_tensors
 from geodesic_motion_ros.graph.grid import LatentGrid
 from geodesic_motion_ros.manifold.metric import Metric
-from geodesic_motion_ros.reference import resample_latent
 
 DEVIATION_LABEL = r"$\log_{10}\,\sigma$"
 MAGNIFICATION_LABEL = r"$\log\sqrt{\det M(z)}$"
@@ -43,11 +41,6 @@ def grid_around(codes: np.ndarray, side: int, border: float) -> LatentGrid:
     flat = codes.reshape(-1, codes.shape[-1])
     margin = border * np.ptp(flat, axis=0)
     return LatentGrid(flat.min(axis=0) - margin, flat.max(axis=0) + margin, (side,) * codes.shape[-1])
-
-
-def evenly(curve: np.ndarray, points: int = 400) -> np.ndarray:
-    """Points (points, d) of a polyline (m, d), equally far apart in the latent space."""
-    return resample_latent(curve, math.inf, minimum=points)
 
 
 def between_samples(curves: np.ndarray, factor: int = 10) -> np.ndarray:

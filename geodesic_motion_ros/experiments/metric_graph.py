@@ -6,6 +6,7 @@ one asks the metric tensor, so that it serves every decoder and any number of la
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,8 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.graph.grid import LatentGrid
-from geodesic_motion_ros.manifold.metric import Metric
+from geodesic_motion_ros.manifold.metric import Metric, curve_length
+from geodesic_motion_ros.reference import resample_latent
 
 _BLOCK = 4096
 
@@ -74,6 +76,11 @@ class MetricGraph:
         return np.array(nodes)
 
 
+def evenly(curve: np.ndarray, points: int = 400) -> np.ndarray:
+    """Points (points, d) of a polyline (m, d), equally far apart in the latent space."""
+    return resample_latent(curve, math.inf, minimum=points)
+
+
 def metric_tensors(metric: Metric, latent: np.ndarray) -> np.ndarray:
     """Metric tensors (n, d, d) at latent points (n, d), in blocks that fit into memory."""
     if len(latent) == 0:
@@ -81,6 +88,12 @@ def metric_tensors(metric: Metric, latent: np.ndarray) -> np.ndarray:
     points = torch.tensor(latent)
     with torch.no_grad():
         return torch.cat([metric(points[begin : begin + _BLOCK]) for begin in range(0, len(points), _BLOCK)]).numpy()
+
+
+def latent_length(metric: Metric, curve: np.ndarray) -> float:
+    """Riemannian length of a polyline (m, d), measured at points that are equally far apart in the latent space."""
+    with torch.no_grad():
+        return float(curve_length(metric, torch.tensor(evenly(curve))))
 
 
 def magnification(tensors: np.ndarray) -> np.ndarray:

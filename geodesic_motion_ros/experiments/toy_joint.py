@@ -33,6 +33,7 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.clusters import share_in_own_group
 from geodesic_motion_ros.experiments.latent_pictures import (
     DEVIATION_LABEL,
     MAGNIFICATION_LABEL,
@@ -40,17 +41,15 @@ from geodesic_motion_ros.experiments.latent_pictures import (
     between_samples,
     draw_haloed,
     draw_values,
-    evenly,
     grid_around,
 )
-from geodesic_motion_ros.experiments.metric_graph import MetricGraph
+from geodesic_motion_ros.experiments.metric_graph import MetricGraph, evenly, latent_length
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.body_layer import BodyLayer
 from geodesic_motion_ros.manifold.geodesic import GeodesicSettings, continuous_geodesic
 from geodesic_motion_ros.manifold.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, body_layer, train_joint_model
-from geodesic_motion_ros.manifold.metric import curve_length
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.robot.kinematics import FOLDER, Robot
@@ -256,12 +255,8 @@ class _Toy:
 
     def own_posture(self) -> float:
         """Share of codes whose nearest code of another demonstration is of the same posture."""
-        same = []
-        for number, own in enumerate(self.codes):
-            others = np.delete(np.arange(len(self.codes)), number)
-            _, nearest = cKDTree(self.codes[others].reshape(-1, 2)).query(own)
-            same.append((others[nearest // len(own)] < self.per_posture) == (number < self.per_posture))
-        return float(np.mean(same))
+        numbers = np.arange(len(self.codes))
+        return share_in_own_group(self.codes, numbers < self.per_posture, numbers)
 
 
 def _measured(toy: _Toy, metric_name: str, seed: int) -> ToyJointRow:
@@ -276,18 +271,12 @@ def _measured(toy: _Toy, metric_name: str, seed: int) -> ToyJointRow:
             geodesics.append(toy.decoded(evenly(continuous_geodesic(metric, start, goal, path, _DESCENT).curve)))
             lines.append(toy.decoded(evenly(np.stack([start, goal]))))
             crossings.append(toy.decoded(evenly(crossing)))
-            within.append(_energy(metric, path))
-            across.append(_energy(metric, crossing))
+            within.append(latent_length(metric, path) ** 2)
+            across.append(latent_length(metric, crossing) ** 2)
     return ToyJointRow(
         seed, metric_name, toy.own_posture(), tuple(geodesics), tuple(lines), crossings[0],
         float(np.mean(within)), float(np.mean(across)),
     )  # fmt: skip
-
-
-def _energy(metric: JointPullbackMetric, curve: np.ndarray) -> float:
-    """Squared length of a curve: its energy at constant speed."""
-    with torch.no_grad():
-        return float(curve_length(metric, torch.tensor(evenly(curve)))) ** 2
 
 
 def draw_toy_joint(report: ToyJointReport, path: Path) -> None:

@@ -35,6 +35,7 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.clusters import share_in_own_group
 from geodesic_motion_ros.experiments.latent_pictures import (
     DEVIATION_LABEL,
     MAGNIFICATION_LABEL,
@@ -42,13 +43,12 @@ from geodesic_motion_ros.experiments.latent_pictures import (
     between_samples,
     draw_haloed,
     draw_values,
-    evenly,
     grid_around,
 )
-from geodesic_motion_ros.experiments.metric_graph import MetricGraph
+from geodesic_motion_ros.experiments.metric_graph import MetricGraph, evenly, latent_length
 from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.manifold.geodesic import GeodesicSettings, continuous_geodesic
-from geodesic_motion_ros.manifold.metric import PullbackMetric, curve_length
+from geodesic_motion_ros.manifold.metric import PullbackMetric
 from geodesic_motion_ros.manifold.task_space import TaskSpaceVAE
 from geodesic_motion_ros.manifold.training import TrainingSettings, train_model
 from geodesic_motion_ros.plots import BLUE, GREY, VERMILION, legend_below, write_figure
@@ -261,13 +261,8 @@ class _Toy:
 
     def own_sign(self) -> float:
         """Share of codes whose nearest code of another demonstration was shown with the same sign."""
-        count = len(self.codes) // 2
-        same = []
-        for number, own in enumerate(self.codes):
-            others = np.delete(np.arange(2 * count), [number, (number + count) % (2 * count)])
-            _, nearest = cKDTree(self.codes[others].reshape(-1, 2)).query(own)
-            same.append((others[nearest // own.shape[0]] < count) == (number < count))
-        return float(np.mean(same))
+        numbers, count = np.arange(len(self.codes)), len(self.codes) // 2
+        return share_in_own_group(self.codes, numbers < count, numbers % count)
 
 
 def _measured(toy: _Toy, metric_name: str, likelihood: str, seed: int) -> ToyRow:
@@ -281,18 +276,12 @@ def _measured(toy: _Toy, metric_name: str, likelihood: str, seed: int) -> ToyRow
         found = continuous_geodesic(metric, start, goal, path, _DESCENT).curve
         geodesics.append(toy.decoded(evenly(found)))
         lines.append(toy.decoded(evenly(np.stack([start, goal]))))
-        within.append(_energy(metric, path))
-        across.append(_energy(metric, graph.path(start, opposite)))
+        within.append(latent_length(metric, path) ** 2)
+        across.append(latent_length(metric, graph.path(start, opposite)) ** 2)
     return ToyRow(
         likelihood, metric_name, seed, toy.own_sign(), tuple(geodesics), tuple(lines),
         float(np.mean(within)), float(np.mean(across)),
     )  # fmt: skip
-
-
-def _energy(metric: PullbackMetric, curve: np.ndarray) -> float:
-    """Squared length of a curve: its energy at constant speed."""
-    with torch.no_grad():
-        return float(curve_length(metric, torch.tensor(evenly(curve)))) ** 2
 
 
 def _apart(shown: ToyPoses) -> tuple[float, float]:

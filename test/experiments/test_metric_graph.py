@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.experiments.metric_graph import MetricGraph, magnification, metric_tensors
+from geodesic_motion_ros.experiments.metric_graph import (
+    MetricGraph,
+    evenly,
+    latent_length,
+    magnification,
+    metric_tensors,
+)
 from geodesic_motion_ros.graph.grid import LatentGrid
 
 
@@ -48,3 +54,12 @@ def test_what_is_not_joined_has_no_path() -> None:
 def test_magnification_is_the_log_of_the_volume() -> None:
     tensors = metric_tensors(stretched, np.array([[0.0, 0.0], [0.5, 0.0]]))
     assert magnification(tensors) == pytest.approx([np.log(81.0), 0.0])
+
+
+def test_a_length_counts_the_metric_between_the_corners_too() -> None:
+    through = np.array([[-1.0, 0.0], [1.0, 0.0]])
+    # 0.3 of 2 are in the wall.
+    assert latent_length(stretched, through) == pytest.approx(1.7 + 9.0 * 0.3, rel=0.02)
+    assert latent_length(stretched, through + [0.0, 0.9]) == pytest.approx(2.0)
+    steps = np.linalg.norm(np.diff(evenly(np.array([[0.0, 0.0], [0.1, 0.0], [1.0, 0.0]]), 11), axis=0), axis=1)
+    np.testing.assert_allclose(steps, 0.1, atol=1e-12)
