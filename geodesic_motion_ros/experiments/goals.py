@@ -27,7 +27,7 @@ from geodesic_motion_ros.demonstrations.similarity import compare
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.baselines import Prediction, promp
 from geodesic_motion_ros.experiments.imitation import EVERY_END, ImitationReport, Values, evaluate
-from geodesic_motion_ros.experiments.trained import trained_once
+from geodesic_motion_ros.experiments.trained import check_seeds, trained_once
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
@@ -67,8 +67,7 @@ class GoalsSettings:
             raise ParameterError(f"shown is {self.shown}; goals that vary need at least 2 demonstrations")
         if self.held_out < 1:
             raise ParameterError(f"held_out is {self.held_out}; at least 1 is needed to be predicted")
-        if not self.seeds or min(self.seeds) < 0:
-            raise ParameterError(f"seeds {self.seeds}: give at least one, none negative")
+        check_seeds(self.seeds)
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.blocked_arm import CHECK_PERIOD, arm_clearance, every
 from geodesic_motion_ros.experiments.learned_paths import LearnedPaths, whole_box
 from geodesic_motion_ros.experiments.posture_strip import posture_strips
-from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_query import GoalChoice
 from geodesic_motion_ros.joint_reference import JointReference
@@ -81,8 +81,7 @@ class GraspJointSettings:
     def __post_init__(self) -> None:
         if self.shown < 2:
             raise ParameterError(f"shown is {self.shown}; a family needs at least 2 demonstrations")
-        if not self.seeds or min(self.seeds) < 0:
-            raise ParameterError(f"seeds {self.seeds}: give at least one, none negative")
+        check_seeds(self.seeds)
 
 
 @dataclass(frozen=True)

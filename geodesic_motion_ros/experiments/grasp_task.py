@@ -33,7 +33,7 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.baselines import task_line
 from geodesic_motion_ros.experiments.crossing import Crossing, measure_crossings
 from geodesic_motion_ros.experiments.learned_paths import LearnedPath, LearnedPaths, whole_box
-from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
@@ -72,8 +72,7 @@ class GraspTaskSettings:
     def __post_init__(self) -> None:
         if min(self.shown, self.targets) < 1:
             raise ParameterError(f"shown {self.shown}, targets {self.targets}: at least 1 of each is needed")
-        if not self.seeds or min(self.seeds) < 0:
-            raise ParameterError(f"seeds {self.seeds}: give at least one, none negative")
+        check_seeds(self.seeds)
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.avoidance import measured_clearance, placed
 from geodesic_motion_ros.experiments.baselines import mean_demonstration
-from geodesic_motion_ros.experiments.trained import trained_once
+from geodesic_motion_ros.experiments.trained import check_seeds, trained_once
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.planner import Plan, ReactivePlanner
@@ -66,8 +66,7 @@ class ModesSettings:
             raise ParameterError(f"shown is {self.shown}; a way needs at least 2 demonstrations")
         if self.cases < 1:
             raise ParameterError(f"cases is {self.cases}; at least 1 is needed")
-        if not self.seeds or min(self.seeds) < 0:
-            raise ParameterError(f"seeds {self.seeds}: give at least one, none negative")
+        check_seeds(self.seeds)
 
 
 @dataclass(frozen=True)

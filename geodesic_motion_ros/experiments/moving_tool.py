@@ -38,6 +38,7 @@ from geodesic_motion_ros.experiments.moving_spheres import (
     needed_room,
     play_scenes,
 )
+from geodesic_motion_ros.experiments.trained import check_seeds
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.obstacles import Obstacles
@@ -226,8 +227,7 @@ class MovingToolSettings:
                 raise ParameterError(f"{name} is {getattr(self, name)}; at least 1 is needed")
         if not self.tools:
             raise ParameterError("no tool is given; at least 1 is needed")
-        if not self.seeds or min(self.seeds) < 0:
-            raise ParameterError(f"seeds are {self.seeds}: at least one is needed, and none negative")
+        check_seeds(self.seeds)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.execution import Execution, play
 from geodesic_motion_ros.experiments.grasp_joint import mean_ways, passed_in_turn
 from geodesic_motion_ros.experiments.pouring_places import pouring_strip, standing_there
-from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_query import GoalChoice
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
@@ -56,8 +56,7 @@ class PouringJointSettings:
     def __post_init__(self) -> None:
         if self.shown < 2:
             raise ParameterError(f"shown is {self.shown}; a pair needs at least 2 demonstrations")
-        if not self.seeds or min(self.seeds) < 0:
-            raise ParameterError(f"seeds {self.seeds}: give at least one, none negative")
+        check_seeds(self.seeds)
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ from geodesic_motion_ros.experiments.held_bottle import (
 from geodesic_motion_ros.experiments.pouring_chain import Chain, pour_all_cups
 from geodesic_motion_ros.experiments.pouring_places import PLACES, at_bottle, at_cup, pouring_strip
 from geodesic_motion_ros.experiments.pouring_stream import Stream, draw_moment, past_a_moving_sphere
-from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.plots import (
@@ -75,8 +75,7 @@ class PouringTaskSettings:
     def __post_init__(self) -> None:
         if self.shown < 1:
             raise ParameterError(f"shown is {self.shown}; at least 1 is needed")
-        if not self.seeds or min(self.seeds) < 0:
-            raise ParameterError(f"seeds {self.seeds}: give at least one, none negative")
+        check_seeds(self.seeds)
 
 
 @dataclass(frozen=True, eq=False)

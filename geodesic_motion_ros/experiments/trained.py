@@ -45,6 +45,12 @@ class Trained:
 BRIEFLY = {"samples": 120, "steps": 1500, "kernels": 300, "precision_samples": 2, "precision_iterations": 80}
 
 
+def check_seeds(seeds: Sequence[int]) -> None:
+    """ParameterError where there are none, or a negative one."""
+    if not seeds or min(seeds) < 0:
+        raise ParameterError(f"seeds {tuple(seeds)}: give at least one, none negative")
+
+
 def trained_on_folds(
     task: str,
     demonstrations: Demonstrations,
