@@ -419,8 +419,8 @@ def _draw_factors(axes: Axes) -> None:
     axes.annotate("the body touches", (100.0 * body, 2e4), xytext=(4, 0), textcoords="offset points", fontsize=8)
     surface = f"body point from a sphere of {100.0 * _SHOWN_RADIUS:.0f} cm [cm]"
     axes.set(yscale="log", ylim=(0.8, 1e5), xlabel=surface)
-    title = f"a  ambient factor, zeta {_SHOWN_STRENGTH:.0f} (dashed: width {WIDTHS[-1]:g})"
-    axes.set_title(title, loc="left", fontsize=11)
+    axes.set_title(f"a  ambient factor, zeta {_SHOWN_STRENGTH:.0f}", loc="left", fontsize=11)
+    axes.annotate(f"dashed: width {WIDTHS[-1]:g}", (24.5, 6e2), ha="right", fontsize=8)
     axes.grid(alpha=0.3)
 
 
