@@ -61,6 +61,8 @@ TRAINING = JointTrainingSettings(
     sheet="raw", hidden=(100, 50), steps=1200, batch=128, samples=SAMPLES, kernels=300, precision_iterations=60,
     precision_samples=2,
 )  # fmt: skip
+#: Marks on the axis of lengths.
+_RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)
 _COLOURS = {"grid": BLUE, "neighbours": VERMILION}
 
 Progress = Callable[[str], None]
@@ -241,7 +243,7 @@ def draw_dimension(report: DimensionReport, path: Path) -> None:
                           markerfacecolor="none" if marker == "s" else "black")  # fmt: skip
     panels[0, 0].set_ylabel("error of the tool, given back [mm]")
     for axes, which, label in (
-        (panels[0, 1], "off_mm", "tool on its ways, off the family [mm]"),
+        (panels[0, 1], "length", "length over the better graph's"),
         (panels[1, 0], "build_s", "time to build the graph [s]"),
         (panels[1, 1], "megabytes", "memory of the graph [MB]"),
     ):
@@ -255,6 +257,8 @@ def draw_dimension(report: DimensionReport, path: Path) -> None:
         axes.set(xlabel="latent dimensions", xticks=sorted({row.dimension for row in report.rows}))
         axes.grid(alpha=0.3)
         axes.legend(frameon=False)
-    for axes in panels[1]:
+    for axes in panels.flat[1:]:
         axes.set_yscale("log")
+    panels[0, 1].set_yticks(_RATIOS, [f"{ratio:g}" for ratio in _RATIOS])
+    panels[0, 1].minorticks_off()
     write_figure(figure, path)
