@@ -403,7 +403,7 @@ def draw_grasp_joint(report: GraspJointReport, path: Path) -> None:
             for scene in scenes if scene.reference is not None
         ]  # fmt: skip
         spheres = [Sphere(centre, RADIUS, centre[None]) for centre in scenes[0].centres]
-        handles = draw_latent_tubes(figure, grid[0, column], report.drawn[kind], ways, spheres, title, zoom=0.95)
+        handles = draw_latent_tubes(figure, grid[0, column], report.drawn[kind], ways, spheres, title, zoom=0.85)
         named |= {str(handle.get_label()): handle for handle in handles}
     for row, scene in enumerate(strips, start=1):
         axes = figure.add_subplot(grid[row, :])
