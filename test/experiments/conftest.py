@@ -43,3 +43,25 @@ def reach_pose_skill(once, reach_poses: Demonstrations) -> Skill:
         steps=800, hidden=(64, 32), samples=80, kernels=100, precision_samples=2, precision_iterations=60
     )
     return once("reach poses", lambda: train_task_space_skill(reach_poses, settings, name="reach poses"))
+
+
+@pytest.fixture(scope="session")
+def pouring_poses() -> Demonstrations:
+    """Three bottles carried to three cups, three times each: the tool's poses as told to the arm, without physics."""
+    from geodesic_motion_ros.simulation.joint_teacher import pouring_guidances
+
+    told = [guidance.motion for guidance in pouring_guidances(3, 0)]
+    items = [Demonstration(each.positions, each.quaternions, each.times, each.name) for each in told]
+    return Demonstrations(tuple(items))
+
+
+@pytest.fixture(scope="session")
+def pouring_pose_skill(once, pouring_poses: Demonstrations) -> Skill:
+    """A skill of task space of those pourings, on the raw sheet, really trained."""
+    from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+
+    settings = TrainingSettings(
+        steps=900, batch=128, learning_rate=6e-3, hidden=(64, 32), samples=60, kernels=100, precision_samples=2,
+        precision_iterations=40, sheet="raw",
+    )  # fmt: skip
+    return once("pouring poses", lambda: train_task_space_skill(pouring_poses, settings, name="pouring poses"))
