@@ -14,6 +14,8 @@ from geodesic_motion_ros.robot.kinematics import Robot
 NOISE = 0.1
 #: After a longer silence [s] the arm may be anywhere.
 FORGOTTEN = 0.5
+#: A state that was overtaken is older than the newest one by less [s]; another one has a wrong stamp.
+OVERTAKEN = 0.1
 
 
 class PlausibleJoints:
@@ -29,9 +31,12 @@ class PlausibleJoints:
 
         Raises
         ------
-        MessageRefused : the joints cannot have come there since the newest state that was taken, nor from one that was
-            refused just before.
+        MessageRefused : the state is of long before the newest one that was taken, or the joints cannot have come there
+            since, nor from one that was refused just before.
         """
+        if self._known is not None and taken < self._known[1] - OVERTAKEN:
+            # Not to be compared with the next one either: after so long the arm may be anywhere.
+            raise MessageRefused(f"its stamp is {self._known[1] - taken:.3g} s older than that of the newest state")
         doubted, self._doubted = self._doubted, None
         jump = None if self._known is None else self._jump(self._known, joints, taken)
         if jump is not None and (doubted is None or self._jump(doubted, joints, taken) is not None):
@@ -44,7 +49,7 @@ class PlausibleJoints:
         if taken - before[1] > FORGOTTEN:
             return None
         moved = np.abs(joints - before[0])
-        excess = moved - NOISE - max(0.0, taken - before[1]) * self._robot.velocity_limits
+        excess = moved - NOISE - abs(taken - before[1]) * self._robot.velocity_limits
         worst = int(np.argmax(excess))
         if excess[worst] <= 0.0:
             return None

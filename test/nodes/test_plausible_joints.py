@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.nodes.messages import MessageRefused
-from geodesic_motion_ros.nodes.plausible_joints import FORGOTTEN, PlausibleJoints
+from geodesic_motion_ros.nodes.plausible_joints import FORGOTTEN, OVERTAKEN, PlausibleJoints
 from geodesic_motion_ros.robot.kinematics import Robot
 
 ROBOT = Robot.panda()
@@ -44,3 +44,17 @@ def test_two_states_that_agree_are_believed(states):
 
 def test_after_a_silence_the_arm_may_be_anywhere(states):
     states.check(ROBOT.ready + AWAY, 10.0 + FORGOTTEN + STEP)
+
+
+@pytest.mark.parametrize("stamp", [-1.7e9, 10.0 - FORGOTTEN - STEP, 10.0 - OVERTAKEN - STEP])
+def test_an_old_stamp_does_not_make_the_next_state_credible(states, stamp):
+    """Between it and any other lies so much time that the arm could be anywhere."""
+    with pytest.raises(MessageRefused, match="older than that of the newest state"):
+        states.check(ROBOT.ready - AWAY, stamp)
+    with pytest.raises(MessageRefused, match="has jumped by"):
+        states.check(ROBOT.ready + AWAY, 10.0 + STEP)
+    states.check(ROBOT.ready, 10.0 + 2.0 * STEP)
+
+
+def test_a_state_that_was_overtaken_is_one_of_an_arm_in_motion(states):
+    states.check(ROBOT.ready - 10.0 * STEP * ROBOT.velocity_limits, 10.0 - 10.0 * STEP)
