@@ -111,6 +111,16 @@ class _Followed:
         return self.verdict.clearance > min(_CLOSE, self.looked - _NEARER)
 
 
+@dataclass(frozen=True)
+class _Blocked:
+    """What was tried in vain for an arm at rest among obstacles that stand: it need not be tried again."""
+
+    query: JointQuery
+    obstacles: Obstacles
+    attempts: frozenset[Attempt]
+    verdict: Verdict
+
+
 class JointSpacePlanner:
     """Plans on one joint-space skill: set a goal, set obstacles, tick.
 
@@ -146,6 +156,7 @@ class JointSpacePlanner:
         # The query for which there was no way the last time, and the attempt that was made then.
         self._without_way: JointQuery | None = None
         self._attempted = 0
+        self._blocked: _Blocked | None = None
         # When a trusting attempt, and when a way aside, was last looked for in vain [s].
         self._trusted = self._looked_aside = -np.inf
         self._warm_up()
@@ -281,6 +292,7 @@ class JointSpacePlanner:
         self._played, self._played_before, self._swept = _Played(standing, now), None, None
         self._followed = self._query = None
         self._trusted = self._looked_aside = -np.inf
+        self._blocked = None
         return JointPlan(standing, now, Verdict(VerdictCode.OK))
 
     def _checked(self, what: str, configuration: np.ndarray) -> tuple[np.ndarray | None, str]:
@@ -353,6 +365,9 @@ class JointSpacePlanner:
             if now < followed.searched + period - _ROUNDING:
                 self._followed = followed
                 return self._continued(now, followed)
+        blocked = self._still_blocked(query)
+        if blocked is not None and blocked.attempts.issuperset(self._solver.cautious):
+            return self._stopped(now, blocked.verdict)
         known = followed.nodes if followed is not None and followed.keeps_off else None
         attempts = self._worthwhile_attempts(followed, now)
         plan = self._solver.solve(query, state, obstacles, attempts, deadline, known)
@@ -362,6 +377,11 @@ class JointSpacePlanner:
             self._followed = replace(followed, obstacles=self._obstacles, searched=now, looked=looked)
             return self._continued(now, followed)
         self._without_way = query if plan.reference is None else None
+        if plan.verdict.code is not VerdictCode.DEADLINE_MISSED:
+            self._blocked = None
+        if plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH and obstacles.stand and now >= self._played.end:
+            tried = frozenset(attempts) if blocked is None else blocked.attempts.union(attempts)
+            self._blocked = _Blocked(query, self._obstacles, tried, plan.verdict)
         if plan.reference is None:
             aside = None if deadline.passed else self._aside(now, query, state, obstacles, plan.verdict, deadline)
             return aside or self._stopped(now, plan.verdict)
@@ -462,6 +482,13 @@ class JointSpacePlanner:
             return (cautious[self._attempted],)
         self._trusted = now
         return (cautious[self._attempted], *trusting[:1])
+
+    def _still_blocked(self, query: JointQuery) -> _Blocked | None:
+        """What was tried in vain, where that has not changed."""
+        blocked = self._blocked
+        if blocked is None or blocked.query is not query or not blocked.obstacles.unmoved_in(self._obstacles):
+            return None
+        return blocked
 
     def _gains(self, plan: JointPlan, followed: _Followed, state: MotionState) -> bool:
         """Whether a new plan is safer than what is being played from a state on, or takes clearly less time."""

@@ -334,6 +334,28 @@ def test_a_goal_that_is_covered_is_waited_for(stream, goal, nominal) -> None:
     assert stream.off(goal) < 1e-9
 
 
+def test_what_was_tried_in_vain_is_not_tried_again_until_something_changes(stream, goal, nominal, monkeypatch) -> None:
+    planner, searches = stream.planner, []
+    solve = planner._solver.solve
+    monkeypatch.setattr(planner._solver, "solve", lambda *arguments: searches.append(0) or solve(*arguments))
+    stream.run(0.3 * nominal.duration)
+    hand, _ = planner.robot.forward(goal)
+    planner.set_obstacles(hand[None], np.array([0.05]))
+    stream.run(0.8)
+    tried = len(searches)
+    plan = stream.run(0.5)[-1]
+    assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+    assert "is to go" in plan.verdict.reason
+    assert len(searches) == tried
+    planner.set_obstacles(hand[None] + 1e-3, np.array([0.05]))
+    assert not stream.run(PERIOD)[0].verdict.ok
+    assert len(searches) == tried + 1
+    planner.set_obstacles(*NOTHING)
+    assert stream.run(PERIOD)[0].verdict.ok
+    stream.run(nominal.duration)
+    assert stream.off(goal) < 1e-9
+
+
 def test_a_goal_that_is_about_to_be_passed_long_before_the_arm_is_there_is_gone_to(stream, goal, nominal) -> None:
     """The control: one that stands there is waited for."""
     planner = stream.planner
