@@ -5,7 +5,8 @@ longer be heard would go there, whatever comes into the way meanwhile. What is s
 from now, brakes along its path, and ends at rest; long before that it is sent again, reaching further.
 
 The certificate of the whole reference holds for it: obstacles are expected to stand after `prediction`, the horizon is
-no shorter, and from there on the same path is passed among the same obstacles, only later.
+no shorter, and from there on the same path is passed among the same obstacles, only later. Of a way that trusts
+what moves to have passed it holds as long as that of the way itself: for the prediction.
 """
 
 from __future__ import annotations

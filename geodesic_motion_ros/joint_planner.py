@@ -457,15 +457,19 @@ class JointSpacePlanner:
         followed, played = self._followed, self._played
         if followed is None or played is None or followed.query is not self._query or not followed.verdict.ok:
             return None
-        if self._swept is None:
-            self._swept = self._solver.certifier.swept(played.reference)
-        left = self._swept.since(state.time - played.begin)
+        left = self._left(played, state.time)
         certificate = self._solver.certifier.certify_swept(
             left, obstacles, self.settings.prediction, beyond=not followed.trusting
         )
         if self.settings.avoidance and self._solver.certifier.objection(certificate) is not None:
             return None
         return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
+
+    def _left(self, played: _Played, time: float) -> SweptArm:
+        """Where what is being played takes the arm from a time [s] on."""
+        if self._swept is None:
+            self._swept = self._solver.certifier.swept(played.reference)
+        return self._swept.since(time - played.begin)
 
     def _worthwhile_attempts(self, followed: _Followed | None, now: float) -> tuple[Attempt, ...]:
         """All where a way has just been lost, or not been looked for yet. One where it is free, or there was none the
@@ -532,8 +536,7 @@ class JointSpacePlanner:
         if followed is not None and followed.verdict.ok and now < self._played.end:
             left = certifier.swept(self._stop(now)[0])
         else:
-            left = certifier.swept(self._played.reference).since(state.time - self._played.begin)
-
+            left = self._left(self._played, state.time)
         going = JointPlan(None, now, verdict) if followed is not None and followed.gives_way else None
         for horizon in (_AHEAD * self.settings.prediction, self.settings.prediction):
             certificate = certifier.certify_swept(left, obstacles, horizon, beyond=False)

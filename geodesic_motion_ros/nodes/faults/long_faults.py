@@ -95,7 +95,7 @@ class Soak(Fault):
     """Attributes: minutes, how long it takes."""
 
     name = "soak"
-    criterion = "moving spheres and changing goals, 30 min: no contact, p99 drifts < 10 %, memory grows < 50 MB"
+    criterion = "moving spheres and changing goals: no contact, p99 drifts < 10 %, memory grows < 50 MB"
     phases = (START,)
     long = True
     minutes = 30.0
@@ -114,7 +114,7 @@ class Soak(Fault):
             bench.prepare(self.planner, self.twin)
         third = max(1, len(ticks) // 3)
         first, last = (float(np.percentile(np.concatenate(part), 99.0)) for part in (ticks[:third], ticks[-third:]))
-        findings.measured[:] = [f"{len(ticks)} episodes"]
+        findings.measured[:] = [f"{len(ticks)} episodes in {self.minutes:g} min"]
         findings.at_most("contacts:", contacts, 0, "")
         findings.at_most(f"p99 of ticks from {first:.1f} ms by", last / first - 1.0, _DRIFT, "of it")
         findings.at_most("memory grown by", grown, _SOAK_MEMORY, "MB")
