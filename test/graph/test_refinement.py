@@ -109,8 +109,8 @@ def test_where_the_metric_changes_within_a_piece_it_is_no_longer_than_what_was_b
     compared = 0
     for seed in range(40):
         scene = Scene((15, 15, 15), 26, seed, ridge=False)
-        rough = np.exp(scene.random.normal(scale=2.5, size=(len(scene.field.tensors), 1)))
-        field = scene.field._replace(tensors=scene.field.tensors * rough.reshape(-1, *[1] * (scene.field.tensors.ndim - 1)))
+        rough = np.exp(scene.random.normal(scale=2.5, size=(len(scene.field.tensors), 1, 1)))
+        field = scene.field._replace(tensors=scene.field.tensors * rough)
         path, free = scene.path(scene.free()), scene.free()
         coordinates = field.coordinates(path)
         cells = float(np.linalg.norm(np.diff(coordinates, axis=0), axis=1).sum())
