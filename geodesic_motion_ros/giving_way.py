@@ -1,0 +1,79 @@
+"""GivingWay: an arm that has no way to its goal gets out of the way of what is coming to where it stands or stops.
+
+Where to is looked for by `joint_solver.JointSolver.aside`; here is told when, and how long it goes on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.joint_query import JointQuery
+from geodesic_motion_ros.joint_solver import JointPlan, JointSolver, MotionState
+from geodesic_motion_ros.joint_stream import Followed, JointStream, Moment
+from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+#: An arm without a way gives way to what comes within so many times the prediction: to get out of the way takes longer
+#: than to stop.
+_AHEAD = 2.0
+#: Where a way aside was looked for in vain another is looked for after so long [s].
+_AGAIN = 0.05
+#: Of times [s].
+_ROUNDING = 1e-6
+
+
+class GivingWay:
+    """Takes the stream of one arm aside."""
+
+    def __init__(self, settings: JointPlannerSettings, solver: JointSolver, stream: JointStream) -> None:
+        self._settings, self._solver, self._stream = settings, solver, stream
+        self.forget()
+
+    def forget(self) -> None:
+        """The arm stands elsewhere now: what was looked for in vain may be found."""
+        # When it was looked for in vain [s].
+        self._looked = -np.inf
+
+    def plan(
+        self, query: JointQuery, state: MotionState, verdict: Verdict, moment: Moment, deadline: Deadline
+    ) -> JointPlan | None:
+        """A way aside where something comes to where the arm stops or stands, and it has no way to the goal.
+
+        None where there is none, or nothing comes: then to stop along the way being gone is the answer.
+
+        Parameters
+        ----------
+        query, state : what there is no way for, and where another reference takes over.
+        verdict : why there is none; the plan's tells the same, and that the arm gives way.
+        """
+        prediction = self._settings.prediction
+        if verdict.code is not VerdictCode.NO_FEASIBLE_PATH or not self._settings.avoidance:
+            return None
+        if moment.obstacles.stand:
+            return None
+        obstacles = moment.obstacles.at(state.time, prediction)
+        now, stream, certifier = moment.now, self._stream, self._solver.certifier
+        assert stream.played is not None
+        followed = stream.followed
+        if followed is not None and followed.verdict.ok and now < stream.played.end:
+            left = certifier.swept(stream.soonest_stop(moment)[0])
+        else:
+            left = stream.left(state.time)
+        going = JointPlan(None, now, verdict) if followed is not None and followed.gives_way else None
+        for horizon in (_AHEAD * prediction, prediction):
+            certificate = certifier.certify_swept(left, obstacles, horizon, beyond=False)
+            if certifier.objection(certificate) is None:
+                return going
+            looks = now >= self._looked + _AGAIN - _ROUNDING
+            plan = self._solver.aside(query, state, obstacles, horizon, deadline) if looks else None
+            if plan is not None:
+                break
+        else:
+            self._looked = now if looks else self._looked
+            return None
+        reason = f"{verdict.reason}; giving way to what is coming"
+        plan = replace(plan, verdict=replace(verdict, clearance=plan.verdict.clearance, reason=reason))
+        return stream.play(plan, replace(Followed.begun(query, plan, moment), gives_way=True), moment)

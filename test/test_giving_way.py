@@ -1,0 +1,121 @@
+"""GivingWay: an arm goes aside where something comes to it, and there alone; it does not look for that all the time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.arm_certificate import ArmCertifier
+from geodesic_motion_ros.deadline import NEVER, Deadline
+from geodesic_motion_ros.giving_way import GivingWay
+from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
+from geodesic_motion_ros.joint_solver import JointPlan, MotionState
+from geodesic_motion_ros.joint_stream import JointStream, Moment
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+ROBOT, SETTINGS = Robot.panda(), JointPlannerSettings()
+LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")
+QUERY = SimpleNamespace()
+NO_WAY = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no way")
+
+
+@dataclass
+class OneWayAside:
+    """In the place of a JointSolver: a turn to the side, where there is one, and for how long [s] it is asked for."""
+
+    certifier: ArmCertifier
+    found: bool = True
+    asked: list[float] = field(default_factory=list)
+
+    def aside(
+        self, query: object, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline
+    ) -> JointPlan | None:
+        self.asked.append(horizon)
+        share = np.linspace(0.0, 1.0, 30)[:, None]
+        path = state.position + share * np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        reference = timed_joint_reference(path, np.hstack([1.0 - share, share]), LIMITS)
+        return JointPlan(reference, state.time, Verdict(VerdictCode.OK, clearance=0.01)) if self.found else None
+
+
+class Arm:
+    """One that stands, has no way, and may give way."""
+
+    def __init__(self, settings: JointPlannerSettings = SETTINGS) -> None:
+        certifier = ArmCertifier(ROBOT, MODEL.points.frames, MODEL.points.offsets, MODEL.radii, MODEL.self_pairs)
+        self.solver, self.stream = OneWayAside(certifier), JointStream(settings, LIMITS, certifier)
+        self.giving_way = GivingWay(settings, self.solver, self.stream)
+        self.stream.stand(JointReference.standing(ROBOT.ready, np.zeros(2)), 0.0)
+
+    def plan(self, now: float, obstacles: Obstacles, verdict: Verdict = NO_WAY) -> JointPlan | None:
+        state = self.stream.played.state_at_switch(now + SETTINGS.latency, self.stream.followed)
+        return self.giving_way.plan(QUERY, state, verdict, Moment(now, obstacles), NEVER)
+
+
+def coming(after: float, time: float = 0.0) -> Obstacles:
+    """A sphere that meets the tool of the standing arm so many seconds after a time [s], from below."""
+    hand, _ = ROBOT.forward(ROBOT.ready)
+    velocity = np.array([[0.0, 0.0, 0.2]])
+    return Obstacles.of_spheres(hand[None] - after * velocity, np.array([0.03]), velocity, time)
+
+
+def test_an_arm_gives_way_to_what_is_coming_and_says_so() -> None:
+    arm = Arm()
+    plan = arm.plan(0.0, coming(1.0))
+    assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+    assert plan.verdict.reason == "no way; giving way to what is coming"
+    assert plan.verdict.clearance == 0.01
+    assert arm.stream.followed.gives_way
+    assert arm.stream.commanded(arm.stream.played.end)[0][0] == pytest.approx(ROBOT.ready[0] + 0.6)
+
+
+def test_nothing_is_looked_for_where_nothing_comes_or_something_else_is_wrong() -> None:
+    passing = replace(coming(1.0), centres=coming(1.0).centres + [0.0, 1.0, 0.0])
+    standing = replace(coming(0.0), velocities=np.zeros((1, 3)))
+    late = Verdict(VerdictCode.DEADLINE_MISSED, "out of time")
+    for obstacles, verdict in ((passing, NO_WAY), (standing, NO_WAY), (coming(1.0), late)):
+        arm = Arm()
+        assert arm.plan(0.0, obstacles, verdict) is None
+        assert not arm.solver.asked
+    blind = Arm(replace(SETTINGS, avoidance=False))
+    assert blind.plan(0.0, coming(1.0)) is None
+    assert not blind.solver.asked
+
+
+def test_what_comes_late_is_seen_beyond_the_time_of_a_stop() -> None:
+    """The control: what comes later still is left to later ticks."""
+    prediction = SETTINGS.prediction
+    for after, asked in ((1.8 * prediction, [2.0 * prediction]), (3.0 * prediction, [])):
+        arm = Arm()
+        arm.plan(0.0, coming(after))
+        assert arm.solver.asked == asked
+
+
+def test_a_way_that_was_looked_for_in_vain_is_not_looked_for_in_every_tick() -> None:
+    arm = Arm()
+    arm.solver.found = False
+    for now in (0.0, 0.01, 0.04):
+        assert arm.plan(now, coming(1.0)) is None
+    assert arm.solver.asked == [2.0 * SETTINGS.prediction, SETTINGS.prediction]
+    arm.plan(0.05, coming(1.0))
+    assert len(arm.solver.asked) == 4
+    arm.giving_way.forget()
+    arm.solver.found = True
+    assert arm.plan(0.06, coming(1.0)).reference is not None
+
+
+def test_an_arm_that_gives_way_goes_on_doing_so_while_that_is_free() -> None:
+    """Nothing new is handed out, but no stop either."""
+    arm = Arm()
+    arm.plan(0.0, coming(1.0))
+    plan = arm.plan(0.1, coming(0.9, 0.1))
+    assert plan.reference is None
+    assert plan.verdict is NO_WAY
+    assert len(arm.solver.asked) == 1
