@@ -11,8 +11,11 @@ _DESCRIPTION = """\
 Plays seeded scenes on a simulated Panda with every method, the same stream of obstacles for each of them, and judges
 what the arm does: by PyBullet's distances of its meshes, and by how near it stays to the demonstrations.
 
-families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone; crossing; chasing;
-          gate: closes on the hand's way, and opens again; crowd: five that stand and five that cross
+skills    of the whole arm (panda_reach_to_grasp): all of the arm is guarded; of the tool (panda_pouring,
+          panda_bottle2shelf): the hand alone is, for every method, and spheres are drawn into its way
+families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone (not with skills of
+          the tool); crossing; chasing; gate: closes on the hand's way, and opens again; crowd: five that stand and
+          five that cross
 methods   ours; ours, hard (no soft metric); ours, soft (nothing removed or certified); replay (of the nearest
           demonstration, blind: the control); and peers, which are left out where their libraries are not installed:
           pip install 'geodesic_motion_ros[benchmark]'
@@ -20,7 +23,8 @@ columns   success: the goal within 10 mm and 0.1 rad, no contact; hits: scenes t
           sphere, hit: as a sphere touched the arm that stood; refused: ended short of the goal, untouched, with a
           reason told; lost: without one; least, clear: least and median smallest clearance; dtw, orient: distance and
           angle from the closest demonstration; jerk: root mean square [rad/s^3]; time: to the goal; p50, p99: processor
-          time of ticks that answered something new; held: share of the ticks within 10 ms of processor time.
+          time of ticks that answered something new; held: share of the ticks within 10 ms of processor time; arm:
+          scenes, ended or not, in which a part of the arm touched a sphere that is not guarded.
           Clearance, similarity, jerk and time are those of successes. Intervals: Wilson, bootstrap of the median
 tables    scenes in which at least half of the demonstrations stay free, and the rest
 
@@ -31,6 +35,7 @@ _EPILOG = """\
 examples:
   geodesic-motion benchmark
   geodesic-motion benchmark --scenes 100 --processes 2 --json out/benchmark.json
+  geodesic-motion benchmark --skill panda_pouring
   geodesic-motion benchmark --methods 'ours; replay' --families crossing,gate --scenes 20
 """
 
@@ -63,7 +68,7 @@ def run(arguments: argparse.Namespace) -> None:
     with needing("the benchmark needs", "pip install 'geodesic_motion_ros[simulation]'"):
         from geodesic_motion_ros.comparison.catalogue import ROWS, chosen
         from geodesic_motion_ros.comparison.execution import Stage
-        from geodesic_motion_ros.comparison.families import FAMILIES
+        from geodesic_motion_ros.comparison.families import check_families, families_of
         from geodesic_motion_ros.comparison.figures import draw_clearances, draw_strip, draw_success
         from geodesic_motion_ros.comparison.report import Report
         from geodesic_motion_ros.comparison.results import Results
@@ -75,10 +80,10 @@ def run(arguments: argparse.Namespace) -> None:
 
     methods = chosen(arguments.methods)
     left_out = [f"{name} ({row.missing} is not installed)" for name, row in ROWS.items() if row.missing]
-    settings = BenchmarkSettings(
-        methods, arguments.families or FAMILIES, arguments.scenes, arguments.seed, arguments.processes
-    )
     skill = Skill.load(arguments.skill)
+    families = arguments.families or families_of(skill)
+    settings = BenchmarkSettings(methods, families, arguments.scenes, arguments.seed, arguments.processes)
+    check_families(skill, families if arguments.strip is None else (*families, arguments.strip[0]))
     for path in (arguments.out / "table.txt", arguments.json):
         writable(path)
     if arguments.methods is None and left_out:

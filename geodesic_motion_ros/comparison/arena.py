@@ -1,7 +1,7 @@
 """Arena: what all scenes of one skill have in common, whichever method moves the arm.
 
 Every method is given the demonstrations as they were shown, the same limits, and the same collision spheres of the
-body that is to be kept clear: the whole arm.
+body that is to be kept clear: the whole arm, or, with a skill of the tool, the hand.
 """
 
 from __future__ import annotations
@@ -10,16 +10,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.comparison.tool_demonstrations import followed, moved_curves, shown_curves
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.blocked_arm import HAND
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill import Skill
+
+#: Share of the joints' velocity limits, and of their acceleration and jerk limits, with a skill of the tool: the
+#: demonstrations then take about as long as references within the tool's limits of the planner.
+TOOL_SPEED_SCALE, TOOL_ACCELERATION_SCALE = 0.5, 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +37,7 @@ class Arena:
     Attributes
     ----------
     collision : the spheres that obstacles are to be kept away from.
-    limits : that every method's references are timed within.
+    limits : that every method's references are timed within, but streams of poses, which know none of joints.
     shown : (N, S, eta) demonstrations as they were shown, equally spaced along their arcs [rad].
     modes : (N,) which way each of them took.
     """
@@ -43,25 +51,51 @@ class Arena:
 
     @classmethod
     def of(cls, skill: Skill) -> Arena:
-        """Of a joint-space skill; ParameterError for another one, or where demonstrations begin or end in several
-        families of configurations.
+        """Of a skill on the canonical sheet.
+
+        Raises
+        ------
+        ParameterError : it is on the raw sheet, its demonstrations begin or end in several families of configurations,
+            or the arm cannot carry the tool along them.
         """
         sheet = skill.canonical
-        if skill.space != "joint":
-            raise ParameterError(f"'{skill.name}' is a skill of {skill.space} space: scenes are drawn for joint space")
-        if sheet is None or len(sheet.start_poles) != 1 or len(sheet.goal_poles) != 1:
+        if sheet is None:
+            raise ParameterError(f"'{skill.name}' is on the raw sheet: scenes are drawn for skills on a canonical one")
+        robot, collision = Robot.named(skill.robot), CollisionModel.named(skill.robot)
+        if isinstance(sheet, CanonicalSheet):
+            curves = shown_curves(sheet)
+            limits = JointLimits.of(robot, TOOL_SPEED_SCALE, TOOL_ACCELERATION_SCALE)
+            # The first pose decides which of the arm's postures is taken, for all demonstrations.
+            begin = solve(robot, curves[0].positions[0], curves[0].quaternions[0])
+            shown = np.stack([followed(robot, curve, begin) for curve in curves])
+            return cls(skill, robot, collision.of_link(HAND), limits, shown, sheet.modes)
+        if len(sheet.start_poles) != 1 or len(sheet.goal_poles) != 1:
             raise ParameterError(
-                f"'{skill.name}' is on the raw sheet, or begins or ends in several families of configurations: scenes "
-                "are drawn for skills on the canonical sheet whose demonstrations begin alike and end alike"
+                f"'{skill.name}' begins or ends in several families of configurations: scenes are drawn for skills "
+                "whose demonstrations begin alike and end alike"
             )
-        robot, settings = Robot.named(skill.robot), JointPlannerSettings()
         ends = np.stack([sheet.start_poles[0] + sheet.start_offsets, sheet.goal_poles[0] + sheet.goal_offsets], axis=1)
         shown = np.stack([_moved(robot, *pair) for pair in zip(sheet.configurations, ends, strict=True)])
+        settings = JointPlannerSettings()
         limits = JointLimits.of(robot, settings.speed_scale, settings.acceleration_scale)
-        return cls(skill, robot, CollisionModel.named(skill.robot), limits, shown, sheet.modes)
+        return cls(skill, robot, collision, limits, shown, sheet.modes)
+
+    @property
+    def whole_arm(self) -> bool:
+        """Whether the skill is of the whole arm, and not of the tool."""
+        return self.skill.space == "joint"
 
     def moved(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
-        """The demonstrations (N, S, eta) moved so that all begin at a start and end at a goal (eta,) [rad]."""
+        """The demonstrations (N, S, eta) moved so that all begin at a start and end at a goal (eta,) [rad].
+
+        Raises
+        ------
+        ParameterError : the arm cannot carry the tool along them between these ends.
+        """
+        sheet = self.skill.canonical
+        if isinstance(sheet, CanonicalSheet):
+            curves = moved_curves(sheet, self.robot.forward(start), self.robot.forward(goal))
+            return np.stack([followed(self.robot, curve, start, goal) for curve in curves])
         ends = np.stack([start, goal])
         return np.stack([_moved(self.robot, item, ends) for item in self.shown])
 

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.method import Method
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.comparison.methods.geodesic import Part
 
 
 @dataclass(frozen=True)
@@ -34,22 +39,14 @@ class Row:
 _PRIMITIVES = ("movement_primitives", "pytransform3d")
 
 
-def _ours(arena: Arena) -> Method:
-    from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
+def _geodesics(arena: Arena, part: Part) -> Method:
+    if arena.whole_arm:
+        from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
 
-    return Geodesics(arena)
+        return Geodesics(arena, part)
+    from geodesic_motion_ros.comparison.methods.tool_geodesics import ToolGeodesics
 
-
-def _hard(arena: Arena) -> Method:
-    from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
-
-    return Geodesics(arena, "hard")
-
-
-def _soft(arena: Arena) -> Method:
-    from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
-
-    return Geodesics(arena, "soft")
+    return ToolGeodesics(arena, part)
 
 
 def _replay(arena: Arena) -> Method:
@@ -83,9 +80,14 @@ def _barriers(arena: Arena) -> Method:
 
 
 ROWS: dict[str, Row] = {
-    "ours": Row(_ours, "geodesics of the learned metric, hard and soft"),
-    "ours, hard": Row(_hard, "the same without the soft metric: nodes removed, references certified"),
-    "ours, soft": Row(_soft, "the same without the hard part: the metric grows towards obstacles, as in the paper"),
+    "ours": Row(partial(_geodesics, part="whole"), "geodesics of the learned metric, hard and soft"),
+    "ours, hard": Row(
+        partial(_geodesics, part="hard"), "the same without the soft metric: nodes removed, references certified"
+    ),
+    "ours, soft": Row(
+        partial(_geodesics, part="soft"),
+        "the same without the hard part: the metric grows towards obstacles, as in the paper",
+    ),
     "replay": Row(_replay, "the nearest demonstration, blind: the control"),
     "DMP": Row(_dmp, "its dynamic movement primitive with a coupling term for obstacles", _PRIMITIVES),
     "ProMP": Row(_promp, "probabilistic movement primitives, sampled for a free motion", _PRIMITIVES),

@@ -1,11 +1,12 @@
 """One method plays one scene: the arm in physics, the stream of obstacles, and a judge who knows of no planner.
 
-The arm is a Panda in PyBullet that plays what it is sent by the rules of joint_trajectory_controller, inside its limits
-of velocity and acceleration. Obstacles are judged 200 times a second by PyBullet's distance of the arm's collision
-meshes, where they are measured to be, from each sphere. A scene ends
+The arm is a Panda in PyBullet that plays what it is sent by the rules of joint_trajectory_controller, or follows a
+stream of poses as the twin does, inside its limits of velocity and acceleration. Obstacles are judged 200 times a
+second by PyBullet's distance of the collision meshes, where they are measured to be, from each sphere: the meshes of
+the arm, or, with a skill of the tool, those of hand and fingers, which alone it guards. A scene ends
 
 - at the goal: the tool is measured within `REACHED` and `REACHED_ANGLE` of the goal pose, and rests;
-- at the first contact, of the arm in motion or of the arm as it stands;
+- at the first contact of what is guarded, while the arm moves or as it stands;
 - after `LONGEST`, or where the arm has stood for `GIVEN_UP` since there were spheres that move or will go.
 
 Success is the first of these. A contact is one *outside braking room* where the arm moved, and had been far enough from
@@ -17,7 +18,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import asdict, dataclass
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -59,7 +59,8 @@ class Outcome:
     mostly_free : whether at least half of the demonstrations stayed free.
     reached : whether the goal was reached, after `duration` [s]. contact : what ended the scene, where a contact did.
     refusal : why the method was on no way to the goal at the end, where it said so.
-    clearance : least distance [m] of the arm in motion from a sphere, no more than LOOKED_FOR.
+    clearance : least distance [m] of what is guarded from a sphere while the arm moved, no more than LOOKED_FOR.
+    arm_touched : whether a part of the arm that is not guarded touched a sphere: that ends no scene.
     dtw, orientation : of the tool's way from that of the closest demonstration [m], [rad].
     jerk : root mean square of the command's jerk, over all joints [rad/s^3].
     replans : processor time [s] of the ticks that answered something new; ticks, in_time : how many ticks there were,
@@ -78,6 +79,7 @@ class Outcome:
     replans: tuple[float, ...]
     ticks: int
     in_time: int
+    arm_touched: bool = False
 
     @property
     def success(self) -> bool:
@@ -99,6 +101,7 @@ class Stage:
     def __init__(self, arena: Arena) -> None:
         self.arena = arena
         self.world, self.geometry = PandaWorld(rate_hz=STEP_HZ), CollisionGeometry.panda()
+        self.guarded = frozenset(arena.collision.points.names)
 
     def play(self, scene: Scene, method: Method) -> tuple[Outcome, np.ndarray]:
         """What became of the scene, and the measured postures (n, eta) [rad], 50 a second."""
@@ -110,6 +113,7 @@ class _Run:
 
     def __init__(self, stage: Stage, scene: Scene, method: Method) -> None:
         self._arena, self._world, self._geometry = stage.arena, stage.world, stage.geometry
+        self._guarded, self._arm_touched = stage.guarded, False
         self._scene, self._method = scene, method
         self._spheres = SpheresInMotion(
             scene.spheres, lambda: chased_point(self._arena, scene.tool_chased, self._world.joint_positions)
@@ -139,7 +143,7 @@ class _Run:
                 self._postures.append(posture)
             moves = bool(np.max(np.abs(world.joint_velocities)) > RESTING)
             self._geometry.place(posture)
-            self._spheres.judge(step / STEP_HZ, moves, partial(self._geometry.clearance, cutoff=LOOKED_FOR))
+            self._spheres.judge(step / STEP_HZ, moves, self._clearance)
             if self._spheres.contacts:
                 break
             reached = not moves and self._at_goal()
@@ -155,18 +159,29 @@ class _Run:
         began = time.thread_time()
         answer = self._method.tick(now, obstacles, state)
         took = time.thread_time() - began
-        if answer.waypoints is not None:
+        if answer.waypoints is not None or answer.pose is not None:
             self._replans.append(took)
         self._ticks += 1
         self._in_time += took <= DEADLINE
         self._refusal = answer.refusal
         return answer
 
+    def _clearance(self, centre: np.ndarray, radius: float) -> float:
+        """Of what is guarded from a sphere [m], and take note of the rest of the arm."""
+        guarded = np.inf
+        for link, distance in self._geometry.clearances(centre, radius, LOOKED_FOR).items():
+            if link in self._guarded:
+                guarded = min(guarded, distance)
+            else:
+                self._arm_touched |= distance <= 0.0
+        return guarded
+
     def _hand_over(self, answer: Answer) -> None:
-        if answer.waypoints is None:
-            return
         try:
-            self._world.set_joint_trajectory(answer.waypoints, answer.begin)
+            if answer.pose is not None:
+                self._world.set_target_pose(*answer.pose)
+            elif answer.waypoints is not None:
+                self._world.set_joint_trajectory(answer.waypoints, answer.begin)
         except RobotError as error:
             # As the controller does: what was played goes on.
             self._refusal = f"the controller refused: {error}"
@@ -174,7 +189,7 @@ class _Run:
     def _has_room(self, centre: np.ndarray, radius: float, speed: float) -> bool:
         """Whether a sphere is far enough for an arm at rest to take note of: all are in sight before it moves."""
         self._geometry.place(self._world.joint_positions)
-        return self._geometry.clearance(centre, radius) > needed_room(0.0, PERIOD, speed)
+        return self._clearance(centre, radius) > needed_room(0.0, PERIOD, speed)
 
     def _will_change(self, now: float) -> bool:
         """Whether spheres are there that will move or go."""
@@ -199,6 +214,7 @@ class _Run:
             clearance=float(min(self._spheres.clearance, LOOKED_FOR)), dtw=dtw, orientation=orientation,
             jerk=float(np.sqrt(np.mean(np.sum(jerks**2, axis=1)))) if len(jerks) else 0.0,
             replans=tuple(self._replans), ticks=self._ticks, in_time=self._in_time,
+            arm_touched=self._arm_touched,
         )  # fmt: skip
 
 

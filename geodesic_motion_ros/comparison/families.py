@@ -6,10 +6,11 @@ start until those that move are gone is never touched.
 
 - *none*: the control.
 - *static*: one to three spheres that stand on the way; start and goal stay free of them.
-- *elbow*: one that stands in the way of the arm, while the hand keeps `FREE_HAND` from it; likewise.
+- *elbow*: one that stands in the way of the arm, while the hand keeps `FREE_HAND` from it; likewise. Not with skills of
+  the tool, which do not guard the arm.
 - *crossing*: one to three that pass the body's place on the way at the same time as it, in a straight line.
-- *chasing*: one or two that move towards the tool or the elbow, wherever it is, until an arm that had stayed at the
-  start would be near.
+- *chasing*: one or two that move towards the tool or, with a skill of the whole arm, the elbow, wherever it is, until
+  an arm that had stayed at the start would be near.
 - *gate*: two pairs that close on the hand's way from two sides about when it passes, and open `GATE_STAYS` later.
 - *crowd*: ten, five that stand and five that cross.
 
@@ -20,7 +21,7 @@ those that stand or cross block at least one, but in a crowd.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -28,6 +29,7 @@ import numpy as np
 from geodesic_motion_ros.comparison.ways import Ways
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import RADII, MovingSphere
+from geodesic_motion_ros.skill import Skill
 
 Family = Literal["none", "static", "elbow", "crossing", "chasing", "gate", "crowd"]
 Spheres = tuple[MovingSphere, ...]
@@ -126,6 +128,22 @@ def _draws(family: Family, random: np.random.Generator) -> Sequence[Draw]:
 
 
 FAMILIES: tuple[Family, ...] = ("none", "static", "elbow", "crossing", "chasing", "gate", "crowd")
+
+
+def families_of(skill: Skill) -> tuple[Family, ...]:
+    """Those that there are with a skill."""
+    return tuple(family for family in FAMILIES if family != "elbow" or skill.space == "joint")
+
+
+def check_families(skill: Skill, families: Iterable[Family]) -> None:
+    """ParameterError where there is one that the skill has no scenes of."""
+    known = families_of(skill)
+    for family in families:
+        if family not in known:
+            raise ParameterError(
+                f"there is no '{family}' with '{skill.name}', a skill of the tool, which does not guard the rest of "
+                f"the arm: choose from {', '.join(known)}"
+            )
 
 
 def draw_family(family: Family, ways: Ways, random: np.random.Generator, spared: bool) -> tuple[Spheres, np.ndarray]:

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from geodesic_motion_ros.comparison.scene import Scene
+from geodesic_motion_ros.demonstrations.curves import Pose
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
@@ -32,11 +33,14 @@ class Answer:
     ----------
     waypoints : what the arm is to play from `begin` [s] on, in the place of everything before; None: that goes on.
     refusal : why the arm is not on a way to the goal; empty where it is.
+    pose : of the tool, (3,) [m] and (4,), where it is to be by now, in a stream of poses that the arm follows as the
+        twin does, in the place of everything before.
     """
 
     waypoints: JointWaypoints | None = None
     begin: float = 0.0
     refusal: str = ""
+    pose: Pose | None = None
 
     @classmethod
     def playing(cls, reference: JointReference, begin: float, refusal: str = "") -> Answer:

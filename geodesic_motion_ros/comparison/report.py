@@ -53,6 +53,7 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float | int | None]:
         "success_high": 100.0 * high,
         "contacts_moving": sum(outcome.contact == "moving" for outcome in outcomes),
         "contacts_standing": sum(outcome.contact in ("standing", "no room") for outcome in outcomes),
+        "arm_touched": sum(outcome.arm_touched for outcome in outcomes),
         "refused": sum(outcome.refused for outcome in outcomes),
         "lost": sum(not (outcome.success or outcome.refused or outcome.contact) for outcome in outcomes),
         "least_clearance_mm": min((1e3 * outcome.clearance for outcome in good), default=None),
@@ -131,6 +132,7 @@ class Report:
             title, "scenes", "success %", "95 %", "hits", "hit", "refused", "lost", "least mm", "clear mm", "dtw mm",
             "95 %", "orient deg", "jerk", "time s", "p50 ms", "p99 ms", "held %",
         ]  # fmt: skip
+        arm = any(item.outcome.arm_touched for item in self.played)
         rows = []
         for row in self.told:
             own = figures(self.outcomes(row, wanted))
@@ -140,8 +142,9 @@ class Report:
                 own["least_clearance_mm"], own["median_clearance_mm"], own["dtw_mm"],
                 _interval(own["dtw_low"], own["dtw_high"]), own["orientation_deg"], own["jerk"], own["time_s"],
                 own["replan_p50_ms"], own["replan_p99_ms"], own["rate_held_percent"],
+                *([own["arm_touched"]] if arm else []),
             ])  # fmt: skip
-        return text_table(head, rows, 1)
+        return text_table([*head, "arm"] if arm else head, rows, 1)
 
     def _by_family(self) -> str:
         """Successes of scenes, by family: where half or more of the demonstrations stay free / elsewhere."""

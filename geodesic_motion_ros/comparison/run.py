@@ -13,7 +13,7 @@ from tqdm import tqdm
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.catalogue import ROWS
 from geodesic_motion_ros.comparison.execution import Stage
-from geodesic_motion_ros.comparison.families import FAMILIES, Family
+from geodesic_motion_ros.comparison.families import FAMILIES, Family, check_families
 from geodesic_motion_ros.comparison.method import Method
 from geodesic_motion_ros.comparison.results import Played, Results
 from geodesic_motion_ros.comparison.scene import draw_scene
@@ -104,6 +104,7 @@ def play_benchmark(
     ------
     ParameterError : there are no scenes with this skill.
     """
+    check_families(skill, settings.families)
     Arena.of(skill)
     # As the planner node does: threads of the linear algebra would only wait for each other.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.families import FAMILIES, SPARED, Family, draw_family
+from geodesic_motion_ros.comparison.families import FAMILIES, SPARED, Family, check_families, draw_family
 from geodesic_motion_ros.comparison.ways import Ways
 from geodesic_motion_ros.demonstrations.curves import Pose
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
@@ -47,12 +47,13 @@ def draw_scene(arena: Arena, family: Family, number: int, seed: int) -> Scene:
     """Scene number `number` of a family: the start of one demonstration, the goal of another one, and spheres.
 
     Demonstrations are spared in scenes of even number. A scene depends on nothing else but its family, its number and
-    the seed. ParameterError where there is no place for the spheres.
+    the seed. ParameterError where there is no such family with the skill, or no place for the spheres.
     """
+    check_families(arena.skill, (family,))
     random = np.random.default_rng([seed, FAMILIES.index(family), number])
     first, last = random.integers(len(arena.shown), size=2)
     start, goal = arena.shown[first, 0], arena.shown[last, -1]
-    tool_chased = bool(random.uniform() < 0.5)
+    tool_chased = bool(random.uniform() < 0.5) or not arena.whole_arm
     played = tuple(arena.timed(path) for path in arena.moved(start, goal))
     spheres, free = draw_family(family, Ways(arena, played, tool_chased), random, spared=number % 2 == 0)
     return Scene(family, number, seed, start, goal, arena.robot.forward(goal), spheres, tool_chased, played, free)

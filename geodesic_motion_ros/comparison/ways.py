@@ -1,8 +1,8 @@
 """Ways: the demonstrations between the start and the goal of a scene, as spheres are drawn on them.
 
 A demonstration *stays free* where, moved to the scene's start and goal and played from the beginning within the
-arena's limits, none of the arm's collision spheres touches a sphere of the scene until its end. Spheres that chase
-chase it.
+arena's limits, none of the arena's collision spheres, those of the arm or of the hand, touches a sphere of the scene
+until its end. Spheres that chase chase it.
 """
 
 from __future__ import annotations
@@ -75,11 +75,11 @@ class Ways:
         return way[int(random.uniform(*_INTERIOR) * len(way))]
 
     def start_clearance(self, centres: np.ndarray, radius: float) -> float:
-        """Least distance [m] of the arm at the start from a sphere at centres (n, 3)."""
+        """Least distance [m] of the body at the start from a sphere at centres (n, 3)."""
         return self._clearance(self._bodies[0][0], centres, radius)
 
     def goal_clearance(self, centres: np.ndarray, radius: float) -> float:
-        """Least distance [m] of the arm at the goal from a sphere at centres (n, 3)."""
+        """Least distance [m] of the body at the goal from a sphere at centres (n, 3)."""
         return self._clearance(self._bodies[0][-1], centres, radius)
 
     def clearances(self, way: int, centre: np.ndarray, radius: float) -> np.ndarray:

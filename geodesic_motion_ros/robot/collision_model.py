@@ -90,6 +90,20 @@ class CollisionModel:
     def __len__(self) -> int:
         return len(self.radii)
 
+    def of_link(self, link: str) -> CollisionModel:
+        """The spheres of one link alone, of which none can meet another.
+
+        Raises
+        ------
+        RobotError : the link has no spheres.
+        """
+        own = np.array(self.points.names) == link
+        if not np.any(own):
+            names = ", ".join(dict.fromkeys(self.points.names))
+            raise RobotError(f"the link '{link}' has no spheres; there are spheres of {names}")
+        points = BodyPoints((link,) * int(np.sum(own)), self.points.frames[own], self.points.offsets[own])
+        return CollisionModel(points, self.radii[own], self.moving[own], np.empty((0, 2), dtype=np.int64))
+
     def link_of(self, sphere: int) -> str:
         """The link that a sphere is fixed to."""
         return self.points.names[sphere]

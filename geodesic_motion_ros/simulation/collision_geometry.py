@@ -65,6 +65,7 @@ class CollisionGeometry:
         self.parts = tuple(
             self._part(index) for index in self._names if self._client.getCollisionShapeData(self._arm, index)
         )
+        self._carriers = {part.index: part.link for part in self.parts}
 
     @classmethod
     def panda(cls) -> CollisionGeometry:
@@ -89,8 +90,16 @@ class CollisionGeometry:
 
     def clearance(self, centre: np.ndarray, radius: float, cutoff: float = 2.0) -> float:
         """Signed distance [m] of the arm from a sphere, but for the base, which no joint moves; inf beyond `cutoff`."""
-        points = self._client.getClosestPoints(self._arm, self._sphere(centre, radius), cutoff)
-        return min((point[8] for point in points if point[3] >= 0), default=np.inf)
+        return min(self.clearances(centre, radius, cutoff).values(), default=np.inf)
+
+    def clearances(self, centre: np.ndarray, radius: float, cutoff: float = 2.0) -> dict[str, float]:
+        """The same of every link of the chain that comes nearer than `cutoff`, with what is mounted on it."""
+        nearest: dict[str, float] = {}
+        for point in self._client.getClosestPoints(self._arm, self._sphere(centre, radius), cutoff):
+            if point[3] >= 0:
+                link = self._carriers[point[3]]
+                nearest[link] = min(nearest.get(link, np.inf), point[8])
+        return nearest
 
     def _sphere(self, centre: np.ndarray, radius: float) -> int:
         if radius not in self._spheres:

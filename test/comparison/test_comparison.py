@@ -163,8 +163,6 @@ def test_the_table_tells_successes_hits_and_refusals_apart(tmp_path) -> None:
 
 
 def test_what_cannot_be_compared_is_refused(reach_skill, monkeypatch) -> None:
-    with pytest.raises(ParameterError, match="task space"):
-        Arena.of(replace(reach_skill, space="task"))
     with pytest.raises(ParameterError, match="raw sheet"):
         Arena.of(replace(reach_skill, canonical=None))
     with pytest.raises(ParameterError, match="choose from none, static"):

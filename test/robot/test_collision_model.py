@@ -172,6 +172,17 @@ def test_the_base_counts_for_the_arm_itself_alone(panda: Robot, model: Collision
     assert model.link_of(nearest) == "panda_link1"
 
 
+def test_one_link_alone(panda: Robot, model: CollisionModel) -> None:
+    hand = model.of_link("panda_hand")
+    own = np.array(model.points.names) == "panda_hand"
+    placed = model.positions(panda, panda.ready[None])
+    np.testing.assert_array_equal(hand.positions(panda, panda.ready[None]), placed[:, own])
+    np.testing.assert_array_equal(hand.radii, model.radii[own])
+    assert self_clearance(hand, panda, panda.ready)[0] == np.inf
+    with pytest.raises(RobotError, match="'panda_elbow' has no spheres; there are spheres of panda_link0, panda_link1"):
+        model.of_link("panda_elbow")
+
+
 def test_without_obstacles_all_is_clear(panda: Robot, model: CollisionModel) -> None:
     assert configuration_clearance(model, panda, panda.ready, np.empty((0, 3)), np.empty(0)) == (np.inf, -1)
 

@@ -62,6 +62,12 @@ def test_the_arm_is_as_far_as_its_nearest_moving_part(geometry: CollisionGeometr
     for centre in np.array([[0.6, 0.1, 0.4], [-0.2, 0.0, 0.05]]):
         nearest = min(geometry.sphere_distance(part, centre, 0.05) for part in moving)
         assert geometry.clearance(centre, 0.05) == pytest.approx(nearest, abs=1e-9)
+        of_links = geometry.clearances(centre, 0.05)
+        hand = [part for part in moving if part.link == "panda_hand"]
+        assert [part.name for part in hand] == ["panda_hand", "panda_leftfinger", "panda_rightfinger"]
+        on_hand = min(geometry.sphere_distance(part, centre, 0.05) for part in hand)
+        assert of_links["panda_hand"] == pytest.approx(on_hand, abs=1e-9)
+        assert geometry.robot.base_link not in of_links
     # The last sphere is nearest to the base, which does not count.
     assert geometry.sphere_distance(base, centre, 0.05) < nearest
 

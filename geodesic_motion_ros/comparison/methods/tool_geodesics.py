@@ -1,0 +1,69 @@
+"""Ours with a skill of the tool: the task-space planner, whose stream of poses the arm follows."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.method import TICK, Answer, JointState
+from geodesic_motion_ros.comparison.methods.geodesic import Part
+from geodesic_motion_ros.comparison.scene import Scene
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.quaternions import to_rotation
+from geodesic_motion_ros.reference import ReferenceFollower
+
+#: Without the hard part hand and spheres are so much smaller, and the hills of the metric as wide as they were.
+_SHRUNK = 1e-3
+
+
+class ToolGeodesics:
+    """Shortest paths of the learned metric for a tool. Parts as of `Geodesics`.
+
+    *soft*: what removes nodes and refuses references are spheres a thousandth as large.
+    """
+
+    def __init__(self, arena: Arena, part: Part = "whole", planner: PlannerSettings | None = None) -> None:
+        """planner : settings; the defaults without them. Its tool is the arena's."""
+        settings = replace(planner or PlannerSettings(), **_tool(arena))
+        self._scale = 1.0
+        if part == "hard":
+            settings = replace(settings, ambient_law="hard")
+        elif part == "soft":
+            self._scale = _SHRUNK
+            settings = replace(
+                settings, tool_radii=tuple(_SHRUNK * radius for radius in settings.tool_radii), obstacle_margin=0.0,
+                ambient_width_ratio=settings.ambient_width_ratio / _SHRUNK,
+            )  # fmt: skip
+        self._robot, self._planner = arena.robot, ReactivePlanner(arena.skill, settings)
+        self._stream = ReferenceFollower(settings.speed)
+        self.settings = {"part": part, **asdict(settings)}
+
+    def reset(self, scene: Scene) -> None:
+        """Forget all that was before."""
+        self._planner.take_obstacles(Obstacles.none())
+        self._planner.clear_goal()
+        self._stream.reset(*self._robot.forward(scene.start))
+        self._refused = self._planner.set_goal(*scene.goal_pose)
+
+    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
+        """As the planner node's cycle: the stream is known, and moves on by a tick."""
+        stream, planner = self._stream, self._planner
+        planner.take_obstacles(replace(obstacles, radii=self._scale * obstacles.radii))
+        plan = planner.tick(stream.position, stream.quaternion, stream.speed, now=now)
+        if plan.reference is None:
+            stream.hold()
+        else:
+            stream.accept(plan.reference)
+        verdict = plan.verdict if self._refused.ok else self._refused
+        refusal = "" if verdict.ok else f"{verdict.code.name}: {verdict.reason}"
+        return Answer(refusal=refusal, pose=stream.advance(TICK))
+
+
+def _tool(arena: Arena) -> dict[str, tuple]:
+    """The arena's spheres, fixed to the tool, as settings of the planner."""
+    posture = arena.shown[0, 0]
+    position, quaternion = arena.robot.forward(posture)
+    points = to_rotation(quaternion).inv().apply(arena.body(posture[None])[0] - position)
+    return {"tool_points": tuple(map(tuple, points.tolist())), "tool_radii": tuple(arena.body_radii.tolist())}
