@@ -108,6 +108,15 @@ def test_without_obstacles_the_demonstration_is_followed(arena, scene, row) -> N
     np.testing.assert_allclose(tools[-1], scene.goal_pose[0], atol=0.01)
 
 
+def test_a_primitive_stays_at_the_goal(arena) -> None:
+    """After the time that it was learned over, too, where the arm comes to rest."""
+    scene = draw_scene(arena, "none", 1, 0)
+    duration = scene.demonstrations[arena.nearest(scene.start, scene.goal)].duration
+    way = stepped(made("DMP", arena), scene, Obstacles.none(), duration + 2.5)
+    tools = np.array([arena.robot.forward(one)[0] for one in way[int(duration / TICK) :: 10]])
+    assert np.max(np.linalg.norm(tools - scene.goal_pose[0], axis=1)) < 0.005
+
+
 def test_a_primitive_is_bent_around_what_is_in_the_way_of_the_tool(arena, scene) -> None:
     method = made("DMP", arena)
     nearest = scene.demonstrations[arena.nearest(scene.start, scene.goal)]

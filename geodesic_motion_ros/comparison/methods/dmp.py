@@ -56,6 +56,10 @@ class DynamicPrimitive:
     def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
         """One step of the primitive, and of the arm after it."""
         coupling = _Obstacles(obstacles, self._gamma, self._beta, self._reach)
+        if now > self._position.execution_time_:
+            # Nothing was learned for later: what the forcing terms go on with would carry the tool off the goal again.
+            for term in (self._position.forcing_term, self._turning.forcing_term_rot):
+                term.weights_[:] = 0.0
         before = self._at
         self._at, self._moving = self._position.step(self._at, self._moving, coupling_term=coupling)
         self._pose, self._turn = self._turning.step(self._pose, self._turn)
