@@ -13,11 +13,8 @@ from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
-from geodesic_motion_ros.graph.shortest_path import (
-    cost_field,
-    load_search_from_both_ends,
-    shortest_path_from_both_ends,
-)
+from geodesic_motion_ros.graph.search_from_both_ends import load_search_from_both_ends, shortest_path_from_both_ends
+from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import SearchSettings

@@ -9,7 +9,7 @@ from geodesic_motion_ros.benchmarks.engine import mark
 from geodesic_motion_ros.benchmarks.scenes import spheres_on_way
 from geodesic_motion_ros.benchmarks.stages import SkillBench
 from geodesic_motion_ros.deadline import Deadline
-from geodesic_motion_ros.graph import shortest_path
+from geodesic_motion_ros.graph import search_from_both_ends
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.verdict import VerdictCode
@@ -28,7 +28,7 @@ def way(bench: SkillBench, obstacles: Obstacles, *deadline: Deadline):
 
 
 def test_out_of_time_before_a_way_is_found_the_verdict_says_so(bench, monkeypatch) -> None:
-    monkeypatch.setattr(shortest_path, "_BATCHES", 1)
+    monkeypatch.setattr(search_from_both_ends, "_BATCHES", 1)
     blocked = spheres_on_way(bench.problem, 1).at(0)
     whole = way(bench, blocked)
     assert isinstance(whole, LatentWay)
@@ -39,7 +39,7 @@ def test_out_of_time_before_a_way_is_found_the_verdict_says_so(bench, monkeypatc
 
 
 def test_a_free_way_needs_no_time(bench, monkeypatch) -> None:
-    monkeypatch.setattr(shortest_path, "_BATCHES", 1)
+    monkeypatch.setattr(search_from_both_ends, "_BATCHES", 1)
     found = way(bench, Obstacles.none(), PASSED)
     assert isinstance(found, LatentWay)
     assert found.gap == 0.0

@@ -11,7 +11,8 @@ from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.grid import Adjacency
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
-from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path, shortest_path_from_both_ends
+from geodesic_motion_ros.graph.search_from_both_ends import shortest_path_from_both_ends
+from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import SearchSettings

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.graph.grid import Adjacency
-from geodesic_motion_ros.graph.heap import WAITING
+from geodesic_motion_ros.graph.heap import WAITING, put
 
 
 class SearchMemory(NamedTuple):
@@ -64,6 +64,40 @@ class SearchMemory(NamedTuple):
             nodes=np.empty(nodes, dtype=np.int32),
             edges=np.empty(nodes, dtype=np.int32),
         )
+
+
+@numba.njit(cache=True, nogil=True)
+def begin_at_both_ends(
+    to_target: np.ndarray, from_landmark: np.ndarray, source: int, target: int, memory: SearchMemory
+) -> None:
+    """Both ends wait to be taken; to_target, from_landmark : (n,) as of `shortest_path_from_both_ends`."""
+    for side, end in enumerate((source, target)):
+        ahead = to_target[source] if side == 0 else abs(from_landmark[target] - from_landmark[source])
+        memory.cost[side, end], memory.begun[side] = 0.0, ahead
+        put(memory.keys[side], memory.items[side], memory.place[side], 0, end, ahead)
+        memory.size[side], memory.written[side] = 1, end
+    memory.count[0] = 2
+
+
+@numba.njit(cache=True, nogil=True)
+def trace(meeting: int, source: int, target: int, memory: SearchMemory) -> int:
+    """Write the way through a node that both sides know, from source to target; returns its number of edges."""
+    before = 0
+    u = meeting
+    while u != source:
+        u = memory.predecessor[0, u]
+        before += 1
+    u = meeting
+    memory.nodes[before] = meeting
+    for i in range(before, 0, -1):
+        memory.edges[i - 1], u = memory.arrival[0, u], memory.predecessor[0, u]
+        memory.nodes[i - 1] = u
+    u, count = meeting, before
+    while u != target:
+        memory.edges[count], u = memory.arrival[1, u], memory.predecessor[1, u]
+        count += 1
+        memory.nodes[count] = u
+    return count
 
 
 @numba.njit(cache=True, nogil=True)
