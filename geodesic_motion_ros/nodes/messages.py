@@ -1,4 +1,4 @@
-"""Messages to arrays and arrays to messages: the only place that knows both.
+"""Messages to arrays and arrays to messages; those of markers stand in `marker_messages`.
 
 Readers check everything a message claims (finite, sizes, frame, names) and raise `MessageRefused` with the
 reason; what they return may be trusted. Quaternions are reordered here, from (x, y, z, w) to the library's
@@ -12,30 +12,22 @@ from __future__ import annotations
 import array
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PointStamped, Pose, PoseStamped
 from nav_msgs.msg import Path
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
-from std_msgs.msg import ColorRGBA, Header
+from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.errors import GeodesicMotionError, RobotError
-from geodesic_motion_ros.nodes.obstacle_tracker import Key
-from geodesic_motion_ros.quaternions import from_rotation, normalise, to_rotation
+from geodesic_motion_ros.quaternions import normalise
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
-from geodesic_motion_ros.solids import solid_rows
 from geodesic_motion_ros.task_frame import TaskFrame
-
-if TYPE_CHECKING:
-    from geodesic_motion_ros.nodes.marker_bytes import SeenMarker
 
 # Nothing a robot arm has to do with is further away [m] or has turned further [rad] than this.
 LARGEST_COORDINATE = 1000.0
@@ -97,12 +89,12 @@ def read_pose(message: PoseStamped, base_frame: str, lookup: FrameLookup = base_
     but zero.
     """
     frame = frame_of(message.header, base_frame, lookup)
-    return frame.to_base(_point(message.pose.position, "position"), _quaternion(message.pose))
+    return frame.to_base(checked_point(message.pose.position, "position"), checked_quaternion(message.pose))
 
 
 def read_point(message: PointStamped, base_frame: str, lookup: FrameLookup = base_only) -> np.ndarray:
     """Point (3,) [m], as the base frame sees it."""
-    return frame_of(message.header, base_frame, lookup).points_to_base(_point(message.point, "point"))
+    return frame_of(message.header, base_frame, lookup).points_to_base(checked_point(message.point, "point"))
 
 
 def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.ndarray:
@@ -121,7 +113,7 @@ def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.
         raise MessageRefused(f"joint state lacks {', '.join(missing)}; it has {', '.join(message.name) or 'no joints'}")
     vector = np.array([positions[name] for name in joint_names])
     for name, value in zip(joint_names, vector, strict=True):
-        _check_number(float(value), f"joint {name}", "rad")
+        check_number(float(value), f"joint {name}", "rad")
     return vector
 
 
@@ -185,76 +177,6 @@ def _values_of_points(points: Sequence[JointTrajectoryPoint], name: str, order: 
         raise MessageRefused(f"joint trajectory has {sizes[i]} {name} at point {i}: expected one of each joint")
     # The rows are array.array of doubles: joining their bytes is ten times faster than converting numbers.
     return np.frombuffer(b"".join(rows)).reshape(-1, len(order))[:, order]
-
-
-@dataclass(frozen=True)
-class MarkerUpdate:
-    """What one marker asks for: `put`, `delete` or `delete_all`.
-
-    To `put` belong a centre (3,) [m], the radius of a sphere [m], or the row (16,) of a solid (`solids.py`), and a
-    lifetime [s].
-    """
-
-    action: str
-    key: Key
-    stamp: float = 0.0
-    centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    radius: float = 0.0
-    lifetime: float = 0.0
-    solid: np.ndarray | None = None
-
-
-def read_marker(message: Marker | SeenMarker, base_frame: str, lookup: FrameLookup = base_only) -> MarkerUpdate:
-    """An obstacle by (ns, id), as the base frame sees it, or its deletion.
-
-    SPHERE has its diameter for scale [m], of an ellipsoid the largest. CUBE is a box with its sides for scale, turned
-    by its orientation. CYLINDER has its diameter and its height along z for scale; it becomes a solid that holds it: a
-    capsule as thick, whose axis is as long, so that it is longer by half a diameter at both ends, or the box around
-    it, whichever has less volume.
-
-    DELETEALL empties one namespace, or the whole topic when `ns` is empty. A lifetime of zero means until
-    deleted.
-    """
-    key, stamp = (message.ns, int(message.id)), seconds(message.header.stamp)
-    if message.action == Marker.DELETEALL:
-        return MarkerUpdate("delete_all", key, stamp)
-    if message.action == Marker.DELETE:
-        return MarkerUpdate("delete", key, stamp)
-    name = f"marker {message.ns}/{message.id}"
-    if message.action != Marker.ADD:  # MODIFY has the same number
-        raise MessageRefused(f"{name}: action {message.action}, expected ADD (0), DELETE (2) or DELETEALL (3)")
-    if message.type not in (Marker.SPHERE, Marker.CUBE, Marker.CYLINDER):
-        raise MessageRefused(
-            f"{name}: type {message.type}, expected SPHERE ({Marker.SPHERE}), CUBE ({Marker.CUBE}) or "
-            f"CYLINDER ({Marker.CYLINDER})"
-        )
-    frame = frame_of(message.header, base_frame, lookup)
-    centre = _point(message.pose.position, f"{name}: centre")
-    scale = (message.scale.x, message.scale.y, message.scale.z)
-    for value in scale:
-        _check_number(value, f"{name}: scale", "m")
-    if min(scale) <= 0.0:
-        raise MessageRefused(f"{name}: scale {scale} m holds diameters or sides, which must be positive")
-    lifetime = message.lifetime.sec + 1e-9 * message.lifetime.nanosec
-    if lifetime < 0.0:
-        raise MessageRefused(f"{name}: lifetime {lifetime} s, expected 0 (for ever) or more")
-    if message.type == Marker.SPHERE:
-        return MarkerUpdate("put", key, stamp, frame.points_to_base(centre), 0.5 * max(scale), lifetime)
-    half_extents, radius = _box_or_capsule(message.type, 0.5 * np.array(scale))
-    centre, quaternion = frame.to_base(centre, _quaternion(message.pose, f"{name}: orientation"))
-    rotation = to_rotation(quaternion).as_matrix()
-    solid = solid_rows(centre[None], rotation[None], half_extents[None], np.array([radius]))[0]
-    return MarkerUpdate("put", key, stamp, centre, lifetime=lifetime, solid=solid)
-
-
-def _box_or_capsule(kind: int, half_sides: np.ndarray) -> tuple[np.ndarray, float]:
-    """Half extents (3,) and radius [m] of the solid that holds a CUBE or CYLINDER with half sides (3,) [m]."""
-    thick, half_height = float(max(half_sides[:2])), half_sides[2]
-    box = 8.0 * float(np.prod(half_sides))
-    capsule = math.pi * thick**2 * (2.0 * half_height + 4.0 / 3.0 * thick)
-    if kind == Marker.CYLINDER and capsule < box:
-        return np.array([0.0, 0.0, half_height]), thick
-    return half_sides, 0.0
 
 
 def cloud_message(points: np.ndarray, frame: str, stamp: Time) -> PointCloud2:
@@ -325,25 +247,28 @@ def seconds(stamp: Time | Duration) -> float:
     return stamp.sec + 1e-9 * stamp.nanosec
 
 
-def _point(point: Point, name: str) -> np.ndarray:
+def checked_point(point: Point, name: str) -> np.ndarray:
+    """A point (3,) [m], refused by its name where a coordinate is not finite, or too far away for an arm."""
     values = (point.x, point.y, point.z)
     for value in values:
-        _check_number(value, name, "m")
+        check_number(value, name, "m")
     return np.array(values)
 
 
-def _quaternion(pose: Pose, name: str = "orientation") -> np.ndarray:
+def checked_quaternion(pose: Pose, name: str = "orientation") -> np.ndarray:
+    """The unit quaternion (w, x, y, z) of a pose; the norm in the message may be any but zero."""
     orientation = pose.orientation
     quaternion = np.array([orientation.w, orientation.x, orientation.y, orientation.z])
     for value in quaternion:
-        _check_number(float(value), name, "")
+        check_number(float(value), name, "")
     norm = float(np.linalg.norm(quaternion))
     if norm < 1e-6:
         raise MessageRefused(f"{name} is the zero quaternion; a rotation has norm 1 (no rotation: w = 1)")
     return quaternion / norm
 
 
-def _check_number(value: float, name: str, unit: str) -> None:
+def check_number(value: float, name: str, unit: str) -> None:
+    """Refuse what is not finite, or larger than a number of a unit may be here, by its name."""
     if not math.isfinite(value):
         raise MessageRefused(f"{name} holds {value}; finite numbers are needed")
     if abs(value) > LARGEST_COORDINATE:
@@ -403,74 +328,6 @@ def joint_state_message(names: Sequence[str], positions: np.ndarray, velocities:
         position=array.array("d", positions.tolist()),
         velocity=array.array("d", velocities.tolist()),
     )
-
-
-Colour = tuple[float, float, float, float]
-
-
-def sphere_marker(
-    namespace: str, number: int, centre: np.ndarray, radius: float, colour: Colour, frame: str, stamp: Time
-) -> Marker:
-    """A SPHERE of a radius [m]."""
-    marker = _marker(namespace, number, Marker.SPHERE, colour, frame, stamp)
-    marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = (float(value) for value in centre)
-    marker.scale.x = marker.scale.y = marker.scale.z = 2.0 * float(radius)
-    return marker
-
-
-def solid_marker(namespace: str, number: int, solid: np.ndarray, colour: Colour, frame: str, stamp: Time) -> Marker:
-    """A solid (16,) (`solids.py`): a capsule as the CYLINDER around it, others as the CUBE."""
-    half_extents, radius = solid[3:6], solid[6]
-    kind = Marker.CUBE if np.any(half_extents[:2]) else Marker.CYLINDER
-    marker = _marker(namespace, number, kind, colour, frame, stamp)
-    fill_pose(marker.pose, solid[:3], from_rotation(Rotation.from_matrix(solid[7:].reshape(3, 3))))
-    marker.scale.x, marker.scale.y, marker.scale.z = (2.0 * float(half + radius) for half in half_extents)
-    return marker
-
-
-def cubes_marker(namespace: str, centres: np.ndarray, edge: float, colour: Colour, frame: str, stamp: Time) -> Marker:
-    """A CUBE_LIST of cubes of one edge [m] at centres (n, 3) [m]."""
-    marker = _marker(namespace, 0, Marker.CUBE_LIST, colour, frame, stamp)
-    marker.scale.x = marker.scale.y = marker.scale.z = float(edge)
-    marker.points = [Point(x=x, y=y, z=z) for x, y, z in centres.tolist()]
-    return marker
-
-
-def line_marker(namespace: str, points: np.ndarray, width: float, colour: Colour, frame: str, stamp: Time) -> Marker:
-    """A LINE_STRIP through points (n, 3) [m]."""
-    marker = _marker(namespace, 0, Marker.LINE_STRIP, colour, frame, stamp)
-    marker.scale.x = float(width)
-    marker.points = [Point(x=x, y=y, z=z) for x, y, z in points.tolist()]
-    return marker
-
-
-def deletion_marker(namespace: str, number: int, frame: str, stamp: Time) -> Marker:
-    header = Header(frame_id=frame, stamp=stamp)
-    return Marker(header=header, ns=namespace, id=int(number), action=Marker.DELETE)
-
-
-def _marker(namespace: str, number: int, kind: int, colour: Colour, frame: str, stamp: Time) -> Marker:
-    marker = Marker(header=Header(frame_id=frame, stamp=stamp), ns=namespace, id=int(number), type=int(kind))
-    marker.pose.orientation.w = 1.0
-    red, green, blue, alpha = (float(part) for part in colour)
-    marker.color = ColorRGBA(r=red, g=green, b=blue, a=alpha)
-    return marker
-
-
-class MarkerScene:
-    """Turns the markers to be seen into updates: everything seen before and no more is deleted by (ns,
-    id).
-    """
-
-    def __init__(self, frame: str) -> None:
-        self._frame = frame
-        self._shown: set[Key] = set()
-
-    def update(self, markers: Sequence[Marker], stamp: Time) -> MarkerArray:
-        wanted = {(marker.ns, marker.id) for marker in markers}
-        gone = [deletion_marker(*key, self._frame, stamp) for key in sorted(self._shown - wanted)]
-        self._shown = wanted
-        return MarkerArray(markers=[*markers, *gone])
 
 
 def diagnostic_status(

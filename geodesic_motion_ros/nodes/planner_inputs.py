@@ -20,14 +20,13 @@ from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.frames import frames_of
 from geodesic_motion_ros.nodes.marker_bytes import marker_in, markers_in
+from geodesic_motion_ros.nodes.marker_messages import MarkerUpdate, read_marker
 from geodesic_motion_ros.nodes.messages import (
-    MarkerUpdate,
     MessageRefused,
     check_limits,
     frame_of,
     read_cloud,
     read_joint_positions,
-    read_marker,
     read_point,
     read_pose,
     seconds,

@@ -22,17 +22,19 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures
-from geodesic_motion_ros.nodes.messages import (
+from geodesic_motion_ros.nodes.marker_messages import (
     MarkerScene,
     cubes_marker,
+    line_marker,
+    solid_marker,
+    sphere_marker,
+)
+from geodesic_motion_ros.nodes.messages import (
     diagnostic_array,
     diagnostic_status,
     fill_pose,
     image_message,
-    line_marker,
     path_message,
-    solid_marker,
-    sphere_marker,
 )
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.publishers import publishers_of

@@ -28,8 +28,8 @@ from visualization_msgs.msg import MarkerArray
 
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError, RobotError, SkillError
 from geodesic_motion_ros.nodes.clock_offset import ClockOffset
+from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import (
-    MarkerScene,
     image_message,
     joint_state_message,
     point_message,
@@ -37,7 +37,6 @@ from geodesic_motion_ros.nodes.messages import (
     read_joint_trajectory,
     read_pose,
     seconds,
-    sphere_marker,
 )
 from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
 from geodesic_motion_ros.nodes.parameter_tables import TWIN

@@ -21,7 +21,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from geodesic_motion_ros.nodes import messages
+from geodesic_motion_ros.nodes import marker_messages, messages
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -186,7 +186,7 @@ class Bench:
         """Publish obstacles (centre [m], radius [m]) once, as one MarkerArray."""
         stamp = self.probe.get_clock().now().to_msg()
         markers = [
-            messages.sphere_marker("test", number, np.array(centre), radius, (1.0, 0.0, 0.0, 1.0), frame, stamp)
+            marker_messages.sphere_marker("test", number, np.array(centre), radius, (1.0, 0.0, 0.0, 1.0), frame, stamp)
             for number, (centre, radius) in enumerate(spheres)
         ]
         self.publisher(MarkerArray, "obstacles").publish(MarkerArray(markers=markers))

@@ -23,6 +23,7 @@ from visualization_msgs.msg import Marker
 
 from geodesic_motion_ros.nodes import messages as m
 from geodesic_motion_ros.nodes.frames import BufferedFrames, frames_of, no_tf2
+from geodesic_motion_ros.nodes.marker_messages import read_marker
 from geodesic_motion_ros.quaternions import to_rotation
 
 BASE, CAMERA = "panda_link0", "camera"
@@ -95,7 +96,7 @@ def test_a_point_and_a_sphere_are_carried(seen, lookup) -> None:
     point.point.x, point.point.y, point.point.z = POINT.tolist()
     np.testing.assert_allclose(m.read_point(point, BASE, lookup), expected, atol=1e-12)
     sphere = marker(header, Marker.SPHERE)
-    update = m.read_marker(sphere, BASE, lookup)
+    update = read_marker(sphere, BASE, lookup)
     np.testing.assert_allclose(update.centre, expected, atol=1e-12)
     assert update.radius == 0.4
 
@@ -103,8 +104,8 @@ def test_a_point_and_a_sphere_are_carried(seen, lookup) -> None:
 @pytest.mark.parametrize("kind", [Marker.CUBE, Marker.CYLINDER])
 def test_a_solid_is_carried_with_its_axes(seen, lookup, kind) -> None:
     header, origin, rotation = seen
-    there = m.read_marker(marker(header, kind), BASE, lookup)
-    here = m.read_marker(marker(Header(frame_id=BASE), kind), BASE)
+    there = read_marker(marker(header, kind), BASE, lookup)
+    here = read_marker(marker(Header(frame_id=BASE), kind), BASE)
     np.testing.assert_allclose(there.centre, origin + rotation.apply(POINT), atol=1e-12)
     np.testing.assert_array_equal(there.solid[:3], there.centre)
     np.testing.assert_array_equal(there.solid[3:7], here.solid[3:7])

@@ -12,7 +12,8 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray, MeshFile, UVCoordinate
 
 from geodesic_motion_ros.nodes.marker_bytes import SeenMarker, marker_in, markers_in
-from geodesic_motion_ros.nodes.messages import MessageRefused, sphere_marker
+from geodesic_motion_ros.nodes.marker_messages import sphere_marker
+from geodesic_motion_ros.nodes.messages import MessageRefused
 
 STAMP = Time(sec=1_700_000_000, nanosec=999_999_999)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import array
 import math
 import struct
-from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -18,12 +17,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from visualization_msgs.msg import Marker
 
 from geodesic_motion_ros.nodes import messages as m
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.solids import solid_distances
 
 BASE = "panda_link0"
 NAMES = ("j1", "j2", "j3")
@@ -37,15 +34,6 @@ def pose(x=0.1, y=0.2, z=0.3, quaternion=(1.0, 0.0, 0.0, 0.0), frame=BASE) -> Po
     orientation = message.pose.orientation
     orientation.w, orientation.x, orientation.y, orientation.z = quaternion
     return message
-
-
-def sphere(namespace="n", number=1, diameter=0.1, frame=BASE, **fields) -> Marker:
-    marker = Marker(header=Header(frame_id=frame, stamp=STAMP), ns=namespace, id=number, type=Marker.SPHERE)
-    marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = 0.1, 0.2, 0.3
-    marker.scale.x = marker.scale.y = marker.scale.z = diameter
-    for name, value in fields.items():
-        setattr(marker, name, value)
-    return marker
 
 
 class TestPose:
@@ -204,104 +192,6 @@ class TestJointTrajectory:
             m.read_joint_trajectory(message, PANDA)
 
 
-class TestMarker:
-    def test_scale_is_the_diameter(self):
-        update = m.read_marker(sphere(lifetime=Duration(sec=1, nanosec=500_000_000)), BASE)
-        assert (update.action, update.key, update.radius) == ("put", ("n", 1), 0.05)
-        assert update.lifetime == 1.5
-        assert update.stamp == 12.5
-        np.testing.assert_array_equal(update.centre, [0.1, 0.2, 0.3])
-
-    def test_an_ellipsoid_is_covered(self):
-        marker = sphere()
-        marker.scale.y = 0.3
-        assert m.read_marker(marker, BASE).radius == 0.15
-
-    def test_deletions_need_neither_frame_nor_size(self):
-        marker = sphere(frame="", diameter=0.0, action=Marker.DELETE)
-        assert m.read_marker(marker, BASE).action == "delete"
-        assert m.read_marker(sphere(action=Marker.DELETEALL, diameter=0.0), BASE).action == "delete_all"
-
-    @pytest.mark.parametrize("diameter", [0.0, -0.1, *BAD])
-    def test_diameters_must_be_positive(self, diameter):
-        with pytest.raises(m.MessageRefused, match=r"marker n/1: scale"):
-            m.read_marker(sphere(diameter=diameter), BASE)
-
-    @pytest.mark.parametrize("value", BAD)
-    def test_centres_must_be_finite(self, value):
-        marker = sphere()
-        marker.pose.position.z = value
-        with pytest.raises(m.MessageRefused, match=r"marker n/1: centre"):
-            m.read_marker(marker, BASE)
-
-    def test_other_shapes_actions_and_frames_are_refused(self):
-        with pytest.raises(m.MessageRefused, match="type 0, expected SPHERE"):
-            m.read_marker(sphere(type=Marker.ARROW), BASE)
-        with pytest.raises(m.MessageRefused, match="action 7"):
-            m.read_marker(sphere(action=7), BASE)
-        with pytest.raises(m.MessageRefused, match="frame 'camera'"):
-            m.read_marker(sphere(frame="camera"), BASE)
-
-    def test_a_cube_is_a_turned_box(self):
-        update = m.read_marker(shape(Marker.CUBE, (0.2, 0.1, 0.4)), BASE)
-        assert (update.action, update.key) == ("put", ("n", 1))
-        np.testing.assert_array_equal(update.centre, [0.1, 0.2, 0.3])
-        # Turned by a quarter about z: its long side along x is along y.
-        points = update.centre + np.array([[0.0, 0.15, 0.0], [0.15, 0.0, 0.0], [0.0, 0.0, 0.3]])
-        np.testing.assert_allclose(solid_distances(points, update.solid[None]), [0.05, 0.1, 0.1], atol=1e-6)
-
-    @pytest.mark.parametrize("scale", [(0.1, 0.1, 0.8), (0.1, 0.09, 0.8), (0.3, 0.3, 0.1), (0.1, 0.1, 0.12)])
-    def test_a_cylinder_is_held_by_its_solid(self, scale):
-        update = m.read_marker(shape(Marker.CYLINDER, scale), BASE)
-        random = np.random.default_rng(0)
-        angles, heights = random.uniform(0.0, 2.0 * np.pi, 500), random.uniform(-0.5, 0.5, 500)
-        # In the marker's frame, which is turned by a quarter about z.
-        surface = np.stack([0.5 * scale[0] * np.cos(angles), 0.5 * scale[1] * np.sin(angles), scale[2] * heights])
-        turned = np.stack([-surface[1], surface[0], surface[2]], axis=1) + update.centre
-        distances = solid_distances(turned, update.solid[None])
-        assert np.max(distances) <= 1e-9
-        slender = scale[2] > 0.5
-        assert (update.solid[6] > 0.0) == slender
-        # A solid that holds it and is no larger than it must be: half a diameter, or the corners of the box.
-        above = update.centre + np.array([0.0, 0.0, 0.5 * scale[2] + 1.0])
-        over = 1.0 - solid_distances(above[None], update.solid[None])[0]
-        assert over == pytest.approx(0.5 * max(scale[:2]) if slender else 0.0, abs=1e-9)
-
-    def test_solids_need_a_rotation_and_spheres_do_not(self):
-        for kind, said in ((Marker.CUBE, "zero quaternion"), (Marker.CYLINDER, "zero quaternion")):
-            marker = shape(kind, (0.1, 0.1, 0.1))
-            marker.pose.orientation.w = marker.pose.orientation.z = 0.0
-            with pytest.raises(m.MessageRefused, match=f"marker n/1: orientation is the {said}"):
-                m.read_marker(marker, BASE)
-            marker.pose.orientation.w = math.nan
-            with pytest.raises(m.MessageRefused, match="marker n/1: orientation holds nan"):
-                m.read_marker(marker, BASE)
-        marker = sphere()
-        marker.pose.orientation.w = 0.0
-        assert m.read_marker(marker, BASE).solid is None
-
-    @pytest.mark.parametrize("kind", [Marker.CUBE, Marker.CYLINDER])
-    @pytest.mark.parametrize("side", [0.0, -0.1, *BAD])
-    def test_every_side_of_a_solid_must_be_positive(self, kind, side):
-        for axis in range(3):
-            scale = [0.1, 0.1, 0.1]
-            scale[axis] = side
-            with pytest.raises(m.MessageRefused, match=r"marker n/1: scale"):
-                m.read_marker(shape(kind, scale), BASE)
-
-    def test_lifetime_must_not_be_negative(self):
-        with pytest.raises(m.MessageRefused, match="lifetime"):
-            m.read_marker(sphere(lifetime=Duration(sec=-1)), BASE)
-
-
-def shape(kind: int, scale: Sequence[float]) -> Marker:
-    """A marker at (0.1, 0.2, 0.3), turned by a quarter about z."""
-    marker = sphere(type=kind)
-    marker.pose.orientation.w = marker.pose.orientation.z = math.sqrt(0.5)
-    marker.scale.x, marker.scale.y, marker.scale.z = scale
-    return marker
-
-
 def test_a_cloud_that_is_written_is_read_again():
     points = np.random.default_rng(0).normal(size=(50, 3))
     read, not_finite = m.read_cloud(m.cloud_message(points, BASE, Time(sec=3)), BASE)
@@ -380,20 +270,11 @@ class TestCloud:
 _ANY = st.floats(allow_nan=True, allow_infinity=True)
 
 
-def _numbers(update: m.MarkerUpdate) -> tuple[object, ...]:
-    return update.centre, update.radius, update.lifetime, 0.0 if update.solid is None else update.solid
-
-
 @settings(deadline=None, max_examples=300)
-@given(st.tuples(*[_ANY] * 10), st.integers(-5, 20), st.integers(-5, 20), st.text(max_size=8), _ANY)
-def test_fuzzed_messages_are_read_or_refused(numbers, kind, action, frame, point):
+@given(st.tuples(*[_ANY] * 7), _ANY)
+def test_fuzzed_messages_are_read_or_refused(numbers, point):
     """Whatever the fields hold, a reader returns finite values or raises MessageRefused, nothing else."""
-    x, y, z, qw, qx, qy, qz, sx, sy, sz = numbers
-    marker = sphere(type=kind, action=action, frame=frame if kind % 2 else BASE)
-    marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = x, y, z
-    marker.scale.x, marker.scale.y, marker.scale.z = sx, sy, sz
-    turned = marker.pose.orientation
-    turned.w, turned.x, turned.y, turned.z = qw, qx, qy, qz
+    x, y, z, qw, qx, qy, qz = numbers
     state = JointState(name=list(NAMES), position=array.array("d", [x, y, z]))
     stamped = PointStamped(header=Header(frame_id=BASE))
     stamped.point.x, stamped.point.y = point, x
@@ -401,7 +282,6 @@ def test_fuzzed_messages_are_read_or_refused(numbers, kind, action, frame, point
         lambda: m.read_pose(pose(x, y, z, (qw, qx, qy, qz)), BASE),
         lambda: m.read_joint_positions(state, NAMES),
         lambda: m.read_point(stamped, BASE),
-        lambda: _numbers(m.read_marker(marker, BASE)),
     ):
         try:
             parts = read()
@@ -457,9 +337,6 @@ class TestWriters:
         message = m.pose_message(np.float32([0.5, 0.25, 2.0]), np.float32([1, 0, 0, 0]), BASE, STAMP)
         back = deserialize_message(serialize_message(message), PoseStamped)
         assert (back.pose.position.x, back.pose.position.y, back.pose.position.z) == (0.5, 0.25, 2.0)
-        marker = m.sphere_marker("n", np.int64(3), np.float32([0.5, 0, 0]), np.float32(0.25), (1, 0, 0, 1), BASE, STAMP)
-        back = deserialize_message(serialize_message(marker), Marker)
-        assert (back.id, back.pose.position.x, back.scale.z, back.color.a) == (3, 0.5, 0.5, 1.0)
 
     def test_joint_states(self):
         message = m.joint_state_message(NAMES, np.float32([1, 2, 3]), np.zeros(3), STAMP)
@@ -474,34 +351,3 @@ class TestWriters:
         back = deserialize_message(serialize_message(array_message), type(array_message)).status[0]
         assert back.level == DiagnosticStatus.WARN
         assert {pair.key: pair.value for pair in back.values} == {"a": "0.5", "b": "3", "c": "nan"}
-
-    def test_what_is_no_longer_shown_is_deleted_once(self):
-        scene = m.MarkerScene(BASE)
-        scene.update([sphere("a", 0), sphere("a", 1)], STAMP)
-        second = scene.update([sphere("a", 1)], STAMP).markers
-        assert [(x.ns, x.id, x.action) for x in second] == [("a", 1, Marker.ADD), ("a", 0, Marker.DELETE)]
-        assert len(scene.update([sphere("a", 1)], STAMP).markers) == 1
-
-    def test_written_spheres_can_be_read(self):
-        marker = m.sphere_marker("n", 4, np.array([0.1, 0.2, 0.3]), 0.07, (1.0, 0.0, 0.0, 1.0), BASE, STAMP)
-        update = m.read_marker(marker, BASE)
-        assert (update.key, update.radius) == (("n", 4), 0.07)
-
-    @pytest.mark.parametrize("kind", [Marker.CUBE, Marker.CYLINDER])
-    def test_written_solids_can_be_read(self, kind):
-        solid = m.read_marker(shape(kind, (0.1, 0.1, 0.9)), BASE).solid
-        marker = m.solid_marker("n", 4, solid, (1.0, 0.0, 0.0, 1.0), BASE, STAMP)
-        back = deserialize_message(serialize_message(marker), Marker)
-        assert back.type == kind
-        points = np.random.default_rng(0).uniform(-0.5, 0.8, (200, 3))
-        again = m.read_marker(back, BASE).solid
-        away = solid_distances(points, again[None]) - solid_distances(points, solid[None])
-        # Of a capsule the cylinder around it is shown.
-        assert np.all(np.abs(away) < 1e-9) if kind == Marker.CUBE else np.all(away <= 1e-9)
-
-    def test_cubes(self):
-        centres = np.arange(6.0).reshape(2, 3)
-        marker = m.cubes_marker("n", centres, np.float32(0.25), (1.0, 0.0, 0.0, 1.0), BASE, STAMP)
-        back = deserialize_message(serialize_message(marker), Marker)
-        assert (back.type, back.scale.y) == (Marker.CUBE_LIST, 0.25)
-        assert [(p.x, p.y, p.z) for p in back.points] == [(0.0, 1.0, 2.0), (3.0, 4.0, 5.0)]

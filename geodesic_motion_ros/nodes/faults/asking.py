@@ -19,7 +19,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from geodesic_motion_ros.nodes.faults.fault import NotSeenError
 from geodesic_motion_ros.nodes.faults.relay import Relay
-from geodesic_motion_ros.nodes.messages import MarkerScene, pose_message, sphere_marker
+from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
+from geodesic_motion_ros.nodes.messages import pose_message
 from geodesic_motion_ros.skill import Skill
 
 #: Times a second that the planner alone is told of spheres; centre [m] and radius [m] of one.

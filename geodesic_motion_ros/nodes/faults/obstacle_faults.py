@@ -18,7 +18,7 @@ from geodesic_motion_ros.nodes.faults.fault import GOAL, MOTION, START, Fault, F
 from geodesic_motion_ros.nodes.faults.goal_faults import require_unchanged
 from geodesic_motion_ros.nodes.faults.record import Status, ahead
 from geodesic_motion_ros.nodes.faults.state_faults import STOP, refused, require_hold, require_only_ok, require_refused
-from geodesic_motion_ros.nodes.messages import sphere_marker
+from geodesic_motion_ros.nodes.marker_messages import sphere_marker
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 
 _TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == "obstacle_timeout")

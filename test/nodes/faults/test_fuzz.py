@@ -8,7 +8,8 @@ from rclpy.serialization import serialize_message
 
 from geodesic_motion_ros.nodes.faults.fuzz import INPUTS, Fuzzer
 from geodesic_motion_ros.nodes.marker_bytes import marker_in
-from geodesic_motion_ros.nodes.messages import MessageRefused, read_cloud, read_joint_positions, read_marker, read_pose
+from geodesic_motion_ros.nodes.marker_messages import read_marker
+from geodesic_motion_ros.nodes.messages import MessageRefused, read_cloud, read_joint_positions, read_pose
 from geodesic_motion_ros.robot.kinematics import Robot
 
 READERS = {

@@ -1,0 +1,168 @@
+"""Markers to obstacles and what is to be seen to markers; reads and writes as `messages` does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from geodesic_motion_ros.nodes.marker_bytes import SeenMarker
+from geodesic_motion_ros.nodes.messages import (
+    FrameLookup,
+    MessageRefused,
+    base_only,
+    check_number,
+    checked_point,
+    checked_quaternion,
+    fill_pose,
+    frame_of,
+    seconds,
+)
+from geodesic_motion_ros.nodes.obstacle_tracker import Key
+from geodesic_motion_ros.quaternions import from_rotation, to_rotation
+from geodesic_motion_ros.solids import solid_rows
+
+
+@dataclass(frozen=True)
+class MarkerUpdate:
+    """What one marker asks for: `put`, `delete` or `delete_all`.
+
+    To `put` belong a centre (3,) [m], the radius of a sphere [m], or the row (16,) of a solid (`solids.py`), and a
+    lifetime [s].
+    """
+
+    action: str
+    key: Key
+    stamp: float = 0.0
+    centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    radius: float = 0.0
+    lifetime: float = 0.0
+    solid: np.ndarray | None = None
+
+
+def read_marker(message: Marker | SeenMarker, base_frame: str, lookup: FrameLookup = base_only) -> MarkerUpdate:
+    """An obstacle by (ns, id), as the base frame sees it, or its deletion.
+
+    SPHERE has its diameter for scale [m], of an ellipsoid the largest. CUBE is a box with its sides for scale, turned
+    by its orientation. CYLINDER has its diameter and its height along z for scale; it becomes a solid that holds it: a
+    capsule as thick, whose axis is as long, so that it is longer by half a diameter at both ends, or the box around
+    it, whichever has less volume.
+
+    DELETEALL empties one namespace, or the whole topic when `ns` is empty. A lifetime of zero means until
+    deleted.
+    """
+    key, stamp = (message.ns, int(message.id)), seconds(message.header.stamp)
+    if message.action == Marker.DELETEALL:
+        return MarkerUpdate("delete_all", key, stamp)
+    if message.action == Marker.DELETE:
+        return MarkerUpdate("delete", key, stamp)
+    name = f"marker {message.ns}/{message.id}"
+    if message.action != Marker.ADD:  # MODIFY has the same number
+        raise MessageRefused(f"{name}: action {message.action}, expected ADD (0), DELETE (2) or DELETEALL (3)")
+    if message.type not in (Marker.SPHERE, Marker.CUBE, Marker.CYLINDER):
+        raise MessageRefused(
+            f"{name}: type {message.type}, expected SPHERE ({Marker.SPHERE}), CUBE ({Marker.CUBE}) or "
+            f"CYLINDER ({Marker.CYLINDER})"
+        )
+    frame = frame_of(message.header, base_frame, lookup)
+    centre = checked_point(message.pose.position, f"{name}: centre")
+    scale = (message.scale.x, message.scale.y, message.scale.z)
+    for value in scale:
+        check_number(value, f"{name}: scale", "m")
+    if min(scale) <= 0.0:
+        raise MessageRefused(f"{name}: scale {scale} m holds diameters or sides, which must be positive")
+    lifetime = message.lifetime.sec + 1e-9 * message.lifetime.nanosec
+    if lifetime < 0.0:
+        raise MessageRefused(f"{name}: lifetime {lifetime} s, expected 0 (for ever) or more")
+    if message.type == Marker.SPHERE:
+        return MarkerUpdate("put", key, stamp, frame.points_to_base(centre), 0.5 * max(scale), lifetime)
+    half_extents, radius = _box_or_capsule(message.type, 0.5 * np.array(scale))
+    centre, quaternion = frame.to_base(centre, checked_quaternion(message.pose, f"{name}: orientation"))
+    rotation = to_rotation(quaternion).as_matrix()
+    solid = solid_rows(centre[None], rotation[None], half_extents[None], np.array([radius]))[0]
+    return MarkerUpdate("put", key, stamp, centre, lifetime=lifetime, solid=solid)
+
+
+def _box_or_capsule(kind: int, half_sides: np.ndarray) -> tuple[np.ndarray, float]:
+    """Half extents (3,) and radius [m] of the solid that holds a CUBE or CYLINDER with half sides (3,) [m]."""
+    thick, half_height = float(max(half_sides[:2])), half_sides[2]
+    box = 8.0 * float(np.prod(half_sides))
+    capsule = math.pi * thick**2 * (2.0 * half_height + 4.0 / 3.0 * thick)
+    if kind == Marker.CYLINDER and capsule < box:
+        return np.array([0.0, 0.0, half_height]), thick
+    return half_sides, 0.0
+
+
+Colour = tuple[float, float, float, float]
+
+
+def sphere_marker(
+    namespace: str, number: int, centre: np.ndarray, radius: float, colour: Colour, frame: str, stamp: Time
+) -> Marker:
+    """A SPHERE of a radius [m]."""
+    marker = _marker(namespace, number, Marker.SPHERE, colour, frame, stamp)
+    marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = (float(value) for value in centre)
+    marker.scale.x = marker.scale.y = marker.scale.z = 2.0 * float(radius)
+    return marker
+
+
+def solid_marker(namespace: str, number: int, solid: np.ndarray, colour: Colour, frame: str, stamp: Time) -> Marker:
+    """A solid (16,) (`solids.py`): a capsule as the CYLINDER around it, others as the CUBE."""
+    half_extents, radius = solid[3:6], solid[6]
+    kind = Marker.CUBE if np.any(half_extents[:2]) else Marker.CYLINDER
+    marker = _marker(namespace, number, kind, colour, frame, stamp)
+    fill_pose(marker.pose, solid[:3], from_rotation(Rotation.from_matrix(solid[7:].reshape(3, 3))))
+    marker.scale.x, marker.scale.y, marker.scale.z = (2.0 * float(half + radius) for half in half_extents)
+    return marker
+
+
+def cubes_marker(namespace: str, centres: np.ndarray, edge: float, colour: Colour, frame: str, stamp: Time) -> Marker:
+    """A CUBE_LIST of cubes of one edge [m] at centres (n, 3) [m]."""
+    marker = _marker(namespace, 0, Marker.CUBE_LIST, colour, frame, stamp)
+    marker.scale.x = marker.scale.y = marker.scale.z = float(edge)
+    marker.points = [Point(x=x, y=y, z=z) for x, y, z in centres.tolist()]
+    return marker
+
+
+def line_marker(namespace: str, points: np.ndarray, width: float, colour: Colour, frame: str, stamp: Time) -> Marker:
+    """A LINE_STRIP through points (n, 3) [m]."""
+    marker = _marker(namespace, 0, Marker.LINE_STRIP, colour, frame, stamp)
+    marker.scale.x = float(width)
+    marker.points = [Point(x=x, y=y, z=z) for x, y, z in points.tolist()]
+    return marker
+
+
+def deletion_marker(namespace: str, number: int, frame: str, stamp: Time) -> Marker:
+    header = Header(frame_id=frame, stamp=stamp)
+    return Marker(header=header, ns=namespace, id=int(number), action=Marker.DELETE)
+
+
+def _marker(namespace: str, number: int, kind: int, colour: Colour, frame: str, stamp: Time) -> Marker:
+    marker = Marker(header=Header(frame_id=frame, stamp=stamp), ns=namespace, id=int(number), type=int(kind))
+    marker.pose.orientation.w = 1.0
+    red, green, blue, alpha = (float(part) for part in colour)
+    marker.color = ColorRGBA(r=red, g=green, b=blue, a=alpha)
+    return marker
+
+
+class MarkerScene:
+    """Turns the markers to be seen into updates: everything seen before and no more is deleted by (ns,
+    id).
+    """
+
+    def __init__(self, frame: str) -> None:
+        self._frame = frame
+        self._shown: set[Key] = set()
+
+    def update(self, markers: Sequence[Marker], stamp: Time) -> MarkerArray:
+        wanted = {(marker.ns, marker.id) for marker in markers}
+        gone = [deletion_marker(*key, self._frame, stamp) for key in sorted(self._shown - wanted)]
+        self._shown = wanted
+        return MarkerArray(markers=[*markers, *gone])
