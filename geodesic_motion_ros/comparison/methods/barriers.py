@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pink import Configuration
 
 #: Pairs that are looked at, gain of the barrier [1/s], and what is kept from obstacles [m].
-PAIRS, GAIN, KEPT_OFF = 20, 5.0, 0.02
+PAIRS, GAIN, KEPT_OFF = 20, 20.0, 0.02
 #: Costs of the tool's pose and of the posture, as in the library's examples of arms.
 POSITION_COST, ORIENTATION_COST, POSTURE_COST = 1.0, 1.0, 0.1
 #: Share of the error that a task removes in one tick.

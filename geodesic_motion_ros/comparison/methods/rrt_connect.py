@@ -21,7 +21,7 @@ from geodesic_motion_ros.robot.collision_model import obstacle_clearance, self_c
 
 #: Configurations that a search may look at, longest step of the tree [rad], how finely motions are looked at, as a
 #: share of the joints' ranges, what is kept from obstacles while searching [m], and configurations on a path.
-CHECKS, RANGE, RESOLUTION, KEPT_OFF, POINTS = 3000, 0.5, 0.01, 0.02, 100
+CHECKS, RANGE, RESOLUTION, KEPT_OFF, POINTS = 3000, 0.25, 0.01, 0.02, 100
 
 
 class RapidTrees(Replanning):
