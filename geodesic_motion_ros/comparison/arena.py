@@ -25,10 +25,6 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill import Skill
 
-#: Share of the joints' velocity limits, and of their acceleration and jerk limits, with a skill of the tool: the
-#: demonstrations then take about as long as references within the tool's limits of the planner.
-TOOL_SPEED_SCALE, TOOL_ACCELERATION_SCALE = 0.5, 0.4
-
 
 @dataclass(frozen=True, eq=False)
 class Arena:
@@ -61,10 +57,11 @@ class Arena:
         sheet = skill.canonical
         if sheet is None:
             raise ParameterError(f"'{skill.name}' is on the raw sheet: scenes are drawn for skills on a canonical one")
-        robot, collision = Robot.named(skill.robot), CollisionModel.named(skill.robot)
+        robot, settings = Robot.named(skill.robot), JointPlannerSettings()
+        limits = JointLimits.of(robot, settings.speed_scale, settings.acceleration_scale)
+        collision = CollisionModel.named(skill.robot)
         if isinstance(sheet, CanonicalSheet):
             curves = shown_curves(sheet)
-            limits = JointLimits.of(robot, TOOL_SPEED_SCALE, TOOL_ACCELERATION_SCALE)
             # The first pose decides which of the arm's postures is taken, for all demonstrations.
             begin = solve(robot, curves[0].positions[0], curves[0].quaternions[0])
             shown = np.stack([followed(robot, curve, begin) for curve in curves])
@@ -76,8 +73,6 @@ class Arena:
             )
         ends = np.stack([sheet.start_poles[0] + sheet.start_offsets, sheet.goal_poles[0] + sheet.goal_offsets], axis=1)
         shown = np.stack([_moved(robot, *pair) for pair in zip(sheet.configurations, ends, strict=True)])
-        settings = JointPlannerSettings()
-        limits = JointLimits.of(robot, settings.speed_scale, settings.acceleration_scale)
         return cls(skill, robot, collision, limits, shown, sheet.modes)
 
     @property

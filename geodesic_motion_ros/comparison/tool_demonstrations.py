@@ -3,6 +3,9 @@
 The arm's joints were not recorded, and a pose leaves them one freedom. Here the arm takes, for every pose, the
 configuration nearest to its ready posture: the one in which the twin comes to rest that follows a stream of poses. It
 depends on the pose alone, so that motions which meet in a pose meet in a configuration.
+
+Hands tremble. A little of that is smoothed away: no arm that keeps limits of acceleration and jerk would play it in the
+time that the task takes.
 """
 
 from __future__ import annotations
@@ -12,11 +15,14 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.transport import carried
-from geodesic_motion_ros.quaternions import rotation_vector_between
+from geodesic_motion_ros.quaternions import continuous_signs, rotation_vector_between
+from geodesic_motion_ros.reference import smooth_poses
 from geodesic_motion_ros.robot.inverse_kinematics import differential_step, pose_error
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.sheet import CanonicalSheet
 
+#: Width of the smoothing, in samples of a demonstration, which has a hundred.
+_SMOOTHED = 1.0
 #: A configuration holds its pose up to this [m, rad], and is found where no joint moves more in a step [rad].
 _POSE, _SETTLED = 1e-5, 1e-7
 #: Steps for one pose.
@@ -26,7 +32,7 @@ _SAME = 1e-3
 
 
 def shown_curves(sheet: CanonicalSheet) -> list[PoseCurve]:
-    """The demonstrations as they were shown."""
+    """The demonstrations with their own starts and goals."""
     ends = zip(sheet.start_offsets, sheet.goal_offsets, strict=True)
     return [_carried(sheet, i, *offsets) for i, offsets in enumerate(ends)]
 
@@ -44,7 +50,8 @@ def moved_curves(sheet: CanonicalSheet, start: Pose, goal: Pose) -> list[PoseCur
 def _carried(sheet: CanonicalSheet, i: int, start_offset: np.ndarray, goal_offset: np.ndarray) -> PoseCurve:
     share = np.linspace(0.0, 1.0, sheet.positions.shape[1])[:, None]
     displacements = (1.0 - share) * start_offset + share * goal_offset
-    return PoseCurve(*carried(sheet.positions[i], sheet.quaternions[i], displacements))
+    positions, quaternions = carried(sheet.positions[i], sheet.quaternions[i], displacements)
+    return PoseCurve(*smooth_poses(positions, continuous_signs(quaternions), _SMOOTHED))
 
 
 def followed(robot: Robot, curve: PoseCurve, begin: np.ndarray, end: np.ndarray | None = None) -> np.ndarray:
