@@ -52,7 +52,7 @@ class Arena:
         Raises
         ------
         ParameterError : it is on the raw sheet, its demonstrations begin or end in several families of configurations,
-            or the arm cannot carry the tool along them.
+            or the arm cannot carry the tool along them. RobotError : it does not reach where they begin.
         """
         sheet = skill.canonical
         if sheet is None:
