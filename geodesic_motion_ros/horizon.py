@@ -15,7 +15,8 @@ import math
 from dataclasses import dataclass
 
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference
+from geodesic_motion_ros.joint_reference import JointReference, joined
+from geodesic_motion_ros.joint_stop import stopping_reference
 
 #: What is sent reaches further again after this share of the horizon.
 _RENEWED_AFTER = 0.5

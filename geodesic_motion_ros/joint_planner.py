@@ -21,9 +21,10 @@ from geodesic_motion_ros.giving_way import GivingWay
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
-from geodesic_motion_ros.joint_reference import JointReference, load_references
+from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_solver import Attempt, JointPlan, JointSolver, MotionState
 from geodesic_motion_ros.joint_stream import Followed, JointStream, Moment
+from geodesic_motion_ros.joint_timing import load_references
 from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings

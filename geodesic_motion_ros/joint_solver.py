@@ -19,7 +19,8 @@ from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
 from geodesic_motion_ros.graph.shortest_path import shortest_free_path
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import JointQuery
-from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way, way_verdict
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, JointPlannerSettings

@@ -17,8 +17,9 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, Swept
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import JointQuery
-from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference
+from geodesic_motion_ros.joint_reference import JointReference, joined
 from geodesic_motion_ros.joint_solver import JointPlan, MotionState
+from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, JointPlannerSettings
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

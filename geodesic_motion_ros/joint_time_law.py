@@ -18,6 +18,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from geodesic_motion_ros.joint_limits import JointLimits
+
 #: Squared rate that stands for no limit: paths that do not move have none.
 _UNLIMITED = 1e6
 #: Coefficients of A below this do not limit it.
@@ -213,3 +215,8 @@ def _averaged(times: np.ndarray, values: np.ndarray, rates: np.ndarray, width: f
             result[1, k] += weight * first
             result[2, k] += weight * (values[i] + h * (rates[i] + h * change / 2.0))
     return result
+
+
+def averaging_width(least: float, limits: JointLimits) -> float:
+    """Half of the triangle [s] over which a jump from one acceleration limit to the other keeps half of the jerk's."""
+    return max(least, 4.0 * float(np.max(limits.acceleration / limits.jerk)))

@@ -9,13 +9,18 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
+from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -208,3 +213,73 @@ def reach_skill(once, reach_demonstrations: JointDemonstrations) -> Skill:
 
     settings = JointTrainingSettings(batch=128, **SMALL)
     return once("reach", lambda: train_joint_space_skill(reach_demonstrations, Robot.panda(), settings, name="reach"))
+
+
+class Motions:
+    """Random motions of a Panda that begin at rest, and what every motion must keep."""
+
+    def __init__(self) -> None:
+        self.robot = Robot.panda()
+        self.limits = JointLimits.of(self.robot)
+
+    def inside(self, path: np.ndarray) -> bool:
+        return bool(np.all(path > self.limits.lower) and np.all(path < self.limits.upper))
+
+    def random_path(self, random: np.random.Generator) -> np.ndarray:
+        """A smooth path (100, 7) through four configurations inside the limits."""
+        while True:
+            through = self.robot.ready + random.normal(scale=0.5, size=(4, 7))
+            path = CubicSpline(np.linspace(0.0, 1.0, 4), through)(np.linspace(0.0, 1.0, 100))
+            if self.inside(path):
+                return path
+
+    def timed(self, path: np.ndarray, velocity=None, acceleration=None) -> JointReference | None:
+        share = np.linspace(0.0, 1.0, len(path))
+        return timed_joint_reference(path, np.stack([share, 1.0 - share], axis=1), self.limits, velocity, acceleration)
+
+    def references(self, count: int, seed: int = 0) -> Iterator[tuple[np.random.Generator, JointReference]]:
+        """Seeded generators and references from rest."""
+        for number in range(count):
+            random = np.random.default_rng([seed, number])
+            yield random, self.timed(self.random_path(random))
+
+    def detour(
+        self, random: np.random.Generator, reference: JointReference, time: float, kink: float
+    ) -> np.ndarray | None:
+        """What is left of a reference's path from `time` on, bent aside, with another goal.
+
+        It begins at an angle [rad], the kink.
+        """
+        rest = reference.rest(time)
+        dense = rest.samples(np.linspace(0.0, rest.duration, 400))[0]
+        passed = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(dense, axis=0), axis=1)))
+        share = np.linspace(0.0, 1.0, 100)
+        path = np.stack([np.interp(share * passed[-1], passed, joint) for joint in dense.T], axis=1)
+        sideways = random.normal(size=7)
+        sideways /= np.linalg.norm(sideways)
+        path += np.outer(np.sin(np.pi * share) ** 2, random.normal(scale=0.1, size=7))
+        path += np.outer(share**2 * (3.0 - 2.0 * share), random.normal(scale=0.05, size=7))
+        path += np.outer(share * (1.0 - share) ** 2, sideways * np.tan(kink) * passed[-1])
+        return path if passed[-1] > 0.3 and self.inside(path) else None
+
+    def assert_plays_within_limits(self, reference: JointReference) -> None:
+        """At 20 times between knots, by differences of what is played, not by the bounds that the package trusts."""
+        assert reference.keeps(self.limits)
+        fine = np.unique(np.concatenate([np.linspace(a, b, 21) for a, b in pairwise(reference.times)]))
+        positions, velocities, accelerations = reference.samples(fine)
+        assert np.all((positions >= self.limits.lower - 1e-6) & (positions <= self.limits.upper + 1e-6))
+        assert np.all(np.abs(velocities) <= self.limits.velocity * 1.00001)
+        assert np.all(np.abs(accelerations) <= self.limits.acceleration * 1.00001)
+        steps = np.diff(fine)[:, None]
+        # Rounding of accelerations over a step of 0.2 ms.
+        assert np.all(np.abs(np.diff(accelerations, axis=0)) <= (self.limits.jerk * 1.00001) * steps + 1e-6)
+        means = 0.5 * (velocities[1:] + velocities[:-1])
+        np.testing.assert_allclose(np.diff(positions, axis=0) / steps, means, atol=2e-3)
+        assert not np.any(reference.velocities[-1])
+        assert not np.any(reference.accelerations[-1])
+        assert np.all(np.diff(reference.times) > 0.0)
+
+
+@pytest.fixture(scope="session")
+def motions() -> Motions:
+    return Motions()

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from geodesic_motion_ros.arm_certificate import ArmCertifier, sphere_bulges
 from geodesic_motion_ros.distance_field import DistanceField, field_distances
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points

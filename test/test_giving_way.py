@@ -12,9 +12,10 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.giving_way import GivingWay
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
+from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_solver import JointPlan, MotionState
 from geodesic_motion_ros.joint_stream import JointStream, Moment
+from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel

@@ -9,7 +9,8 @@ import pytest
 
 from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.robot.kinematics import Robot
 
 ROBOT = Robot.panda()

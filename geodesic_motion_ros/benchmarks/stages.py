@@ -24,7 +24,8 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.refinement import refined
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_query import JointQueryBuilder
-from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.latent_way import cheapest_way
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.reference import resample_latent, smooth_latent

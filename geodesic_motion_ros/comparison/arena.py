@@ -16,7 +16,8 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.blocked_arm import HAND
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.joint_reference import JointReference, timed_joint_reference
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.collision_model import CollisionModel

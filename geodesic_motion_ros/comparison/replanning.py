@@ -18,7 +18,9 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier, SweptArm
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.method import Answer, JointState
 from geodesic_motion_ros.comparison.scene import Scene
-from geodesic_motion_ros.joint_reference import JointReference, joined, stopping_reference, timed_joint_reference
+from geodesic_motion_ros.joint_reference import JointReference, joined
+from geodesic_motion_ros.joint_stop import stopping_reference
+from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 

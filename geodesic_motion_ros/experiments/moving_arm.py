@@ -30,7 +30,8 @@ from geodesic_motion_ros.experiments.moving_spheres import (
     needed_room,
 )
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_reference import PERIOD, JointReference, stopping_reference
+from geodesic_motion_ros.joint_reference import PERIOD, JointReference
+from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry

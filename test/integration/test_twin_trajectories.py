@@ -12,7 +12,8 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.joint_reference import JointReference, joined, timed_joint_reference
+from geodesic_motion_ros.joint_reference import JointReference, joined
+from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.nodes.messages import seconds
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.nodes.twin_node import TwinNode

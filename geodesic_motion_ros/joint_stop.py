@@ -1,0 +1,103 @@
+"""Stops of a joint motion: along the way that it goes, or from its state of motion alone.
+
+As every reference a stop is continuous with the state it begins at, and keeps the limits between its knots too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated, knot_times
+from geodesic_motion_ros.joint_time_law import SmoothLaw, averaging_width, braking_rates
+from geodesic_motion_ros.quintic import quintic_samples
+
+#: Halves of the triangle of time over which laws are averaged [s], tried one after the other: the sooner a stop begins
+#: the better, but one that begins while the arm accelerates as much as it may has to begin gently.
+_STOP_SMOOTHINGS = (0.02, 0.06, 0.12)
+#: Shares of the accelerations that stops are tried with, one after the other.
+_BRAKING_SHARES = (0.97, 0.8, 0.5)
+#: Shortest time [s] in which a bridge's acceleration changes, where jerk would allow less.
+_SHORTEST_RAMP = 0.005
+
+
+def stopping_reference(
+    reference: JointReference, time: float, limits: JointLimits, period: float = PERIOD
+) -> JointReference:
+    """The soonest stop from `time` [s] of a reference on, along its own path.
+
+    The path is the reference itself, passed at a rate that falls from 1 to 0 as fast as the limits allow and is then
+    averaged over time, so that position, velocity and acceleration are continuous at `time`. Where the average exceeds
+    a limit, a longer average and less braking are tried, then `bridge_to_rest`, which leaves the path. Going on is what
+    is left at last: the reference ends at rest by itself.
+    """
+    going = reference.rest(time)
+    for smoothing in _STOP_SMOOTHINGS:
+        width = averaging_width(smoothing, limits)
+        if going.duration <= width:
+            return going
+        # The average begins to fall one width before the law does.
+        grid = np.append(np.arange(width, going.duration, 0.5 * period), going.duration)
+        _, slopes, bends = going.samples(grid)
+        for share in _BRAKING_SHARES:
+            rates, stop = braking_rates(grid, slopes, bends, np.broadcast_to(share * limits.acceleration, slopes.shape))
+            passed = grid < stop
+            knots, rates = np.append(grid[passed], stop), np.append(rates[passed], rates[-1])
+            law = SmoothLaw.along(knots, rates, width)
+            times = knot_times(law.end + width, period)
+            at, rate, change = law.sample(times - width)
+            positions, velocities, accelerations = going.samples(at)
+            halt = ending_at_rest(
+                times,
+                positions,
+                velocities * rate[:, None],
+                accelerations * rate[:, None] ** 2 + velocities * change[:, None],
+                interpolated(at, going.times, going.latent),
+            )
+            if halt.keeps(limits):
+                return halt
+    bridge = bridge_to_rest(*going.sample(0.0), limits, period)
+    bridge = replace(bridge, latent=np.repeat(going.latent[:1], len(bridge.times), axis=0))
+    return bridge if bridge.keeps(limits) and bridge.duration < going.duration else going
+
+
+def bridge_to_rest(
+    position: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    limits: JointLimits,
+    period: float = PERIOD,
+) -> JointReference:
+    """A stop from a state of motion (eta,) [rad], [rad/s], [rad/s^2] alone, along no path: for when there is none.
+
+    Accelerations go linearly to those of braking, stay there, and go linearly to 0: in the same times for all joints,
+    each braking as hard as it must to be at rest with the others. Position limits are not looked at. The latent points
+    have no coordinates, (n, 0).
+    """
+    ramp = max(float(np.max((np.abs(acceleration) + limits.acceleration) / limits.jerk)), _SHORTEST_RAMP)
+    swing = velocity + 0.5 * ramp * acceleration
+    steady = max(0.0, float(np.max(np.abs(swing) / limits.acceleration)) - ramp)
+    braking = -swing / (ramp + steady)
+    after_ramp = velocity + 0.5 * ramp * (acceleration + braking)
+    before_end = after_ramp + steady * braking
+    moves = (
+        ramp * velocity + ramp**2 * (2.0 * acceleration + braking) / 6.0,
+        steady * after_ramp + 0.5 * steady**2 * braking,
+        ramp * before_end + ramp**2 * braking / 3.0,
+    )
+    spans = np.array([ramp, steady, ramp])
+    # Without a steady part, two of the four knots are one.
+    kept = np.append(True, spans > 0.0)
+    ends = np.append(0.0, np.cumsum(spans))[kept]
+    still = np.zeros_like(velocity)
+    cubics = (
+        position + np.cumsum([still, *moves], axis=0)[kept],
+        np.stack([velocity, after_ramp, before_end, still])[kept],
+        np.stack([acceleration, braking, braking, still])[kept],
+    )
+    pieces = [np.linspace(a, b, int(np.ceil((b - a) / period)), endpoint=False) for a, b in pairwise(ends)]
+    times = np.append(np.concatenate(pieces), ends[-1])
+    return ending_at_rest(times, *quintic_samples(ends, *cubics, times), np.empty((len(times), 0)))
