@@ -40,5 +40,6 @@ def test_all_go_on_after_failures_and_tell_of_them(ran, tmp_path: Path, capsys) 
     assert {"toy-task", "toy-joint", "geodesics", "volume", "obstacle-laws"} < set(ran)
     content = json.loads((tmp_path / "all" / "figures.json").read_text())["experiments"]
     assert [row["experiment"] for row in content] == ran
+    assert all(0.0 <= row["processor_seconds"] < 60.0 for row in content)
     assert {row["error"] for row in content} == {"", "ParameterError: no circle today", "ZeroDivisionError: a fault"}
     assert (tmp_path / "all" / "table.txt").read_text().count("failed") == 2
