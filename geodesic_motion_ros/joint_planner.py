@@ -297,6 +297,7 @@ class JointSpacePlanner:
         known = followed.nodes if followed is not None and followed.keeps_off else None
         attempts = self._worthwhile_attempts(followed, now)
         plan = self._solver.solve(query, state, obstacles, attempts, deadline, known)
+        plan = stream.stoppable(plan, obstacles)
         if followed is not None and (late.passed or not stream.gains(plan, followed, state.time)):
             found_again = plan.reference is None and plan.verdict.ok
             looked = followed.looked if found_again else followed.verdict.clearance

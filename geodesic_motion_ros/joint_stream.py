@@ -32,6 +32,10 @@ _CLOSE = 0.03
 _NEARER = 1e-3
 #: Knots are no nearer to each other [s].
 _SHORTEST_INTERVAL = 1e-3
+#: An arm that sets out or goes on is to be able to stop so long later [s]: by then it has been looked at again.
+_LOOKED_AT_AGAIN = 0.03
+#: What moves may come to a stand in so many places, the first where it is.
+_PLACES = 9
 #: No less than this share of what a way promised, or of the margin among obstacles that move, must be left.
 _LEFT_OF_PROMISE = 0.5
 
@@ -181,7 +185,38 @@ class JointStream:
         certificate = self._certifier.certify_swept(left, obstacles, prediction, beyond=not followed.trusting)
         if self._settings.avoidance and self._certifier.objection(certificate) is not None:
             return None
+        if not self.can_still_stop(self.played, time, obstacles):
+            return None
         return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
+
+    def stoppable(self, plan: JointPlan, obstacles: Obstacles) -> JointPlan:
+        """A plan, or that there is none where `can_still_stop` does not hold of it; obstacles as of its beginning."""
+        if plan.reference is None or self.can_still_stop(Played(plan.reference, plan.begin), plan.begin, obstacles):
+            return plan
+        reason = "on the best way the arm could not stop any more where what moves may come to a stand"
+        return JointPlan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
+
+    def can_still_stop(self, going: Played, time: float, obstacles: Obstacles) -> bool:
+        """Whether an arm that goes on along a reference from a time [s] on is left a stop that is free wherever on
+        their lines obstacles come to a stand meanwhile. True as well where it has none now: going on is no worse.
+
+        A certificate takes for granted that they move on; one that stops before it has passed must not be met either.
+        obstacles : as of that time.
+        """
+        if obstacles.stand or not self._settings.avoidance:
+            return True
+        margin = MOVING_MULTIPLE * self._settings.obstacle_margin
+        if self._stopping_clearance(going, time + _LOOKED_AT_AGAIN, obstacles) > margin:
+            return True
+        assert self.played is not None
+        return self._stopping_clearance(self.played, time, obstacles) <= 0.0
+
+    def _stopping_clearance(self, going: Played, time: float, obstacles: Obstacles) -> float:
+        """Least distance [m] of a stop from a time [s] on from all places that obstacles come to until it ends."""
+        local = min(time - going.begin, going.reference.duration)
+        stop = stopping_reference(going.reference, local, self._limits)
+        places = obstacles.swept(time - obstacles.time + stop.duration, _PLACES)
+        return float(np.min(self._certifier.certify(stop, places, 0.0).clearance))
 
     def left(self, time: float) -> SweptArm:
         """Where what is being played takes the arm from a time [s] on."""

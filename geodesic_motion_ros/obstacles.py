@@ -9,8 +9,6 @@ import numpy as np
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.solids import NUMBERS, no_solids, solid_rows, solids_moved
 
-#: Where along its expected motion an obstacle is looked for by the search: shares of the prediction.
-_PREDICTED_AT = (0.0, 0.5, 1.0)
 #: How far a rotation of a solid may be from one.
 _ROTATION_TOLERANCE = 1e-6
 
@@ -144,11 +142,14 @@ class Obstacles:
             time=time,
         )
 
-    def swept(self, prediction: float) -> Obstacles:
-        """Where the obstacles are now and will be within the prediction [s], as obstacles that stand."""
+    def swept(self, prediction: float, count: int = 3) -> Obstacles:
+        """Where the obstacles are now and will be within the prediction [s], as obstacles that stand.
+
+        count : instants at which they are taken, the first now, the last at its end.
+        """
         if self.stand:
             return self
-        steps = prediction * np.array(_PREDICTED_AT)
+        steps = np.linspace(0.0, prediction, count)
         centres = (self.centres + steps[:, None, None] * self.velocities).reshape(-1, 3)
         solids = np.concatenate([_shifted(self.solids, step * self.solid_velocities) for step in steps])
         standing = Obstacles.of_spheres(centres, np.tile(self.radii, len(steps)), time=self.time)

@@ -17,6 +17,7 @@ from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_solver import JointPlan
+from geodesic_motion_ros.joint_stream import JointStream
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
@@ -405,6 +406,41 @@ def test_an_arm_that_has_no_way_gives_way_to_what_comes_to_where_it_stands(strea
     plan = stream.run(2.0 * nominal.duration)[-1]
     assert plan.verdict.ok, plan.verdict.reason
     assert stream.off(goal) < 1e-9
+
+
+def stopping_sphere(stream: Stream, shown: float) -> float:
+    """Least clearance [m] of the arm's collision spheres from one of 4 cm that is shown at a time [s].
+
+    It comes from outside at 0.25 m/s to 30 cm ahead of the tool on its way, and stops there. That it stands is told
+    50 ms late, as its track does.
+    """
+    planner, speed, radius = stream.planner, 0.25, 0.04
+    stream.run(shown)
+    way = dense(stream.played[0].rest(stream.now - stream.played[1]))
+    tool = np.array([planner.robot.forward(posture)[0] for posture in way])
+    place = tool[np.argmax(np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)) >= 0.30)]
+    outside = place * [1.0, 1.0, 0.0] / np.linalg.norm(place[:2])
+    least = np.inf
+    for time in PERIOD * np.arange(300):
+        arrives = 0.30 / speed
+        velocity = -speed * outside if time < arrives + 0.05 else np.zeros(3)
+        centre = place + max(0.30 - speed * time, 0.0) * outside
+        planner.set_obstacles(centre[None], np.array([radius]), velocity[None], stream.now)
+        stream.run(PERIOD)
+        body = planner.collision.positions(planner.robot, stream.state()[0][None])[0] - centre
+        apart = np.linalg.norm(body, axis=1) - planner.collision.radii - radius
+        least = min(least, float(np.min(apart[planner.collision.moving])))
+    return least
+
+
+@pytest.mark.parametrize("shown", [1.1, 1.2, 1.3, 2.2])
+def test_what_stops_before_it_has_passed_is_not_touched(stream, shown) -> None:
+    assert stopping_sphere(stream, shown) > 0.005
+
+
+def test_an_arm_that_counts_on_what_moves_to_move_on_touches_what_stops(stream, monkeypatch) -> None:
+    monkeypatch.setattr(JointStream, "can_still_stop", lambda *_: True)
+    assert stopping_sphere(stream, 1.2) < 0.0
 
 
 def test_stopping_for_a_reason_ends_at_rest_and_the_next_tick_goes_on(stream, nominal, goal) -> None:

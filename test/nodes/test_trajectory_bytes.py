@@ -12,12 +12,14 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
+from geodesic_motion_ros.quintic import quintic_samples
 
 
 def motion(knots: int, joints: int, seed: int = 0) -> tuple[np.ndarray, ...]:
-    """Times (n,) and three rows of values (n, joints)."""
+    """Times (n,), whole nanoseconds, and three rows of values (n, joints)."""
     random = np.random.default_rng(seed)
-    return np.append(0.0, np.cumsum(random.uniform(1e-3, 1.0, knots - 1))), *random.normal(size=(3, knots, joints))
+    times = np.append(0.0, np.cumsum(random.uniform(1e-3, 1.0, knots - 1)))
+    return np.round(1e9 * times) * 1e-9, *random.normal(size=(3, knots, joints))
 
 
 def message_of(names: Sequence[str], times: np.ndarray, *values: np.ndarray) -> JointTrajectory:
@@ -52,6 +54,21 @@ def test_rows_need_not_lie_one_after_the_other_in_memory() -> None:
     names = [f"joint{number}" for number in range(7)]
     arguments = names, times[::2], *(values[::2, ::2] for values in rows)
     assert_the_same(joint_trajectory_bytes(*arguments, 1.7e9), message_of(*arguments))
+
+
+def test_knots_a_millisecond_apart_ask_for_the_acceleration_of_the_motion() -> None:
+    """Its quintics are those of the motion, whatever the times are rounded by."""
+    times = np.cumsum(np.full(50, 1e-3 + 3.7e-10))
+    positions, velocities = times + times**2, 1.0 + 2.0 * times
+    rows = (values[:, None] for values in (positions, velocities, np.full(50, 2.0)))
+    message = deserialize_message(joint_trajectory_bytes(["j"], times, *rows, 0.0), JointTrajectory)
+    read = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in message.points])
+    knots = [
+        np.array([getattr(point, name) for point in message.points])
+        for name in ("positions", "velocities", "accelerations")
+    ]
+    _, _, accelerations = quintic_samples(read, *knots, np.linspace(read[0], read[-2], 500))
+    np.testing.assert_allclose(accelerations, 2.0, rtol=1e-6)
 
 
 def test_times_are_rounded_to_whole_nanoseconds() -> None:
