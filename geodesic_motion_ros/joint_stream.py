@@ -198,7 +198,8 @@ class JointStream:
 
     def can_still_stop(self, going: Played, time: float, obstacles: Obstacles) -> bool:
         """Whether an arm that goes on along a reference from a time [s] on is left a stop that is free wherever on
-        their lines obstacles come to a stand meanwhile. True as well where it has none now: going on is no worse.
+        their lines obstacles come to a stand meanwhile. True as well where it has none now, or would be met by what
+        moves on where it stood: going on is no worse then.
 
         A certificate takes for granted that they move on; one that stops before it has passed must not be met either.
         obstacles : as of that time.
@@ -206,17 +207,25 @@ class JointStream:
         if obstacles.stand or not self._settings.avoidance:
             return True
         margin = MOVING_MULTIPLE * self._settings.obstacle_margin
-        if self._stopping_clearance(going, time + _LOOKED_AT_AGAIN, obstacles) > margin:
+        if self._room_of(self._stop(going, time + _LOOKED_AT_AGAIN), _LOOKED_AT_AGAIN, obstacles) > margin:
             return True
         assert self.played is not None
-        return self._stopping_clearance(self.played, time, obstacles) <= 0.0
+        stop = self._stop(self.played, time)
+        if self._room_of(stop, 0.0, obstacles) <= 0.0:
+            return True
+        prediction = self._settings.prediction
+        standing = self._certifier.certify_swept(stop.lasting(prediction), obstacles, prediction)
+        return bool(np.min(standing.clearance) <= 0.0)
 
-    def _stopping_clearance(self, going: Played, time: float, obstacles: Obstacles) -> float:
-        """Least distance [m] of a stop from a time [s] on from all places that obstacles come to until it ends."""
+    def _stop(self, going: Played, time: float) -> SweptArm:
+        """Where the soonest stop from a time [s] of a reference on takes the arm."""
         local = min(time - going.begin, going.reference.duration)
-        stop = stopping_reference(going.reference, local, self._limits)
-        places = obstacles.swept(time - obstacles.time + stop.duration, _PLACES)
-        return float(np.min(self._certifier.certify(stop, places, 0.0).clearance))
+        return self._certifier.swept(stopping_reference(going.reference, local, self._limits))
+
+    def _room_of(self, stop: SweptArm, later: float, obstacles: Obstacles) -> float:
+        """Least distance [m] of a stop that begins so much later [s] from where obstacles come to by its end."""
+        places = obstacles.swept(later + stop.times[-1], _PLACES)
+        return float(np.min(self._certifier.certify_swept(stop, places, 0.0).clearance))
 
     def left(self, time: float) -> SweptArm:
         """Where what is being played takes the arm from a time [s] on."""
