@@ -11,7 +11,7 @@ from geodesic_motion_ros.cli import main
     ("arguments", "said"),
     [
         (["--skill", "no_such_skill"], "no skill 'no_such_skill'"),
-        (["--skill", "panda_pouring"], "is a skill of task space"),
+        (["--skill", "panda_pouring", "--families", "elbow"], "elbow"),
         (["--methods", "theirs"], "there is no method 'theirs': choose from ours;"),
         (["--families", "wall"], "choose from none, static"),
         (["--scenes", "0"], "at least 1 is needed"),
