@@ -34,7 +34,8 @@ _NEARER = 1e-3
 _SHORTEST_INTERVAL = 1e-3
 #: An arm that sets out or goes on is to be able to stop so long later [s]: by then it has been looked at again.
 _LOOKED_AT_AGAIN = 0.03
-#: What moves may come to a stand in so many places, the first where it is.
+#: What moves may come to a stand in so many places, the first where it is. Between two of them a sphere of 3 cm at
+#: 0.5 m/s is taken for 4 mm less than it is, of the 10 mm that a stop keeps off.
 _PLACES = 9
 #: No less than this share of what a way promised, or of the margin among obstacles that move, must be left.
 _LEFT_OF_PROMISE = 0.5
