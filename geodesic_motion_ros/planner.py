@@ -19,7 +19,8 @@ from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
+from geodesic_motion_ros.pose_giving_way import PoseGivingWay
 from geodesic_motion_ros.pose_solver import (
     AT_REST,
     MARGIN_MULTIPLES,
@@ -50,23 +51,35 @@ _LOCATE_WITHIN = 0.5
 _METRES_PER_RADIAN = 0.1
 #: A pose and a speed (over full speed) are those of a reference up to these [m], [rad], [].
 _SAME_PLACE, _SAME_ANGLE, _SAME_SPEED = 1e-6, 1e-6, 1e-3
+#: Of times [s].
+_ROUNDING = 1e-6
 #: A new way must take so much less time than the one being followed, or keep so much further [m] from obstacles.
 _WORTHWHILE, _SAFER = 1.03, 1e-3
+#: While a trusting way keeps off what moves, others are looked for so often [s].
+_PERIOD = 0.05
 #: A new way may need so much more than the accelerations allowed because it is entered in motion.
 _STRAIN = 1.11
 
 
 @dataclass(frozen=True)
 class _Followed:
-    """The reference of the stream, the query and the scene it was planned in, and its verdict.
+    """The reference of the stream, the query and the scene it was planned in, and its verdict; trusting as of `Plan`.
 
-    An older query than the planner's own right after a new goal.
+    An older query than the planner's own right after a new goal. searched: when another was last looked for [s].
+    gives_way: it leads aside, from where something is coming.
     """
 
     query: Query
     reference: TaskSpaceReference
     verdict: Verdict
     scene: Scene
+    searched: float
+    trusting: bool = False
+    gives_way: bool = False
+
+    def leads_to(self, query: Query | None) -> bool:
+        """Whether it leads to the goal of a query."""
+        return self.query is query and not self.gives_way
 
 
 @dataclass(frozen=True)
@@ -107,6 +120,7 @@ class ReactivePlanner:
         self._queries = QueryBuilder(skill, self.graph, self.settings)
         self.robot = Robot.named(skill.robot)
         self._solver = PoseSolver(skill, self.graph, self.settings, self.robot)
+        self._giving_way = PoseGivingWay(self.settings, self._solver)
         self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
         # The goal as it was given, and whether that was in the task frame, with which it moves.
         self._goal: tuple[Pose, bool] | None = None
@@ -137,6 +151,7 @@ class ReactivePlanner:
         self.stop(follower.position, follower.quaternion, follower.speed)
         self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
         self._goal = self._query = self._followed = self._turned = None
+        self._giving_way.forget()
 
     # ---------------------------------------------------------------- inputs
 
@@ -205,6 +220,7 @@ class ReactivePlanner:
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
         self._goal = self._query = None
+        self._giving_way.forget()
 
     def set_obstacles(self, centres: np.ndarray, radii: np.ndarray) -> Verdict:
         """Replace all obstacles by spheres that stand, centres (o, 3) and radii (o,) [m] in the base frame.
@@ -286,14 +302,45 @@ class ReactivePlanner:
                 return Plan(self._braking(start, scene.in_task, speed), query)
             self._query, latent = query, query.start_latent
         assert self._query is not None
-        plan = self._chosen(self._solver.solve(self._query, start, latent, scene, motion, deadline), motion, scene)
+        plan = self._solved(self._query, start, latent, scene, motion, deadline)
+        plan = self._chosen(plan, motion, scene, deadline)
         self._turned = _Turned(self._query, scene.in_task, plan.verdict) if plan.turning else None
         if plan.reference is not None and plan.reference.strain > _STRAIN:
             plan = self._stop_first(plan, start, scene, speed)
+        if plan.blocked:
+            return self._without_way(plan.verdict, start, latent, scene, motion, deadline)
         if not plan.verdict.ok:
             return plan if plan.reference else replace(plan, reference=self._braking(start, scene.in_task, speed))
         assert plan.reference is not None
-        self._followed = _Followed(self._query, plan.reference, plan.verdict, scene)
+        self._followed = _Followed(
+            self._query, plan.reference, plan.verdict, scene, scene.in_task.time, plan.trusting
+        )
+        return plan
+
+    def _solved(
+        self, query: Query, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
+    ) -> Plan:
+        """A way where what moves counts as standing where it will be; where that leaves none, a trusting one."""
+        plan = self._solver.solve(query, start, latent, scene, motion, deadline)
+        if not plan.blocked or scene.in_task.stand or deadline.passed:
+            return plan
+        trusting = self._solver.solve(query, start, latent, scene, motion, deadline, trusting=True)
+        return trusting if trusting.trusting else plan
+
+    def _without_way(
+        self, verdict: Verdict, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
+    ) -> Plan:
+        """Give way to what is coming, or come to rest."""
+        assert self._query is not None
+        followed, braking = self._followed, self._braking(start, scene.in_task, motion.speed * self.settings.speed)
+        going = followed is not None and followed.gives_way and motion.rest is not None
+        left = motion.rest if going else braking
+        plan = self._giving_way.plan(self._query, start, latent, scene, motion, verdict, left, going, deadline)
+        if plan is None or plan.reference is None:
+            return Plan(braking, verdict)
+        self._followed = _Followed(
+            self._query, plan.reference, plan.verdict, scene, scene.in_task.time, gives_way=True
+        )
         return plan
 
     def _stopping_first(self, start: Pose, scene: Scene, speed: float) -> Plan | None:
@@ -323,34 +370,43 @@ class ReactivePlanner:
         return Motion(share_of_speed, velocity, reference.rest(segment, share) if same else None)
 
     def _kept(self, motion: Motion, scene: Scene) -> Plan | None:
-        """The reference being followed, where nothing has changed: it is still the best way."""
+        """The reference being followed, where nothing has changed: it is still the best way.
+
+        So too a trusting one that keeps off what moves, where others were looked for a moment ago.
+        """
         followed = self._followed
-        if motion.rest is None or followed is None or followed.query is not self._query:
+        if motion.rest is None or followed is None or not followed.leads_to(self._query):
             return None
-        if not followed.scene.in_task.unmoved_in(scene.in_task):
+        if followed.scene.in_task.unmoved_in(scene.in_task):
+            return self._keep(motion.rest, scene, followed)
+        if not followed.trusting or abs(scene.in_task.time - followed.searched) >= _PERIOD - _ROUNDING:
             return None
-        return self._keep(motion.rest, scene)
+        rest = self._solver.certified(motion.rest, scene.in_task, trusting=True)
+        keeps_off = np.min(rest.clearance) > MOVING_MULTIPLE * self.settings.obstacle_margin
+        return self._keep(rest, scene, followed) if keeps_off else None
 
-    def _keep(self, rest: TaskSpaceReference, scene: Scene) -> Plan:
-        assert self._followed is not None
-        verdict = replace(self._followed.verdict, clearance=float(np.min(rest.clearance)))
-        self._followed = replace(self._followed, reference=rest, verdict=verdict, scene=scene)
-        return Plan(rest, verdict)
+    def _keep(self, rest: TaskSpaceReference, scene: Scene, followed: _Followed) -> Plan:
+        verdict = replace(followed.verdict, clearance=float(np.min(rest.clearance)))
+        self._followed = replace(followed, reference=rest, verdict=verdict, scene=scene)
+        return Plan(rest, verdict, trusting=followed.trusting)
 
-    def _chosen(self, plan: Plan, motion: Motion, scene: Scene) -> Plan:
+    def _chosen(self, plan: Plan, motion: Motion, scene: Scene, deadline: Deadline) -> Plan:
         """A new plan, or the reference being followed where that leads to the same goal and the new one is no gain.
 
         A gain is a safer way or one that takes clearly less time; a way that the present motion cannot be bent into is
-        none as long as the old one is free.
+        none as long as the old one is free; nor is it a loss that there was no time to find one.
         """
         followed, rest = self._followed, motion.rest
-        if rest is None or followed is None or followed.query is not self._query:
+        if rest is None or followed is None or not followed.leads_to(self._query):
             return plan
-        if not (plan.turning or plan.verdict.ok):
+        if not (plan.turning or plan.verdict.ok or (followed.trusting and deadline.passed)):
             return plan
-        rest = self._solver.certified(rest, scene.in_task)
+        found = plan.reference is not None and plan.reference.strain <= _STRAIN
+        # Both are judged by one measure; a way that is not trusting is a gain over one that is.
+        trusting = plan.trusting if found else followed.trusting
+        rest = self._solver.certified(rest, scene.in_task, trusting=trusting)
         nearest = float(np.min(rest.clearance))
-        if plan.reference is None or plan.reference.strain > _STRAIN:
+        if not found:
             keep = nearest > 0.0 or not self.settings.avoidance
         else:
             # Close to an obstacle every bit of clearance is a gain.
@@ -358,7 +414,8 @@ class ReactivePlanner:
             gain = float(np.min(plan.reference.clearance)) - (0.0 if close else _SAFER)
             no_safer = gain <= nearest or not self.settings.avoidance
             keep = no_safer and rest.duration <= _WORTHWHILE * plan.reference.duration
-        return self._keep(rest, scene) if keep else plan
+        followed = replace(followed, searched=scene.in_task.time, trusting=trusting)
+        return self._keep(rest, scene, followed) if keep else plan
 
     def _stop_first(self, plan: Plan, start: Pose, scene: Scene, speed: float) -> Plan:
         """The stop before a way that is entered too fast; that way itself where the stop is not free."""
