@@ -6,6 +6,10 @@ frame that the skill was shown in (`task_frame`).
 While the start moves along its own reference its query (the graph transported to start and goal) stays, and as long as
 obstacles stay too, so does the reference itself. Otherwise the search is repeated. A new way begins with the velocity
 that the tool has: it is bent to it, or, where it leads elsewhere, the tool stops along the old way first.
+
+What moves counts as standing where it is expected to be after the prediction; where that leaves no way, a trusting one
+is gone, which it has left by then. Where there is none either the tool stops; where something is then coming to where
+it stands, it gives way to it (`pose_giving_way`).
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ from geodesic_motion_ros.pose_giving_way import PoseGivingWay
 from geodesic_motion_ros.pose_solver import (
     AT_REST,
     MARGIN_MULTIPLES,
+    MOST_STRAIN,
     Motion,
     Plan,
     PoseSolver,
@@ -51,14 +56,11 @@ _LOCATE_WITHIN = 0.5
 _METRES_PER_RADIAN = 0.1
 #: A pose and a speed (over full speed) are those of a reference up to these [m], [rad], [].
 _SAME_PLACE, _SAME_ANGLE, _SAME_SPEED = 1e-6, 1e-6, 1e-3
-#: Of times [s].
-_ROUNDING = 1e-6
 #: A new way must take so much less time than the one being followed, or keep so much further [m] from obstacles.
 _WORTHWHILE, _SAFER = 1.03, 1e-3
-#: While a trusting way keeps off what moves, others are looked for so often [s].
-_PERIOD = 0.05
-#: A new way may need so much more than the accelerations allowed because it is entered in motion.
-_STRAIN = 1.11
+#: While a trusting way keeps off what moves, others are looked for after so long [s],
+#: and trusting ones where there was none.
+_SOON = 0.05 - 1e-6
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,8 @@ class ReactivePlanner:
         self._query: Query | None = None
         self._followed: _Followed | None = None
         self._turned: _Turned | None = None
+        # When a trusting way was looked for in vain [s].
+        self._distrusted = -np.inf
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -151,6 +155,7 @@ class ReactivePlanner:
         self.stop(follower.position, follower.quaternion, follower.speed)
         self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
         self._goal = self._query = self._followed = self._turned = None
+        self._distrusted = -np.inf
         self._giving_way.forget()
 
     # ---------------------------------------------------------------- inputs
@@ -220,6 +225,7 @@ class ReactivePlanner:
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
         self._goal = self._query = None
+        self._distrusted = -np.inf
         self._giving_way.forget()
 
     def set_obstacles(self, centres: np.ndarray, radii: np.ndarray) -> Verdict:
@@ -305,9 +311,11 @@ class ReactivePlanner:
         plan = self._solved(self._query, start, latent, scene, motion, deadline)
         plan = self._chosen(plan, motion, scene, deadline)
         self._turned = _Turned(self._query, scene.in_task, plan.verdict) if plan.turning else None
-        if plan.reference is not None and plan.reference.strain > _STRAIN:
+        if plan.reference is not None and plan.reference.strain > MOST_STRAIN:
             plan = self._stop_first(plan, start, scene, speed)
-        if plan.blocked:
+        gives_way = self._followed is not None and self._followed.gives_way
+        if plan.blocked or (plan.turning and gives_way):
+            # A tool that gives way does not stop for a way that it can enter from rest alone.
             return self._without_way(plan.verdict, start, latent, scene, motion, deadline)
         if not plan.verdict.ok:
             return plan if plan.reference else replace(plan, reference=self._braking(start, scene.in_task, speed))
@@ -322,10 +330,14 @@ class ReactivePlanner:
     ) -> Plan:
         """A way where what moves counts as standing where it will be; where that leaves none, a trusting one."""
         plan = self._solver.solve(query, start, latent, scene, motion, deadline)
-        if not plan.blocked or scene.in_task.stand or deadline.passed:
+        now = scene.in_task.time
+        if not plan.blocked or scene.in_task.stand or deadline.passed or abs(now - self._distrusted) < _SOON:
             return plan
         trusting = self._solver.solve(query, start, latent, scene, motion, deadline, trusting=True)
-        return trusting if trusting.trusting else plan
+        if trusting.trusting:
+            return trusting
+        self._distrusted = now
+        return plan
 
     def _without_way(
         self, verdict: Verdict, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
@@ -379,7 +391,7 @@ class ReactivePlanner:
             return None
         if followed.scene.in_task.unmoved_in(scene.in_task):
             return self._keep(motion.rest, scene, followed)
-        if not followed.trusting or abs(scene.in_task.time - followed.searched) >= _PERIOD - _ROUNDING:
+        if not followed.trusting or abs(scene.in_task.time - followed.searched) >= _SOON:
             return None
         rest = self._solver.certified(motion.rest, scene.in_task, trusting=True)
         keeps_off = np.min(rest.clearance) > MOVING_MULTIPLE * self.settings.obstacle_margin
@@ -401,7 +413,7 @@ class ReactivePlanner:
             return plan
         if not (plan.turning or plan.verdict.ok or (followed.trusting and deadline.passed)):
             return plan
-        found = plan.reference is not None and plan.reference.strain <= _STRAIN
+        found = plan.reference is not None and plan.reference.strain <= MOST_STRAIN
         # Both are judged by one measure; a way that is not trusting is a gain over one that is.
         trusting = plan.trusting if found else followed.trusting
         rest = self._solver.certified(rest, scene.in_task, trusting=trusting)
@@ -549,7 +561,7 @@ class ReactivePlanner:
             curve = MotionCurve.through(positions, quaternions, settings.limits)
         latent = previous.latent[at:]
         rate = initial_rate(curve, settings.limits, speed / settings.speed)
-        braking = braking_law(curve, settings.limits, rate, min(previous.strain, _STRAIN))
+        braking = braking_law(curve, settings.limits, rate, min(previous.strain, MOST_STRAIN))
         if braking is not None:
             curve, times, rates = braking
             unknown = np.full(len(times) - 1, np.inf)

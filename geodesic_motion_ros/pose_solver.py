@@ -45,6 +45,8 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 #: would have to brake there.
 MARGIN_MULTIPLES = (1.0, 2.5)
 _SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
+#: A new way may need so much more than the accelerations allowed because it is entered in motion.
+MOST_STRAIN = 1.11
 #: Dense samples of the published curve per grid step.
 _SAMPLES_PER_STEP = 1.0
 #: Where to give way to is looked for so many grid steps around.
@@ -195,7 +197,7 @@ class PoseSolver:
         for way in ways_aside(self.graph, query, start_latent, reshaping, _REFUGE_STEPS, apart):
             widths = _SMOOTHING_WIDTHS[0]
             plan = self._certified(query, start, way, scene, widths, motion, needed, horizon, True, aside=True)
-            if plan.reference is not None:
+            if plan.reference is not None and plan.reference.strain <= MOST_STRAIN:
                 return plan
             if deadline.passed:
                 return None
