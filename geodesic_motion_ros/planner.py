@@ -309,10 +309,14 @@ class ReactivePlanner:
             self._query, latent = query, query.start_latent
         assert self._query is not None
         plan = self._solved(self._query, start, latent, scene, motion, deadline)
-        plan = self._chosen(plan, motion, scene, deadline)
+        plan = self._chosen(plan, motion, scene)
         self._turned = _Turned(self._query, scene.in_task, plan.verdict) if plan.turning else None
         if plan.reference is not None and plan.reference.strain > MOST_STRAIN:
             plan = self._stop_first(plan, start, scene, speed)
+        if not (plan.turning or plan.verdict.ok):
+            gone_on = self._gone_on(start, motion, scene)
+            if gone_on is not None:
+                return gone_on
         gives_way = self._followed is not None and self._followed.gives_way
         if plan.blocked or (plan.turning and gives_way):
             # A tool that gives way does not stop for a way that it can enter from rest alone.
@@ -338,6 +342,20 @@ class ReactivePlanner:
             return trusting
         self._distrusted = now
         return plan
+
+    def _gone_on(self, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
+        """The way being followed where no way was found, or there was no time to, and what moves is less far from where
+        the tool would stop than from that way; None where the stop is the better.
+        """
+        followed, rest, obstacles = self._followed, motion.rest, scene.in_task
+        if rest is None or followed is None or not followed.leads_to(self._query) or obstacles.stand:
+            return None
+        rest = self._solver.certified(rest, obstacles, trusting=True)
+        stop = self._braking(start, obstacles, motion.speed * self.settings.speed)
+        stopped = self._solver.clearance_until(stop, start, obstacles, self.settings.prediction)
+        if np.min(rest.clearance) <= max(stopped, self.settings.obstacle_margin):
+            return None
+        return self._keep(rest, scene, replace(followed, searched=obstacles.time, trusting=True))
 
     def _without_way(
         self, verdict: Verdict, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
@@ -402,16 +420,16 @@ class ReactivePlanner:
         self._followed = replace(followed, reference=rest, verdict=verdict, scene=scene)
         return Plan(rest, verdict, trusting=followed.trusting)
 
-    def _chosen(self, plan: Plan, motion: Motion, scene: Scene, deadline: Deadline) -> Plan:
+    def _chosen(self, plan: Plan, motion: Motion, scene: Scene) -> Plan:
         """A new plan, or the reference being followed where that leads to the same goal and the new one is no gain.
 
         A gain is a safer way or one that takes clearly less time; a way that the present motion cannot be bent into is
-        none as long as the old one is free; nor is it a loss that there was no time to find one.
+        none as long as the old one is free.
         """
         followed, rest = self._followed, motion.rest
         if rest is None or followed is None or not followed.leads_to(self._query):
             return plan
-        if not (plan.turning or plan.verdict.ok or (followed.trusting and deadline.passed)):
+        if not (plan.turning or plan.verdict.ok):
             return plan
         found = plan.reference is not None and plan.reference.strain <= MOST_STRAIN
         # Both are judged by one measure; a way that is not trusting is a gain over one that is.
