@@ -22,7 +22,7 @@ from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
-from geodesic_motion_ros.swept_spheres import clearances_in_motion, self_clearances
+from geodesic_motion_ros.swept_spheres import clearances_in_motion, clearances_until, self_clearances
 
 
 @dataclass(frozen=True)
@@ -65,14 +65,6 @@ class SweptArm:
             np.append(self.times, time), np.concatenate([self.placed, self.placed[-1:]]),
             np.concatenate([self.bulges, np.zeros_like(self.bulges[-1:])]),
             np.append(self.self_clearance, self.self_clearance[-1]), np.append(self.pair, self.pair[-1]),
-        )  # fmt: skip
-
-    def until(self, time: float) -> SweptArm:
-        """What comes before a time [s], to the knot at or after it."""
-        knots = max(2, int(np.searchsorted(self.times, time)) + 1)
-        return SweptArm(
-            self.times[:knots], self.placed[:knots], self.bulges[: knots - 1], self.self_clearance[: knots - 1],
-            self.pair[: knots - 1],
         )  # fmt: skip
 
 
@@ -134,21 +126,11 @@ class ArmCertifier:
         self, swept: SweptArm, obstacles: Obstacles, horizon: float, beyond: bool = True
     ) -> Certificate:
         """`certify` for where a reference takes the arm; obstacles are where they are at its time 0."""
-        if beyond or obstacles.stand:
-            clearance, sphere = self._clearances(swept, obstacles, horizon)
-        else:
-            clearance, sphere = self._clearances(swept, obstacles.at_rest(), horizon)
-            nearby, by = self._clearances(swept.lasting(horizon).until(horizon), obstacles.in_motion(), horizon)
-            for i, distance in enumerate(nearby):
-                interval = min(i, len(clearance) - 1)
-                if distance < clearance[interval]:
-                    clearance[interval], sphere[interval] = distance, by[i]
-        return Certificate(swept.times, clearance, sphere, swept.self_clearance, swept.pair)
-
-    def _clearances(self, swept: SweptArm, obstacles: Obstacles, horizon: float) -> tuple[np.ndarray, np.ndarray]:
-        return clearances_in_motion(
+        clearances = clearances_in_motion if beyond or obstacles.stand else clearances_until
+        clearance, sphere = clearances(
             swept.times, swept.placed, swept.bulges, self._radii, self._moving, obstacles, horizon
         )
+        return Certificate(swept.times, clearance, sphere, swept.self_clearance, swept.pair)
 
     def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
         """Why a reference must not be followed, naming the link; None where `margin` [m] is kept from obstacles and

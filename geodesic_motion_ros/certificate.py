@@ -11,7 +11,7 @@ from geodesic_motion_ros.distance_field import field_approach
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.solids import solid_approach
-from geodesic_motion_ros.swept_spheres import clearances_in_motion
+from geodesic_motion_ros.swept_spheres import clearances_in_motion, clearances_until
 
 
 @numba.njit(cache=True, nogil=True)
@@ -84,12 +84,15 @@ def motion_clearances(
     rates: np.ndarray,
     obstacles: Obstacles,
     prediction: float,
+    beyond: bool = True,
 ) -> np.ndarray:
     """`curve_clearances` of a curve that is passed at `times` (n,) [s] among obstacles that move, (n - 1,) [m].
 
     Obstacles are where they are at time 0, move linearly for `prediction` [s] and then stand. Between two samples the
     square of the rate, `rates` (n,) at them, is linear in the curve's parameter: what is passed by then differs from
     what would be at a steady rate by no more than |r1 - r0| / (4 (r0 + r1)) of the segment.
+
+    beyond : False: what moves is not counted after the prediction; until then the tool stands where it came to rest.
     """
     both = rates[1:] + rates[:-1]
     uneven = np.divide(np.abs(np.diff(rates)), 4.0 * both, out=np.zeros_like(both), where=both > 0.0)
@@ -97,7 +100,8 @@ def motion_clearances(
     # An interval without a length would have no velocity.
     times = times + 1e-9 * np.arange(len(times))
     every = np.arange(len(point_radii))
-    clearance, _ = clearances_in_motion(times, points, bulges, point_radii, every, obstacles, prediction)
+    clearances = clearances_in_motion if beyond else clearances_until
+    clearance, _ = clearances(times, points, bulges, point_radii, every, obstacles, prediction)
     return clearance
 
 

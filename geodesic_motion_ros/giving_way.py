@@ -14,13 +14,9 @@ from geodesic_motion_ros.joint_query import JointQuery
 from geodesic_motion_ros.joint_solver import JointPlan, JointSolver, MotionState
 from geodesic_motion_ros.joint_stream import Followed, JointStream, Moment
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.refuge import AGAIN, AHEAD
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-#: An arm without a way gives way to what comes within so many times the prediction: to get out of the way takes longer
-#: than to stop.
-_AHEAD = 2.0
-#: Where a way aside was looked for in vain another is looked for after so long [s].
-_AGAIN = 0.05
 #: Of times [s].
 _ROUNDING = 1e-6
 
@@ -63,11 +59,11 @@ class GivingWay:
         else:
             left = stream.left(state.time)
         going = JointPlan(None, now, verdict) if followed is not None and followed.gives_way else None
-        for horizon in (_AHEAD * prediction, prediction):
+        for horizon in (AHEAD * prediction, prediction):
             certificate = certifier.certify_swept(left, obstacles, horizon, beyond=False)
             if certifier.objection(certificate) is None:
                 return going
-            looks = now >= self._looked + _AGAIN - _ROUNDING
+            looks = now >= self._looked + AGAIN - _ROUNDING
             plan = self._solver.aside(query, state, obstacles, horizon, deadline) if looks else None
             if plan is not None:
                 break

@@ -15,8 +15,7 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.refinement import refined
-from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
-from geodesic_motion_ros.graph.shortest_path import shortest_free_path
+from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import JointQuery
 from geodesic_motion_ros.joint_reference import JointReference
@@ -25,6 +24,7 @@ from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way, wa
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, JointPlannerSettings
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
+from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -51,11 +51,8 @@ _ATTEMPTS = (
     Attempt(4.0, False, 1.0), Attempt(1.0, True, 1.0, trusting=True), Attempt(1.0, False, 2.0, trusting=True),
 )  # fmt: skip
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in _ATTEMPTS)
-#: Where to give way to is looked for so many grid steps around, among so many nodes, in directions of which any two
-#: have no larger cosine than this, and so many ways are tried.
-_REFUGE_STEPS, _MOST_LOOKED_AT, _ALIKE, _MOST_REFUGES = 15, 500, 0.7, 4
-#: From there the goal must be reachable, without obstacles, at less than this share of what a way may cost.
-_WAY_BACK = 0.5
+#: Where to give way to is looked for so many grid steps around.
+_REFUGE_STEPS = 15
 #: Samples of the curve per grid step.
 _SAMPLES_PER_STEP = 1.0
 
@@ -199,26 +196,12 @@ class JointSolver:
         horizon : obstacles are expected to move on for so long [s].
         """
         start = query.start_latent if state.latent is None else state.latent
-        near = self.graph.nodes_near(start, _REFUGE_STEPS)
-        near = near[query.to_goal[near] < _WAY_BACK * query.cost_limit]
-        if len(near) == 0:
-            return None
-        source, near = int(near[0]), np.ascontiguousarray(near[:: 1 + len(near) // _MOST_LOOKED_AT])
         reshaping = self._reshaping(query, obstacles.swept(horizon))
-        look_at(near, reshaping)
         # As of every way: a start closer to an obstacle than the margin may stay so.
         here, _ = obstacle_clearance(self.collision, self.robot, state.position, obstacles)
-        margin = min(MOVING_MULTIPLE * self.settings.obstacle_margin, 0.5 * here)
-        free = near[reshaping.clearance[near] >= MOVING_MULTIPLE * self.settings.obstacle_margin]
-        directions = _in_all_directions(free, (self.graph.latent[free] - start) / self.graph.grid.spacing)
-        for refuge in directions[:_MOST_REFUGES]:
-            # By the triangle inequality a node is no nearer to the refuge than the difference of their costs.
-            ahead = np.abs(query.from_start - query.from_start[refuge])
-            nodes, edges, _ = shortest_free_path(self.graph.adjacency, query.graph.base, ahead, source, refuge)
-            if len(edges) == 0:
-                continue
-            points = np.concatenate([start[None], self.graph.latent[nodes]])
-            way = LatentWay(nodes, points, float(np.max(query.graph.energies(edges))), 0.0)
+        apart = MOVING_MULTIPLE * self.settings.obstacle_margin
+        margin = min(apart, 0.5 * here)
+        for way in ways_aside(self.graph, query, start, reshaping, _REFUGE_STEPS, apart):
             plan = self._certified(query, state, way, obstacles, margin, 1.0, True, horizon)
             if plan.reference is not None:
                 return plan
@@ -293,18 +276,6 @@ class JointSolver:
 
 def _alike(attempts: tuple[Attempt, ...], trusting: bool) -> tuple[Attempt, ...]:
     return tuple(attempt for attempt in attempts if attempt.trusting is trusting)
-
-
-def _in_all_directions(nodes: np.ndarray, away: np.ndarray) -> list[int]:
-    """Of nodes (n,) at offsets away (n, d), the nearest first, those of which none lies behind another one."""
-    lengths = np.linalg.norm(away, axis=1)
-    nodes, away = nodes[lengths > 0.0], away[lengths > 0.0] / lengths[lengths > 0.0, None]
-    chosen: list[int] = []
-    while len(nodes):
-        chosen.append(int(nodes[0]))
-        apart = away @ away[0] < _ALIKE
-        nodes, away = nodes[apart], away[apart]
-    return chosen
 
 
 def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:

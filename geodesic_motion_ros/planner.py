@@ -6,6 +6,10 @@ frame that the skill was shown in (`task_frame`).
 While the start moves along its own reference its query (the graph transported to start and goal) stays, and as long as
 obstacles stay too, so does the reference itself. Otherwise the search is repeated. A new way begins with the velocity
 that the tool has: it is bent to it, or, where it leads elsewhere, the tool stops along the old way first.
+
+What moves counts as standing where it is expected to be after the prediction; where that leaves no way, a trusting one
+is gone, which it has left by then. Where there is none either the tool stops; where something is then coming to where
+it stands, it gives way to it (`pose_giving_way`).
 """
 
 from __future__ import annotations
@@ -19,10 +23,12 @@ from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
+from geodesic_motion_ros.pose_giving_way import PoseGivingWay
 from geodesic_motion_ros.pose_solver import (
     AT_REST,
     MARGIN_MULTIPLES,
+    MOST_STRAIN,
     Motion,
     Plan,
     PoseSolver,
@@ -52,21 +58,30 @@ _METRES_PER_RADIAN = 0.1
 _SAME_PLACE, _SAME_ANGLE, _SAME_SPEED = 1e-6, 1e-6, 1e-3
 #: A new way must take so much less time than the one being followed, or keep so much further [m] from obstacles.
 _WORTHWHILE, _SAFER = 1.03, 1e-3
-#: A new way may need so much more than the accelerations allowed because it is entered in motion.
-_STRAIN = 1.11
+#: While a trusting way keeps off what moves, others are looked for after so long [s],
+#: and trusting ones where there was none.
+_SOON = 0.05 - 1e-6
 
 
 @dataclass(frozen=True)
 class _Followed:
-    """The reference of the stream, the query and the scene it was planned in, and its verdict.
+    """The reference of the stream, the query and the scene it was planned in, and its verdict; trusting as of `Plan`.
 
-    An older query than the planner's own right after a new goal.
+    An older query than the planner's own right after a new goal. searched: when another was last looked for [s].
+    gives_way: it leads aside, from where something is coming.
     """
 
     query: Query
     reference: TaskSpaceReference
     verdict: Verdict
     scene: Scene
+    searched: float
+    trusting: bool = False
+    gives_way: bool = False
+
+    def leads_to(self, query: Query | None) -> bool:
+        """Whether it leads to the goal of a query."""
+        return self.query is query and not self.gives_way
 
 
 @dataclass(frozen=True)
@@ -107,12 +122,15 @@ class ReactivePlanner:
         self._queries = QueryBuilder(skill, self.graph, self.settings)
         self.robot = Robot.named(skill.robot)
         self._solver = PoseSolver(skill, self.graph, self.settings, self.robot)
+        self._giving_way = PoseGivingWay(self.settings, self._solver)
         self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
         # The goal as it was given, and whether that was in the task frame, with which it moves.
         self._goal: tuple[Pose, bool] | None = None
         self._query: Query | None = None
         self._followed: _Followed | None = None
         self._turned: _Turned | None = None
+        # When a trusting way was looked for in vain [s].
+        self._distrusted = -np.inf
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -137,6 +155,8 @@ class ReactivePlanner:
         self.stop(follower.position, follower.quaternion, follower.speed)
         self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
         self._goal = self._query = self._followed = self._turned = None
+        self._distrusted = -np.inf
+        self._giving_way.forget()
 
     # ---------------------------------------------------------------- inputs
 
@@ -205,6 +225,8 @@ class ReactivePlanner:
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
         self._goal = self._query = None
+        self._distrusted = -np.inf
+        self._giving_way.forget()
 
     def set_obstacles(self, centres: np.ndarray, radii: np.ndarray) -> Verdict:
         """Replace all obstacles by spheres that stand, centres (o, 3) and radii (o,) [m] in the base frame.
@@ -286,14 +308,69 @@ class ReactivePlanner:
                 return Plan(self._braking(start, scene.in_task, speed), query)
             self._query, latent = query, query.start_latent
         assert self._query is not None
-        plan = self._chosen(self._solver.solve(self._query, start, latent, scene, motion, deadline), motion, scene)
+        plan = self._solved(self._query, start, latent, scene, motion, deadline)
+        plan = self._chosen(plan, motion, scene)
         self._turned = _Turned(self._query, scene.in_task, plan.verdict) if plan.turning else None
-        if plan.reference is not None and plan.reference.strain > _STRAIN:
+        if plan.reference is not None and plan.reference.strain > MOST_STRAIN:
             plan = self._stop_first(plan, start, scene, speed)
+        if not (plan.turning or plan.verdict.ok):
+            gone_on = self._gone_on(start, motion, scene)
+            if gone_on is not None:
+                return gone_on
+        gives_way = self._followed is not None and self._followed.gives_way
+        if plan.blocked or (plan.turning and gives_way):
+            # A tool that gives way does not stop for a way that it can enter from rest alone.
+            return self._without_way(plan.verdict, start, latent, scene, motion, deadline)
         if not plan.verdict.ok:
             return plan if plan.reference else replace(plan, reference=self._braking(start, scene.in_task, speed))
         assert plan.reference is not None
-        self._followed = _Followed(self._query, plan.reference, plan.verdict, scene)
+        self._followed = _Followed(
+            self._query, plan.reference, plan.verdict, scene, scene.in_task.time, plan.trusting
+        )
+        return plan
+
+    def _solved(
+        self, query: Query, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
+    ) -> Plan:
+        """A way where what moves counts as standing where it will be; where that leaves none, a trusting one."""
+        plan = self._solver.solve(query, start, latent, scene, motion, deadline)
+        now = scene.in_task.time
+        if not plan.blocked or scene.in_task.stand or deadline.passed or abs(now - self._distrusted) < _SOON:
+            return plan
+        trusting = self._solver.solve(query, start, latent, scene, motion, deadline, trusting=True)
+        if trusting.trusting:
+            return trusting
+        self._distrusted = now
+        return plan
+
+    def _gone_on(self, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
+        """The way being followed where no way was found, or there was no time to, and what moves is less far from where
+        the tool would stop than from that way; None where the stop is the better.
+        """
+        followed, rest, obstacles = self._followed, motion.rest, scene.in_task
+        if rest is None or followed is None or not followed.leads_to(self._query) or obstacles.stand:
+            return None
+        rest = self._solver.certified(rest, obstacles, trusting=True)
+        stop = self._braking(start, obstacles, motion.speed * self.settings.speed)
+        stopped = self._solver.clearance_until(stop, start, obstacles, self.settings.prediction)
+        if np.min(rest.clearance) <= max(stopped, self.settings.obstacle_margin):
+            return None
+        return self._keep(rest, scene, replace(followed, searched=obstacles.time, trusting=True))
+
+    def _without_way(
+        self, verdict: Verdict, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
+    ) -> Plan:
+        """Give way to what is coming, or come to rest."""
+        assert self._query is not None
+        followed, braking = self._followed, self._braking(start, scene.in_task, motion.speed * self.settings.speed)
+        going = followed is not None and followed.gives_way and motion.rest is not None
+        left = motion.rest if going else braking
+        plan = self._giving_way.plan(self._query, start, latent, scene, motion, verdict, left, going, deadline)
+        if plan is None or plan.reference is None:
+            return Plan(braking, verdict)
+        self._followed = _Followed(
+            self._query, plan.reference, plan.verdict, scene, scene.in_task.time, gives_way=True
+        )
         return plan
 
     def _stopping_first(self, start: Pose, scene: Scene, speed: float) -> Plan | None:
@@ -323,19 +400,25 @@ class ReactivePlanner:
         return Motion(share_of_speed, velocity, reference.rest(segment, share) if same else None)
 
     def _kept(self, motion: Motion, scene: Scene) -> Plan | None:
-        """The reference being followed, where nothing has changed: it is still the best way."""
-        followed = self._followed
-        if motion.rest is None or followed is None or followed.query is not self._query:
-            return None
-        if not followed.scene.in_task.unmoved_in(scene.in_task):
-            return None
-        return self._keep(motion.rest, scene)
+        """The reference being followed, where nothing has changed: it is still the best way.
 
-    def _keep(self, rest: TaskSpaceReference, scene: Scene) -> Plan:
-        assert self._followed is not None
-        verdict = replace(self._followed.verdict, clearance=float(np.min(rest.clearance)))
-        self._followed = replace(self._followed, reference=rest, verdict=verdict, scene=scene)
-        return Plan(rest, verdict)
+        So too a trusting one that keeps off what moves, where others were looked for a moment ago.
+        """
+        followed = self._followed
+        if motion.rest is None or followed is None or not followed.leads_to(self._query):
+            return None
+        if followed.scene.in_task.unmoved_in(scene.in_task):
+            return self._keep(motion.rest, scene, followed)
+        if not followed.trusting or abs(scene.in_task.time - followed.searched) >= _SOON:
+            return None
+        rest = self._solver.certified(motion.rest, scene.in_task, trusting=True)
+        keeps_off = np.min(rest.clearance) > MOVING_MULTIPLE * self.settings.obstacle_margin
+        return self._keep(rest, scene, followed) if keeps_off else None
+
+    def _keep(self, rest: TaskSpaceReference, scene: Scene, followed: _Followed) -> Plan:
+        verdict = replace(followed.verdict, clearance=float(np.min(rest.clearance)))
+        self._followed = replace(followed, reference=rest, verdict=verdict, scene=scene)
+        return Plan(rest, verdict, trusting=followed.trusting)
 
     def _chosen(self, plan: Plan, motion: Motion, scene: Scene) -> Plan:
         """A new plan, or the reference being followed where that leads to the same goal and the new one is no gain.
@@ -344,13 +427,16 @@ class ReactivePlanner:
         none as long as the old one is free.
         """
         followed, rest = self._followed, motion.rest
-        if rest is None or followed is None or followed.query is not self._query:
+        if rest is None or followed is None or not followed.leads_to(self._query):
             return plan
         if not (plan.turning or plan.verdict.ok):
             return plan
-        rest = self._solver.certified(rest, scene.in_task)
+        found = plan.reference is not None and plan.reference.strain <= MOST_STRAIN
+        # Both are judged by one measure; a way that is not trusting is a gain over one that is.
+        trusting = plan.trusting if found else followed.trusting
+        rest = self._solver.certified(rest, scene.in_task, trusting=trusting)
         nearest = float(np.min(rest.clearance))
-        if plan.reference is None or plan.reference.strain > _STRAIN:
+        if not found:
             keep = nearest > 0.0 or not self.settings.avoidance
         else:
             # Close to an obstacle every bit of clearance is a gain.
@@ -358,7 +444,8 @@ class ReactivePlanner:
             gain = float(np.min(plan.reference.clearance)) - (0.0 if close else _SAFER)
             no_safer = gain <= nearest or not self.settings.avoidance
             keep = no_safer and rest.duration <= _WORTHWHILE * plan.reference.duration
-        return self._keep(rest, scene) if keep else plan
+        followed = replace(followed, searched=scene.in_task.time, trusting=trusting)
+        return self._keep(rest, scene, followed) if keep else plan
 
     def _stop_first(self, plan: Plan, start: Pose, scene: Scene, speed: float) -> Plan:
         """The stop before a way that is entered too fast; that way itself where the stop is not free."""
@@ -492,7 +579,7 @@ class ReactivePlanner:
             curve = MotionCurve.through(positions, quaternions, settings.limits)
         latent = previous.latent[at:]
         rate = initial_rate(curve, settings.limits, speed / settings.speed)
-        braking = braking_law(curve, settings.limits, rate, min(previous.strain, _STRAIN))
+        braking = braking_law(curve, settings.limits, rate, min(previous.strain, MOST_STRAIN))
         if braking is not None:
             curve, times, rates = braking
             unknown = np.full(len(times) - 1, np.inf)

@@ -33,6 +33,7 @@ from geodesic_motion_ros.reference import (
     smooth_poses,
     timed_reference,
 )
+from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
@@ -44,8 +45,12 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 #: would have to brake there.
 MARGIN_MULTIPLES = (1.0, 2.5)
 _SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
+#: A new way may need so much more than the accelerations allowed because it is entered in motion.
+MOST_STRAIN = 1.11
 #: Dense samples of the published curve per grid step.
 _SAMPLES_PER_STEP = 1.0
+#: Where to give way to is looked for so many grid steps around.
+_REFUGE_STEPS = 30
 
 
 @dataclass(frozen=True)
@@ -53,15 +58,23 @@ class Plan:
     """Answer of one planning step.
 
     With an OK verdict the reference leads to the goal. With any other it is a ramped, certified stop along the
-    reference followed so far, or None: then the commanded pose must stay where it is.
+    reference followed so far, or leads aside, or is None: then the commanded pose must stay where it is.
 
     turning : there is a way to the goal, but not one that the present motion can be bent into: this is the stop before
         it. The verdict says so, and becomes OK by itself.
+    trusting : what moves will have left the way by the time that the tool comes there: it is not counted beyond the
+        prediction.
     """
 
     reference: TaskSpaceReference | None
     verdict: Verdict
     turning: bool = False
+    trusting: bool = False
+
+    @property
+    def blocked(self) -> bool:
+        """Whether the obstacles leave no way."""
+        return self.reference is None and not self.turning and self.verdict.code is VerdictCode.NO_FEASIBLE_PATH
 
     def in_base(self, frame: TaskFrame) -> Plan:
         """The same plan, its reference brought from the task frame into the base frame."""
@@ -128,17 +141,18 @@ class PoseSolver:
         scene: Scene,
         motion: Motion,
         deadline: Deadline = NEVER,
+        trusting: bool = False,
     ) -> Plan:
-        """Search, smooth, decode, certify and time until an attempt is certified, or the deadline has passed."""
+        """Search, smooth, decode, certify and time until an attempt is certified, or the deadline has passed.
+
+        trusting : as of `Plan`.
+        """
         settings, obstacles = self.settings, scene.in_task
         avoided = obstacles if settings.avoidance else Obstacles.none()
-        ends = self._end_clearance(query, start, avoided)
+        ends = self._end_clearance(query, start, avoided, trusting)
         if isinstance(ends, Plan):
             return ends
-        reshaping = Reshaping.of(
-            query.body, avoided.swept(settings.prediction), settings.ambient_strength, settings.ambient_width_ratio,
-            max(MARGIN_MULTIPLES) * settings.obstacle_margin, settings.ambient_law,
-        )  # fmt: skip
+        reshaping = self._reshaping(query, avoided.at_rest() if trusting else avoided.swept(settings.prediction))
         # Ends may stay closer here too.
         needed = 0.0 if avoided.stand else min(MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
         plan: Plan | None = None
@@ -152,18 +166,57 @@ class PoseSolver:
                 if plan is not None and deadline.passed:
                     reason = f"out of time: {plan.verdict.reason}"
                     return Plan(None, replace(plan.verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
-                plan = self._certified(query, start, found, scene, widths, motion, needed)
+                horizon = settings.prediction
+                plan = self._certified(query, start, found, scene, widths, motion, needed, horizon, trusting)
                 if plan.reference is not None or plan.turning:
-                    return plan
+                    return replace(plan, trusting=trusting)
         assert plan is not None
         return plan
 
-    def _end_clearance(self, query: Query, start: Pose, obstacles: Obstacles) -> float | Plan:
+    def aside(
+        self,
+        query: Query,
+        start: Pose,
+        start_latent: np.ndarray,
+        scene: Scene,
+        motion: Motion,
+        horizon: float,
+        deadline: Deadline = NEVER,
+    ) -> Plan | None:
+        """A certified way to a place nearby that nothing is expected to come to, or None where none is found in time.
+
+        horizon : obstacles are expected to move on for so long [s].
+        """
+        obstacles, apart = scene.in_task, MOVING_MULTIPLE * self.settings.obstacle_margin
+        here = float(obstacle_clearances(self._body(start), self._point_radii, obstacles, math.inf)[0])
+        if here <= 0.0:
+            return None
+        # As of every way: a start closer to an obstacle than the margin may stay so.
+        needed = min(apart, 0.5 * here)
+        reshaping = self._reshaping(query, obstacles.swept(horizon))
+        for way in ways_aside(self.graph, query, start_latent, reshaping, _REFUGE_STEPS, apart):
+            widths = _SMOOTHING_WIDTHS[0]
+            plan = self._certified(query, start, way, scene, widths, motion, needed, horizon, True, aside=True)
+            if plan.reference is not None and plan.reference.strain <= MOST_STRAIN:
+                return plan
+            if deadline.passed:
+                return None
+        return None
+
+    def _reshaping(self, query: Query, obstacles: Obstacles) -> Reshaping:
+        settings = self.settings
+        return Reshaping.of(
+            query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
+            max(MARGIN_MULTIPLES) * settings.obstacle_margin, settings.ambient_law,
+        )  # fmt: skip
+
+    def _end_clearance(self, query: Query, start: Pose, obstacles: Obstacles, trusting: bool) -> float | Plan:
         """Smaller clearance [m] of start and goal, or the refusal where one of them is covered.
 
-        The goal is to be free of where obstacles are expected to come to a stand.
+        The goal is to be free of where obstacles are expected to come to a stand; trusting: of those alone that stand.
         """
-        later = obstacles.at(obstacles.time + self.settings.prediction, self.settings.prediction)
+        prediction = self.settings.prediction
+        later = obstacles.at_rest() if trusting else obstacles.at(obstacles.time + prediction, prediction)
         here, there = (
             float(obstacle_clearances(body, self._point_radii, found, math.inf)[0])
             for body, found in ((self._body(start), obstacles), (self._body(query.goal), later))
@@ -180,16 +233,41 @@ class PoseSolver:
         """Tool points (1, K, 3) [m] at a pose."""
         return tool_points(pose.position[None], pose.quaternion[None], self._points)
 
-    def certified(self, reference: TaskSpaceReference, obstacles: Obstacles) -> TaskSpaceReference:
-        """A reference that begins now with its clearance among obstacles where they are now, and will be."""
+    def clearance_until(
+        self, reference: TaskSpaceReference | None, start: Pose, obstacles: Obstacles, horizon: float
+    ) -> float:
+        """Least clearance [m] of a reference that begins now, or of a tool that stands at a pose, from what stands, and
+        from what moves on for a horizon [s]: until then it stays where it comes to rest.
+        """
+        if reference is not None:
+            return float(np.min(self.certified(reference, obstacles, horizon, trusting=True).clearance))
+        body, still = np.repeat(self._body(start), 2, axis=0), np.zeros(2)
+        allowance = np.zeros((1, len(self._point_radii)))
+        clearance = motion_clearances(
+            body, self._point_radii, allowance, still, still, obstacles, horizon, beyond=False
+        )
+        return float(np.min(clearance))
+
+    def certified(
+        self,
+        reference: TaskSpaceReference,
+        obstacles: Obstacles,
+        horizon: float | None = None,
+        trusting: bool = False,
+    ) -> TaskSpaceReference:
+        """A reference that begins now with its clearance among obstacles where they are now, and will be.
+
+        horizon : they move on for so long [s]; None: for the prediction. trusting : as of `Plan`.
+        """
         curve = reference.curve
         points = tool_points(curve.positions, curve.quaternions, self._points)
         allowance = curve_allowance(curve, self._points)
         if obstacles.stand:
             return replace(reference, clearance=curve_clearances(points, self._point_radii, allowance, obstacles))
         clearance = motion_clearances(
-            points, self._point_radii, allowance, reference.times, reference.rates, obstacles, self.settings.prediction
-        )
+            points, self._point_radii, allowance, reference.times, reference.rates, obstacles,
+            self.settings.prediction if horizon is None else horizon, beyond=not trusting,
+        )  # fmt: skip
         return replace(reference, clearance=clearance)
 
     def _certified(
@@ -201,10 +279,14 @@ class PoseSolver:
         widths: tuple[float, float],
         motion: Motion,
         needed: float,
+        horizon: float,
+        trusting: bool,
+        aside: bool = False,
     ) -> Plan:
         """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be commanded.
 
-        needed : clearance [m] that it must exceed.
+        needed : clearance [m] that it must exceed. horizon : obstacles move on for so long [s].
+        aside : the way does not lead to the goal, but ends where it ends.
         """
         settings = self.settings
         step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
@@ -215,10 +297,11 @@ class PoseSolver:
         positions, quaternions = smooth_poses(positions, continuous_signs(quaternions), widths[1] * _SAMPLES_PER_STEP)
         if quaternions[0] @ start.quaternion < 0.0:
             quaternions = -quaternions
-        ends = np.stack([start.position, query.goal.position])
+        goal = Pose(positions[-1], quaternions[-1]) if aside else query.goal
+        ends = np.stack([start.position, goal.position])
         correction = float(np.linalg.norm(positions[[0, -1]] - ends, axis=1).max())
         positions, quaternions = correct_ends(
-            positions, quaternions, (start.position, start.quaternion), (query.goal.position, query.goal.quaternion)
+            positions, quaternions, (start.position, start.quaternion), (goal.position, goal.quaternion)
         )
         positions, quaternions, latent = self._drawn(positions, quaternions, latent)
         if motion.velocity is not None:
@@ -231,7 +314,8 @@ class PoseSolver:
         if beyond:
             return refusal(VerdictCode.NO_FEASIBLE_PATH, f"the way leads {beyond}", query)
         curve = MotionCurve.through(positions, quaternions, settings.limits, motion.velocity)
-        reference = self.certified(timed_reference(curve, latent, settings.limits, motion.speed), scene.in_task)
+        timed = timed_reference(curve, latent, settings.limits, motion.speed)
+        reference = self.certified(timed, scene.in_task, horizon, trusting)
         nearest = float(np.min(reference.clearance))
         objection = None
         if settings.avoidance and nearest <= needed:

@@ -43,6 +43,33 @@ def clearances_in_motion(
     return clearance, nearest
 
 
+def clearances_until(
+    times: np.ndarray,
+    placed: np.ndarray,
+    bulges: np.ndarray,
+    radii: np.ndarray,
+    spheres: np.ndarray,
+    obstacles: Obstacles,
+    horizon: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """`clearances_in_motion` where what moves is not counted after the horizon; until then spheres that have come to
+    rest stand there.
+    """
+    clearance, nearest = clearances_in_motion(times, placed, bulges, radii, spheres, obstacles.at_rest(), horizon)
+    if times[-1] < horizon:
+        times, placed = np.append(times, horizon), np.concatenate([placed, placed[-1:]])
+        bulges = np.concatenate([bulges, np.zeros_like(bulges[-1:])])
+    knots = max(2, int(np.searchsorted(times, horizon)) + 1)
+    nearby, by = clearances_in_motion(
+        times[:knots], placed[:knots], bulges[: knots - 1], radii, spheres, obstacles.in_motion(), horizon
+    )
+    for i, distance in enumerate(nearby):
+        interval = min(i, len(clearance) - 1)
+        if distance < clearance[interval]:
+            clearance[interval], nearest[interval] = distance, by[i]
+    return clearance, nearest
+
+
 @numba.njit(cache=True, nogil=True)
 def _distance(point: np.ndarray, other: np.ndarray) -> float:
     dx, dy, dz = other[0] - point[0], other[1] - point[1], other[2] - point[2]

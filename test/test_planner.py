@@ -327,6 +327,92 @@ def test_a_sphere_that_crosses_is_grazed_where_its_motion_is_not_known_and_not_w
     assert left < 1e-6
 
 
+def played(planner: ReactivePlanner, start: np.ndarray, obstacles, seconds: float):
+    """A stream from a pose (7,) to the skill's goal among `obstacles(now)`, spheres of which the first is looked at:
+    yields time [s], follower, plan and the clearance [m] from that one.
+    """
+    goal = planner.skill.goal_pose
+    follower = ReferenceFollower(planner.settings.speed)
+    follower.reset(start[:3], start[3:])
+    assert planner.set_goal(goal[:3], goal[3:]).ok
+    for step in range(int(seconds / PERIOD)):
+        now = step * PERIOD
+        spheres = obstacles(now)
+        assert planner.take_obstacles(spheres).ok
+        plan = planner.tick(follower.position, follower.quaternion, follower.speed, now=now)
+        follower.hold() if plan.reference is None else follower.accept(plan.reference)
+        follower.advance(PERIOD)
+        gap = np.linalg.norm(follower.position - spheres.centres[0]) - spheres.radii[0] - 0.04
+        yield now, follower, plan, float(gap)
+
+
+def moving(centre: np.ndarray, velocity: np.ndarray, time: float, standing=NOTHING) -> Obstacles:
+    """A sphere of 3 cm that moves, after it others that stand."""
+    centres, radii = np.vstack([centre[None], *standing[:1]]), np.append(0.03, standing[1])
+    return Obstacles.of_spheres(centres, radii, np.vstack([velocity[None], 0.0 * centres[1:]]), time)
+
+
+def test_a_sphere_that_passes_the_goal_before_the_tool_comes_there_does_not_stop_it(planner, monkeypatch):
+    """The control, which counts what moves as standing where it will be after its prediction, stops."""
+    start, goal, direct = planner.skill.start_pose, planner.skill.goal_pose, nominal(planner).reference
+    velocity, meeting = np.array([0.0, 0.2, 0.0]), 0.5 * direct.duration
+
+    def passing(now: float) -> Obstacles:
+        return moving(goal[:3] + (now - meeting) * velocity, velocity, now)
+
+    for now, follower, plan, gap in played(planner, start, passing, direct.duration + 0.1):  # noqa: B007
+        assert plan.verdict.ok, f"after {now} s: {plan.verdict}"
+        assert gap > 0.0
+    np.testing.assert_allclose(follower.position, goal[:3], atol=1e-6)
+    solve = planner._solver.solve
+    refused = Plan(None, Verdict(VerdictCode.NO_FEASIBLE_PATH))
+    monkeypatch.setattr(
+        planner._solver, "solve", lambda *given, trusting=False: refused if trusting else solve(*given)
+    )
+    stopped = [not plan.verdict.ok for *_, plan, _ in played(planner, start, passing, direct.duration + 0.1)]
+    assert any(stopped)
+
+
+def test_a_tool_without_a_way_gives_way_to_what_comes_to_it_and_goes_on_later(planner, monkeypatch):
+    """The control stays, and is touched."""
+    direct = nominal(planner).reference
+    place, quaternion = direct.sample(0.4 * direct.duration)
+    along = direct.velocity(0.4 * direct.duration)[:3]
+    across = np.cross(along, [0.0, 0.0, 1.0])
+    velocity = 0.15 * across / np.linalg.norm(across)
+    wall = [planner.skill.goal_pose[:3]], [0.05]
+
+    def coming(now: float) -> Obstacles:
+        return moving(place + (now - 3.0) * velocity, velocity, now, wall if now < 5.0 else NOTHING)
+
+    start = np.append(place, quaternion)
+    codes, reasons, gaps = [], [], []
+    for now, follower, plan, gap in played(planner, start, coming, 12.0):  # noqa: B007
+        gaps.append(gap)
+        if now < 5.0:
+            codes.append(plan.verdict.code)
+            reasons.append(plan.verdict.reason)
+    assert min(gaps) > 0.0
+    assert set(codes) == {VerdictCode.NO_FEASIBLE_PATH}
+    assert any(reason.endswith("; giving way to what is coming") for reason in reasons)
+    np.testing.assert_allclose(follower.position, planner.skill.goal_pose[:3], atol=1e-6)
+    monkeypatch.setattr(planner._giving_way, "plan", lambda *_: None)
+    assert min(gap for *_, gap in played(planner, start, coming, 4.0)) < -0.03
+
+
+def test_a_tool_that_nothing_comes_to_stays_where_it_has_no_way(planner):
+    direct = nominal(planner).reference
+    place, quaternion = direct.sample(0.4 * direct.duration)
+    velocity, wall = np.array([0.0, 0.15, 0.0]), ([planner.skill.goal_pose[:3]], [0.05])
+
+    def passing(now: float) -> Obstacles:
+        return moving(place + [0.0, 0.0, 0.2] + (now - 1.0) * velocity, velocity, now, wall)
+
+    for *_, plan, _ in played(planner, np.append(place, quaternion), passing, 2.0):
+        assert plan.reference is None
+        assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+
+
 def test_a_stream_blocked_in_motion_comes_to_rest_along_its_path_without_overlap(planner):
     direct = nominal(planner).reference
     limit = planner.settings.acceleration * PERIOD * 1.01

@@ -83,13 +83,20 @@ position, quaternion = skill.start_pose[:3], skill.start_pose[3:]
 goal = skill.goal_pose
 planner.set_goal(goal[:3], goal[3:])
 ends = position, quaternion, goal[:3], goal[3:]
-way = planner.plan(*ends).reference.positions
+reference = planner.plan(*ends).reference
+way = reference.positions
 codes = set()
 for (_, obstacles), deadline in zip(scenes(way[:: len(way) // 12]), deadlines()):
     planner.take_obstacles(obstacles)
     codes.add(planner.tick(position, quaternion, 0.05, deadline).verdict.code.name)
 planner.stop(position, quaternion, 0.05)
 planner.plan(*ends)
+# No way, and something comes to where the tool stands.
+place, turned = reference.sample(0.5 * reference.duration)
+centres, velocities = np.stack([goal[:3], place + [0.0, 0.0, 0.5]]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.3]])
+planner.take_obstacles(Obstacles.of_spheres(centres, np.full(2, 0.05), velocities, 10.0))
+reasons = [planner.tick(place, turned, now=10.0 + 0.01 * number).verdict.reason for number in range(5)]
+assert any("giving way" in reason for reason in reasons), reasons
 print(len(before) > 40, sorted(codes), sorted(loaded() - before))
 """
 

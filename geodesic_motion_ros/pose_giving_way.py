@@ -1,0 +1,76 @@
+"""PoseGivingWay: a tool that has no way to its goal gets out of the way of what is coming to where it stops or stands.
+
+As `giving_way.GivingWay` for the whole arm. Where to is looked for by `pose_solver.PoseSolver.aside`; here is told
+when, and how long it goes on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.pose_solver import Motion, Plan, PoseSolver, Scene
+from geodesic_motion_ros.query import Pose, Query
+from geodesic_motion_ros.reference import TaskSpaceReference
+from geodesic_motion_ros.refuge import AGAIN, AHEAD
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+#: Of times [s].
+_ROUNDING = 1e-6
+
+
+class PoseGivingWay:
+    """Takes the stream of one tool aside."""
+
+    def __init__(self, settings: PlannerSettings, solver: PoseSolver) -> None:
+        self._settings, self._solver = settings, solver
+        self.forget()
+
+    def forget(self) -> None:
+        """What was looked for in vain may be found: there is another goal, or none."""
+        # When it was looked for in vain [s].
+        self._looked = -np.inf
+
+    def plan(
+        self,
+        query: Query,
+        start: Pose,
+        latent: np.ndarray,
+        scene: Scene,
+        motion: Motion,
+        verdict: Verdict,
+        left: TaskSpaceReference | None,
+        going: bool,
+        deadline: Deadline,
+    ) -> Plan | None:
+        """A way aside where something comes to where the tool stops or stands, and it has no way to the goal.
+
+        None where there is none, or nothing comes: then to stop along the way being gone is the answer.
+
+        Parameters
+        ----------
+        query, start, latent, scene, motion : what there is no way for, as of `PoseSolver.solve`.
+        verdict : why there is none; the plan's tells the same, and that the tool gives way.
+        left : what is left of a way aside, where it is `going` one, or the stop; None: the tool stands.
+        """
+        obstacles, prediction = scene.in_task, self._settings.prediction
+        if verdict.code is not VerdictCode.NO_FEASIBLE_PATH or not self._settings.avoidance or obstacles.stand:
+            return None
+        looks = abs(obstacles.time - self._looked) >= AGAIN - _ROUNDING and not deadline.passed
+        for horizon in (AHEAD * prediction, prediction):
+            clearance = self._solver.clearance_until(left, start, obstacles, horizon)
+            if clearance > 0.0:
+                return _aside(left, verdict, clearance) if going and left is not None else None
+            plan = self._solver.aside(query, start, latent, scene, motion, horizon, deadline) if looks else None
+            if plan is not None:
+                return _aside(plan.reference, verdict, plan.verdict.clearance)
+        self._looked = obstacles.time if looks else self._looked
+        return None
+
+
+def _aside(reference: TaskSpaceReference | None, verdict: Verdict, clearance: float) -> Plan:
+    reason = f"{verdict.reason}; giving way to what is coming"
+    return Plan(reference, replace(verdict, clearance=clearance, reason=reason))

@@ -1,0 +1,117 @@
+"""PoseGivingWay: a tool goes aside where something comes to it, there alone, and does not look for that all the time.
+
+That it is not touched then is tested with the planner (`test_planner.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+
+from geodesic_motion_ros.deadline import NEVER, Deadline
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.pose_giving_way import PoseGivingWay
+from geodesic_motion_ros.pose_solver import AT_REST, Plan, Scene
+from geodesic_motion_ros.query import Pose
+from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+SETTINGS = PlannerSettings()
+NO_WAY = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no way")
+ASIDE, LEFT, STOP = SimpleNamespace(), SimpleNamespace(), SimpleNamespace()
+
+
+@dataclass
+class OneWayAside:
+    """In the place of a PoseSolver: whatever is not aside is touched after a time [s]; how long [s] was asked for."""
+
+    touched_after: float
+    found: bool = True
+    asked: list[float] = field(default_factory=list)
+
+    def clearance_until(self, reference: object, start: Pose, obstacles: Obstacles, horizon: float) -> float:
+        return -0.01 if reference is not ASIDE and horizon >= self.touched_after else 0.02
+
+    def aside(self, *arguments: object) -> Plan | None:
+        self.asked.append(arguments[5])
+        return Plan(ASIDE, Verdict(VerdictCode.OK, clearance=0.01)) if self.found else None
+
+
+def tool(touched_after: float, settings: PlannerSettings = SETTINGS) -> tuple[PoseGivingWay, OneWayAside]:
+    solver = OneWayAside(touched_after)
+    return PoseGivingWay(settings, solver), solver
+
+
+def asked(
+    giving_way: PoseGivingWay,
+    now: float = 0.0,
+    speed: float = 0.1,
+    verdict: Verdict = NO_WAY,
+    left: object = None,
+    going: bool = False,
+    deadline: Deadline = NEVER,
+) -> Plan | None:
+    """What is answered at a time [s] among one sphere with a speed [m/s]."""
+    sphere = Obstacles.of_spheres(np.ones((1, 3)), np.array([0.03]), np.array([[speed, 0.0, 0.0]]), now)
+    scene, start = Scene.of(TaskFrame.identity(), sphere), Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    return giving_way.plan(None, start, np.zeros(2), scene, AT_REST, verdict, left, going, deadline)
+
+
+def test_a_tool_gives_way_to_what_is_coming_and_says_so() -> None:
+    for left in (None, STOP):
+        giving_way, _ = tool(1.0)
+        plan = asked(giving_way, left=left)
+        assert plan.reference is ASIDE
+        assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+        assert plan.verdict.reason == "no way; giving way to what is coming"
+        assert plan.verdict.clearance == 0.01
+
+
+def test_nothing_is_looked_for_where_nothing_comes_or_something_else_is_wrong() -> None:
+    late = Verdict(VerdictCode.DEADLINE_MISSED, "out of time")
+    blind = replace(SETTINGS, avoidance=False)
+    for touched_after, speed, verdict, settings in (
+        (np.inf, 0.1, NO_WAY, SETTINGS), (1.0, 0.0, NO_WAY, SETTINGS), (1.0, 0.1, late, SETTINGS),
+        (1.0, 0.1, NO_WAY, blind),
+    ):  # fmt: skip
+        giving_way, solver = tool(touched_after, settings)
+        assert asked(giving_way, speed=speed, verdict=verdict) is None
+        assert not solver.asked
+
+
+def test_what_comes_late_is_seen_beyond_the_time_of_a_stop() -> None:
+    """The control: what comes later still is left to later ticks."""
+    prediction = SETTINGS.prediction
+    for after, looked_for in ((1.8 * prediction, [2.0 * prediction]), (3.0 * prediction, [])):
+        giving_way, solver = tool(after)
+        asked(giving_way)
+        assert solver.asked == looked_for
+
+
+def test_a_way_that_was_looked_for_in_vain_is_not_looked_for_in_every_tick() -> None:
+    giving_way, solver = tool(1.0)
+    solver.found = False
+    for now in (0.0, 0.01, 0.04):
+        assert asked(giving_way, now) is None
+    assert solver.asked == [2.0 * SETTINGS.prediction, SETTINGS.prediction]
+    asked(giving_way, 0.05)
+    assert len(solver.asked) == 4
+    asked(giving_way, 0.11, deadline=Deadline(-np.inf))
+    assert len(solver.asked) == 4
+    solver.found = True
+    assert asked(giving_way, 0.06) is None
+    giving_way.forget()
+    assert asked(giving_way, 0.06) is not None
+
+
+def test_a_tool_that_gives_way_goes_on_doing_so_while_that_is_free() -> None:
+    """One that stops where it is free stops."""
+    giving_way, solver = tool(1.0)
+    assert asked(giving_way, left=ASIDE, going=True).reference is ASIDE
+    assert asked(giving_way, left=ASIDE, going=False) is None
+    assert not solver.asked
+    assert asked(giving_way, left=LEFT, going=True).reference is ASIDE
+    assert len(solver.asked) == 1
