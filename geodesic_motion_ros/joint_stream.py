@@ -21,7 +21,12 @@ from geodesic_motion_ros.joint_reference import JointReference, joined
 from geodesic_motion_ros.joint_solver import JointPlan, MotionState
 from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, JointPlannerSettings
+from geodesic_motion_ros.planner_settings import (
+    LOOKED_AT_AGAIN,
+    MOVING_MULTIPLE,
+    STOPPING_PLACES,
+    JointPlannerSettings,
+)
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: A new way must take so much less time than the one being followed.
@@ -32,11 +37,6 @@ _CLOSE = 0.03
 _NEARER = 1e-3
 #: Knots are no nearer to each other [s].
 _SHORTEST_INTERVAL = 1e-3
-#: An arm that sets out or goes on is to be able to stop so long later [s]: by then it has been looked at again.
-_LOOKED_AT_AGAIN = 0.03
-#: What moves may come to a stand in so many places, the first where it is. Between two of them a sphere of 3 cm at
-#: 0.5 m/s is taken for 4 mm less than it is, of the 10 mm that a stop keeps off.
-_PLACES = 9
 #: No less than this share of what a way promised, or of the margin among obstacles that move, must be left.
 _LEFT_OF_PROMISE = 0.5
 
@@ -208,7 +208,7 @@ class JointStream:
         if obstacles.stand or not self._settings.avoidance:
             return True
         margin = MOVING_MULTIPLE * self._settings.obstacle_margin
-        if self._room_of(self._stop(going, time + _LOOKED_AT_AGAIN), _LOOKED_AT_AGAIN, obstacles) > margin:
+        if self._room_of(self._stop(going, time + LOOKED_AT_AGAIN), LOOKED_AT_AGAIN, obstacles) > margin:
             return True
         assert self.played is not None
         stop = self._stop(self.played, time)
@@ -225,7 +225,7 @@ class JointStream:
 
     def _room_of(self, stop: SweptArm, later: float, obstacles: Obstacles) -> float:
         """Least distance [m] of a stop that begins so much later [s] from where obstacles come to by its end."""
-        places = obstacles.swept(later + stop.times[-1], _PLACES)
+        places = obstacles.swept(later + stop.times[-1], STOPPING_PLACES)
         return float(np.min(self._certifier.certify_swept(stop, places, 0.0).clearance))
 
     def left(self, time: float) -> SweptArm:

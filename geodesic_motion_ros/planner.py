@@ -21,67 +21,21 @@ import numpy as np
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.latent_way import load_search
-from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.pose_giving_way import PoseGivingWay
-from geodesic_motion_ros.pose_solver import (
-    AT_REST,
-    MARGIN_MULTIPLES,
-    MOST_STRAIN,
-    Motion,
-    Plan,
-    PoseSolver,
-    Scene,
-    refusal,
-)
-from geodesic_motion_ros.quaternions import angle_between, continuous_signs
+from geodesic_motion_ros.pose_solver import AT_REST, MOST_STRAIN, Motion, Plan, PoseSolver, Scene, refusal
+from geodesic_motion_ros.pose_stream import PoseStream
+from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.query import Pose, Query, QueryBuilder, checked_pose
-from geodesic_motion_ros.reference import (
-    ReferenceFollower,
-    TaskSpaceReference,
-    initial_rate,
-    timed_reference,
-)
+from geodesic_motion_ros.reference import ReferenceFollower, TaskSpaceReference
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
-from geodesic_motion_ros.time_law import braking_law
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-#: A stream's pose is looked for on the first seconds of its reference only, or as many as a stop takes: a task may pass
-#: the same place again.
-_LOCATE_WITHIN = 0.5
-#: How far a rotation counts against a distance when a pose is looked for on a curve.
-_METRES_PER_RADIAN = 0.1
-#: A pose and a speed (over full speed) are those of a reference up to these [m], [rad], [].
-_SAME_PLACE, _SAME_ANGLE, _SAME_SPEED = 1e-6, 1e-6, 1e-3
-#: A new way must take so much less time than the one being followed, or keep so much further [m] from obstacles.
-_WORTHWHILE, _SAFER = 1.03, 1e-3
-#: While a trusting way keeps off what moves, others are looked for after so long [s],
-#: and trusting ones where there was none.
-_SOON = 0.05 - 1e-6
-
-
-@dataclass(frozen=True)
-class _Followed:
-    """The reference of the stream, the query and the scene it was planned in, and its verdict; trusting as of `Plan`.
-
-    An older query than the planner's own right after a new goal. searched: when another was last looked for [s].
-    gives_way: it leads aside, from where something is coming.
-    """
-
-    query: Query
-    reference: TaskSpaceReference
-    verdict: Verdict
-    scene: Scene
-    searched: float
-    trusting: bool = False
-    gives_way: bool = False
-
-    def leads_to(self, query: Query | None) -> bool:
-        """Whether it leads to the goal of a query."""
-        return self.query is query and not self.gives_way
+#: Trusting ways are looked for again after so long [s] where there was none.
+_AGAIN = 0.05 - 1e-6
 
 
 @dataclass(frozen=True)
@@ -127,7 +81,7 @@ class ReactivePlanner:
         # The goal as it was given, and whether that was in the task frame, with which it moves.
         self._goal: tuple[Pose, bool] | None = None
         self._query: Query | None = None
-        self._followed: _Followed | None = None
+        self._stream = PoseStream(self.settings, self._solver)
         self._turned: _Turned | None = None
         # When a trusting way was looked for in vain [s].
         self._distrusted = -np.inf
@@ -154,7 +108,8 @@ class ReactivePlanner:
             load_search(self.graph, self._query, self.settings)
         self.stop(follower.position, follower.quaternion, follower.speed)
         self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
-        self._goal = self._query = self._followed = self._turned = None
+        self._goal = self._query = self._turned = None
+        self._stream.forget()
         self._distrusted = -np.inf
         self._giving_way.forget()
 
@@ -217,9 +172,7 @@ class ReactivePlanner:
         before, frame = self._scene.frame, TaskFrame(pose.position, pose.quaternion)
         self._scene = Scene.of(frame, self._scene.in_base)
         self._query = None
-        if self._followed is not None:
-            moved = self._followed.reference.moved(lambda *poses: frame.to_task(*before.to_base(*poses)))
-            self._followed = replace(self._followed, reference=moved)
+        self._stream.move_frame(before, frame)
         return Verdict(VerdictCode.OK)
 
     def clear_goal(self) -> None:
@@ -294,8 +247,9 @@ class ReactivePlanner:
         return pose if in_task_frame else _to_task(frame, pose)
 
     def _tick_in_task(self, start: Pose, goal: Pose, scene: Scene, speed: float, deadline: Deadline) -> Plan:
-        motion = self._motion(start, speed)
-        kept = self._kept(motion, scene)
+        stream = self._stream
+        motion = stream.motion(start, speed)
+        kept = stream.kept(self._query, start, motion, scene)
         if kept is not None:
             return kept
         stopping = self._stopping_first(start, scene, speed)
@@ -305,29 +259,23 @@ class ReactivePlanner:
         if latent is None:
             query = self._next_query(start, goal, speed)
             if isinstance(query, Verdict):
-                return Plan(self._braking(start, scene.in_task, speed), query)
+                return Plan(stream.braking(start, scene.in_task, speed), query)
             self._query, latent = query, query.start_latent
         assert self._query is not None
         plan = self._solved(self._query, start, latent, scene, motion, deadline)
-        plan = self._chosen(plan, motion, scene)
+        plan = stream.chosen(plan, self._query, start, motion, scene)
         self._turned = _Turned(self._query, scene.in_task, plan.verdict) if plan.turning else None
         if plan.reference is not None and plan.reference.strain > MOST_STRAIN:
             plan = self._stop_first(plan, start, scene, speed)
-        if not (plan.turning or plan.verdict.ok):
-            gone_on = self._gone_on(start, motion, scene)
-            if gone_on is not None:
-                return gone_on
-        gives_way = self._followed is not None and self._followed.gives_way
-        if plan.blocked or (plan.turning and gives_way):
+        if plan.verdict.ok:
+            return stream.begin(self._query, plan, scene)
+        gone_on = None if plan.turning else stream.gone_on(self._query, start, motion, scene)
+        if gone_on is not None:
+            return gone_on
+        if plan.blocked or (plan.turning and stream.gives_way):
             # A tool that gives way does not stop for a way that it can enter from rest alone.
             return self._without_way(plan.verdict, start, latent, scene, motion, deadline)
-        if not plan.verdict.ok:
-            return plan if plan.reference else replace(plan, reference=self._braking(start, scene.in_task, speed))
-        assert plan.reference is not None
-        self._followed = _Followed(
-            self._query, plan.reference, plan.verdict, scene, scene.in_task.time, plan.trusting
-        )
-        return plan
+        return plan if plan.reference else replace(plan, reference=stream.braking(start, scene.in_task, speed))
 
     def _solved(
         self, query: Query, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
@@ -335,43 +283,26 @@ class ReactivePlanner:
         """A way where what moves counts as standing where it will be; where that leaves none, a trusting one."""
         plan = self._solver.solve(query, start, latent, scene, motion, deadline)
         now = scene.in_task.time
-        if not plan.blocked or scene.in_task.stand or deadline.passed or abs(now - self._distrusted) < _SOON:
-            return plan
-        trusting = self._solver.solve(query, start, latent, scene, motion, deadline, trusting=True)
-        if trusting.trusting:
-            return trusting
-        self._distrusted = now
-        return plan
-
-    def _gone_on(self, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
-        """The way being followed where no way was found, or there was no time to, and what moves is less far from where
-        the tool would stop than from that way; None where the stop is the better.
-        """
-        followed, rest, obstacles = self._followed, motion.rest, scene.in_task
-        if rest is None or followed is None or not followed.leads_to(self._query) or obstacles.stand:
-            return None
-        rest = self._solver.certified(rest, obstacles, trusting=True)
-        stop = self._braking(start, obstacles, motion.speed * self.settings.speed)
-        stopped = self._solver.clearance_until(stop, start, obstacles, self.settings.prediction)
-        if np.min(rest.clearance) <= max(stopped, self.settings.obstacle_margin):
-            return None
-        return self._keep(rest, scene, replace(followed, searched=obstacles.time, trusting=True))
+        looks = abs(now - self._distrusted) >= _AGAIN and not deadline.passed
+        if plan.blocked and looks and not scene.in_task.stand:
+            trusting = self._solver.solve(query, start, latent, scene, motion, deadline, trusting=True)
+            plan = trusting if trusting.trusting else plan
+            self._distrusted = self._distrusted if trusting.trusting else now
+        return self._stream.stoppable(plan, start, motion, scene)
 
     def _without_way(
         self, verdict: Verdict, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
     ) -> Plan:
         """Give way to what is coming, or come to rest."""
         assert self._query is not None
-        followed, braking = self._followed, self._braking(start, scene.in_task, motion.speed * self.settings.speed)
-        going = followed is not None and followed.gives_way and motion.rest is not None
+        stream = self._stream
+        braking = stream.braking(start, scene.in_task, motion.speed * self.settings.speed)
+        going = stream.gives_way and motion.rest is not None
         left = motion.rest if going else braking
         plan = self._giving_way.plan(self._query, start, latent, scene, motion, verdict, left, going, deadline)
         if plan is None or plan.reference is None:
             return Plan(braking, verdict)
-        self._followed = _Followed(
-            self._query, plan.reference, plan.verdict, scene, scene.in_task.time, gives_way=True
-        )
-        return plan
+        return stream.begin(self._query, plan, scene, gives_way=True)
 
     def _stopping_first(self, start: Pose, scene: Scene, speed: float) -> Plan | None:
         """The rest of a stop before a way that turns off the present motion: it will do so until the tool rests."""
@@ -380,76 +311,12 @@ class ReactivePlanner:
             return None
         if not turned.obstacles.unmoved_in(scene.in_task):
             return None
-        braking = self._braking(start, scene.in_task, speed)
+        braking = self._stream.braking(start, scene.in_task, speed)
         return None if braking is None else Plan(braking, turned.verdict, turning=True)
-
-    def _motion(self, start: Pose, speed: float) -> Motion:
-        """How the stream moves at a pose and a speed [m/s]."""
-        share_of_speed = speed / self.settings.speed
-        if self._followed is None:
-            return Motion(share_of_speed)
-        reference = self._followed.reference
-        segment, share, distance, angle = self._foot(reference, start)
-        if not self._near(distance, angle):
-            return Motion(share_of_speed)
-        direction = reference.curve.velocity(segment, share)
-        full = float(reference.limits.fraction(direction[:3], direction[3:]))
-        velocity = direction * share_of_speed / full if full > 0.0 and speed > 0.0 else None
-        same = abs(reference.rate_at(segment, share) * full - share_of_speed) <= _SAME_SPEED
-        same = same and distance <= _SAME_PLACE and angle <= _SAME_ANGLE
-        return Motion(share_of_speed, velocity, reference.rest(segment, share) if same else None)
-
-    def _kept(self, motion: Motion, scene: Scene) -> Plan | None:
-        """The reference being followed, where nothing has changed: it is still the best way.
-
-        So too a trusting one that keeps off what moves, where others were looked for a moment ago.
-        """
-        followed = self._followed
-        if motion.rest is None or followed is None or not followed.leads_to(self._query):
-            return None
-        if followed.scene.in_task.unmoved_in(scene.in_task):
-            return self._keep(motion.rest, scene, followed)
-        if not followed.trusting or abs(scene.in_task.time - followed.searched) >= _SOON:
-            return None
-        rest = self._solver.certified(motion.rest, scene.in_task, trusting=True)
-        keeps_off = np.min(rest.clearance) > MOVING_MULTIPLE * self.settings.obstacle_margin
-        return self._keep(rest, scene, followed) if keeps_off else None
-
-    def _keep(self, rest: TaskSpaceReference, scene: Scene, followed: _Followed) -> Plan:
-        verdict = replace(followed.verdict, clearance=float(np.min(rest.clearance)))
-        self._followed = replace(followed, reference=rest, verdict=verdict, scene=scene)
-        return Plan(rest, verdict, trusting=followed.trusting)
-
-    def _chosen(self, plan: Plan, motion: Motion, scene: Scene) -> Plan:
-        """A new plan, or the reference being followed where that leads to the same goal and the new one is no gain.
-
-        A gain is a safer way or one that takes clearly less time; a way that the present motion cannot be bent into is
-        none as long as the old one is free.
-        """
-        followed, rest = self._followed, motion.rest
-        if rest is None or followed is None or not followed.leads_to(self._query):
-            return plan
-        if not (plan.turning or plan.verdict.ok):
-            return plan
-        found = plan.reference is not None and plan.reference.strain <= MOST_STRAIN
-        # Both are judged by one measure; a way that is not trusting is a gain over one that is.
-        trusting = plan.trusting if found else followed.trusting
-        rest = self._solver.certified(rest, scene.in_task, trusting=trusting)
-        nearest = float(np.min(rest.clearance))
-        if not found:
-            keep = nearest > 0.0 or not self.settings.avoidance
-        else:
-            # Close to an obstacle every bit of clearance is a gain.
-            close = nearest <= max(MARGIN_MULTIPLES) * self.settings.obstacle_margin
-            gain = float(np.min(plan.reference.clearance)) - (0.0 if close else _SAFER)
-            no_safer = gain <= nearest or not self.settings.avoidance
-            keep = no_safer and rest.duration <= _WORTHWHILE * plan.reference.duration
-        followed = replace(followed, searched=scene.in_task.time, trusting=trusting)
-        return self._keep(rest, scene, followed) if keep else plan
 
     def _stop_first(self, plan: Plan, start: Pose, scene: Scene, speed: float) -> Plan:
         """The stop before a way that is entered too fast; that way itself where the stop is not free."""
-        braking = self._braking(start, scene.in_task, speed)
+        braking = self._stream.braking(start, scene.in_task, speed)
         if braking is None:
             return plan
         reason = "stopping first: the way to the goal bends too much for the present speed"
@@ -467,7 +334,7 @@ class ReactivePlanner:
         if start is None:
             return None
         scene = self._scene_at(now)
-        reference = self._braking(_to_task(scene.frame, start), scene.in_task, speed)
+        reference = self._stream.braking(_to_task(scene.frame, start), scene.in_task, speed)
         return None if reference is None else reference.moved(scene.frame.to_base)
 
     def plan(
@@ -517,9 +384,9 @@ class ReactivePlanner:
     def _next_query(self, start: Pose, goal: Pose, speed: float) -> Query | Verdict:
         """In motion from where the stream is on its reference, so that it goes on smoothly; anew at rest."""
         # Whoever ticks may replace it meanwhile.
-        followed = self._followed
+        followed = self._stream.followed
         if followed is not None and speed > 0.0:
-            latent = self._latent_on(followed.reference, start)
+            latent = self._stream.latent_on(followed.reference, start)
             redirected = None if latent is None else self._queries.redirected(followed.query, start, latent, goal)
             if redirected is not None:
                 return redirected
@@ -529,67 +396,21 @@ class ReactivePlanner:
         """Latent point of a pose on the reference being followed; None where a new query must begin."""
         if self._query is None:
             return None
-        if self._followed is None or self._followed.query is not self._query:
+        stream = self._stream
+        if stream.followed is None or stream.followed.query is not self._query:
             anchor = self._query.start
             moved = float(np.linalg.norm(pose.position - anchor.position))
-            near = self._near(moved, float(angle_between(pose.quaternion, anchor.quaternion)))
+            near = stream.near(moved, float(angle_between(pose.quaternion, anchor.quaternion)))
             return self._query.start_latent + self._passed(anchor, pose) if near else None
-        return self._latent_on(self._followed.reference, pose)
+        return stream.latent_on(stream.followed.reference, pose)
 
     def _passed(self, begin: Pose, end: Pose) -> np.ndarray:
         """Latent difference (d,) of two poses on the reference still followed, where both are: a stop goes on there."""
-        nowhere = np.zeros(self.graph.latent.shape[1])
-        if self._followed is None:
+        nowhere, followed = np.zeros(self.graph.latent.shape[1]), self._stream.followed
+        if followed is None:
             return nowhere
-        here, there = (self._latent_on(self._followed.reference, pose) for pose in (begin, end))
+        here, there = (self._stream.latent_on(followed.reference, pose) for pose in (begin, end))
         return nowhere if here is None or there is None else there - here
-
-    def _latent_on(self, reference: TaskSpaceReference, pose: Pose) -> np.ndarray | None:
-        """Latent point (d,) of a pose on a reference; None where the pose is not near it."""
-        i, share, distance, angle = self._foot(reference, pose)
-        latent = reference.latent
-        return latent[i] + share * (latent[i + 1] - latent[i]) if self._near(distance, angle) else None
-
-    def _foot(self, reference: TaskSpaceReference, pose: Pose) -> tuple[int, float, float, float]:
-        """Where a pose is closest to the beginning of a reference: segment, share of it, distance [m], angle [rad]."""
-        # A stop from full speed takes speed / acceleration or, in a bend, somewhat more, all of it along one reference.
-        within = max(_LOCATE_WITHIN, 1.5 * self.settings.speed / self.settings.acceleration)
-        count = min(len(reference.times) - 1, int(np.searchsorted(reference.times, within)) + 1)
-        return reference.curve.foot(pose.position, pose.quaternion, count, _METRES_PER_RADIAN)
-
-    def _near(self, distance: float, angle: float) -> bool:
-        return distance <= self.settings.reanchor_distance and angle <= self.settings.reanchor_angle
-
-    def _braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
-        """Come to rest along the reference followed so far; None at rest, or where that would touch what stands.
-
-        What moves may touch the tool where it stands as well.
-        """
-        settings = self.settings
-        if self._followed is None or speed <= 0.0:
-            return None
-        previous = self._followed.reference
-        segment, share, distance, angle = self._foot(previous, start)
-        if not self._near(distance, angle):
-            return None
-        curve, at = previous.curve.from_share(segment, share)
-        if distance > _SAME_PLACE or angle > _SAME_ANGLE:
-            positions = np.concatenate([start.position[None], curve.positions[1:]])
-            quaternions = continuous_signs(np.concatenate([start.quaternion[None], curve.quaternions[1:]]))
-            curve = MotionCurve.through(positions, quaternions, settings.limits)
-        latent = previous.latent[at:]
-        rate = initial_rate(curve, settings.limits, speed / settings.speed)
-        braking = braking_law(curve, settings.limits, rate, min(previous.strain, MOST_STRAIN))
-        if braking is not None:
-            curve, times, rates = braking
-            unknown = np.full(len(times) - 1, np.inf)
-            reference = TaskSpaceReference(times, rates, curve, settings.limits, latent[: len(times)], unknown)
-        else:
-            reference = timed_reference(curve, latent, settings.limits, speed / settings.speed)
-        reference = self._solver.certified(reference, obstacles)
-        if settings.avoidance and obstacles.stand and np.min(reference.clearance) <= 0.0:
-            return None
-        return reference
 
 
 def _to_task(frame: TaskFrame, pose: Pose) -> Pose:

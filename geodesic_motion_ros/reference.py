@@ -150,11 +150,11 @@ class TaskSpaceReference:
 
     def sample(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) [m] and quaternion (4,) at `time` [s], held at both ends."""
-        return self.curve.pose(*self._locate(time))
+        return self.curve.pose(*self.locate(time))
 
     def velocity(self, time: float) -> np.ndarray:
         """Velocity [m/s] and angular velocity [rad/s, base frame] at `time` [s], (6,)."""
-        segment, share = self._locate(time)
+        segment, share = self.locate(time)
         return self.rate_at(segment, share) * self.curve.velocity(segment, share)
 
     def rate(self, time: float) -> float:
@@ -190,7 +190,7 @@ class TaskSpaceReference:
     def _latent_at(self, segment: int, share: float) -> np.ndarray:
         return self.latent[segment] + share * (self.latent[segment + 1] - self.latent[segment])
 
-    def _locate(self, time: float) -> tuple[int, float]:
+    def locate(self, time: float) -> tuple[int, float]:
         """Segment that holds `time`, and the share of it passed under constant rate change."""
         i = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2))
         span = self.times[i + 1] - self.times[i]

@@ -1,0 +1,269 @@
+"""PoseStream: the references that a tool follows, each of which takes over from the one before. Searches no ways.
+
+A new reference begins at the commanded pose with the velocity that the tool has there; every reference ends at rest.
+Whether what is being followed is still the best, whether the tool could still stop on it, and how it comes to rest is
+told here. All is in the task frame. `joint_stream` is the same for a whole arm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geodesic_motion_ros.motion_curve import MotionCurve
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner_settings import LOOKED_AT_AGAIN, MOVING_MULTIPLE, STOPPING_PLACES, PlannerSettings
+from geodesic_motion_ros.pose_solver import MARGIN_MULTIPLES, MOST_STRAIN, Motion, Plan, PoseSolver, Scene
+from geodesic_motion_ros.quaternions import continuous_signs
+from geodesic_motion_ros.query import Pose, Query
+from geodesic_motion_ros.reference import TaskSpaceReference, initial_rate
+from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.time_law import braking_law, fastest_law
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+#: A stream's pose is looked for on the first seconds of its reference only, or as many as a stop takes: a task may pass
+#: the same place again.
+_LOCATE_WITHIN = 0.5
+#: How far a rotation counts against a distance when a pose is looked for on a curve.
+_METRES_PER_RADIAN = 0.1
+#: A pose and a speed (over full speed) are those of a reference up to these [m], [rad], [].
+_SAME_PLACE, _SAME_ANGLE, _SAME_SPEED = 1e-6, 1e-6, 1e-3
+#: A new way must take so much less time than the one being followed, or keep so much further [m] from obstacles.
+_WORTHWHILE, _SAFER = 1.03, 1e-3
+#: While a trusting way keeps off what moves, others are looked for after so long [s].
+_SOON = 0.05 - 1e-6
+
+
+@dataclass(frozen=True)
+class Followed:
+    """The reference of the stream, the query and the scene it was planned in, and its verdict; trusting as of `Plan`.
+
+    An older query than the planner's own right after a new goal. searched : when another was last looked for [s].
+    gives_way : it leads aside, from where something is coming.
+    """
+
+    query: Query
+    reference: TaskSpaceReference
+    verdict: Verdict
+    scene: Scene
+    searched: float
+    trusting: bool = False
+    gives_way: bool = False
+
+    def leads_to(self, query: Query | None) -> bool:
+        """Whether it leads to the goal of a query."""
+        return self.query is query and not self.gives_way
+
+
+class PoseStream:
+    """What one tool follows, one reference after the other.
+
+    Attributes
+    ----------
+    followed : None before the first reference.
+    """
+
+    def __init__(self, settings: PlannerSettings, solver: PoseSolver) -> None:
+        self._settings, self._solver = settings, solver
+        self.followed: Followed | None = None
+
+    def forget(self) -> None:
+        """Nothing has been followed yet."""
+        self.followed = None
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether what is being followed leads aside, from where something is coming."""
+        return self.followed is not None and self.followed.gives_way
+
+    def begin(self, query: Query, plan: Plan, scene: Scene, gives_way: bool = False) -> Plan:
+        """A plan's reference is followed from now on."""
+        assert plan.reference is not None
+        now = scene.in_task.time
+        self.followed = Followed(query, plan.reference, plan.verdict, scene, now, plan.trusting, gives_way)
+        return plan
+
+    def move_frame(self, before: TaskFrame, after: TaskFrame) -> None:
+        """The task frame stands elsewhere; what is followed stays where it is in the base frame."""
+        if self.followed is not None:
+            moved = self.followed.reference.moved(lambda *poses: after.to_task(*before.to_base(*poses)))
+            self.followed = replace(self.followed, reference=moved)
+
+    # ---------------------------------------------------------------- where
+
+    def motion(self, start: Pose, speed: float) -> Motion:
+        """How the stream moves at a pose and a speed [m/s]."""
+        share_of_speed = speed / self._settings.speed
+        if self.followed is None:
+            return Motion(share_of_speed)
+        reference = self.followed.reference
+        segment, share, distance, angle = self._foot(reference, start)
+        if not self.near(distance, angle):
+            return Motion(share_of_speed)
+        direction = reference.curve.velocity(segment, share)
+        full = float(reference.limits.fraction(direction[:3], direction[3:]))
+        velocity = direction * share_of_speed / full if full > 0.0 and speed > 0.0 else None
+        same = abs(reference.rate_at(segment, share) * full - share_of_speed) <= _SAME_SPEED
+        same = same and distance <= _SAME_PLACE and angle <= _SAME_ANGLE
+        return Motion(share_of_speed, velocity, reference.rest(segment, share) if same else None)
+
+    def latent_on(self, reference: TaskSpaceReference, pose: Pose) -> np.ndarray | None:
+        """Latent point (d,) of a pose on a reference; None where the pose is not near it."""
+        i, share, distance, angle = self._foot(reference, pose)
+        latent = reference.latent
+        return latent[i] + share * (latent[i + 1] - latent[i]) if self.near(distance, angle) else None
+
+    def near(self, distance: float, angle: float) -> bool:
+        """Whether a pose so far off [m], [rad] counts as on a reference."""
+        return distance <= self._settings.reanchor_distance and angle <= self._settings.reanchor_angle
+
+    def _foot(self, reference: TaskSpaceReference, pose: Pose) -> tuple[int, float, float, float]:
+        """Where a pose is closest to the beginning of a reference: segment, share of it, distance [m], angle [rad]."""
+        # A stop from full speed takes speed / acceleration or, in a bend, somewhat more, all of it along one reference.
+        within = max(_LOCATE_WITHIN, 1.5 * self._settings.speed / self._settings.acceleration)
+        count = min(len(reference.times) - 1, int(np.searchsorted(reference.times, within)) + 1)
+        return reference.curve.foot(pose.position, pose.quaternion, count, _METRES_PER_RADIAN)
+
+    # ------------------------------------------------------------- going on
+
+    def kept(self, query: Query | None, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
+        """The reference being followed, where nothing has changed: it is still the best way to a query's goal.
+
+        So too a trusting one that keeps off what moves, where others were looked for a moment ago.
+        """
+        followed = self.followed
+        if motion.rest is None or followed is None or not followed.leads_to(query):
+            return None
+        if followed.scene.in_task.unmoved_in(scene.in_task):
+            return self._keep(motion.rest, scene, followed)
+        if not followed.trusting or abs(scene.in_task.time - followed.searched) >= _SOON:
+            return None
+        rest = self._solver.certified(motion.rest, scene.in_task, trusting=True)
+        keeps_off = np.min(rest.clearance) > MOVING_MULTIPLE * self._settings.obstacle_margin
+        if not (keeps_off and self.can_still_stop(rest, start, motion, scene.in_task)):
+            return None
+        return self._keep(rest, scene, followed)
+
+    def chosen(self, plan: Plan, query: Query, start: Pose, motion: Motion, scene: Scene) -> Plan:
+        """A new plan, or the reference being followed where that leads to the same goal and the new one is no gain.
+
+        A gain is a safer way or one that takes clearly less time; a way that the present motion cannot be bent into is
+        none as long as the old one is free.
+        """
+        followed, rest = self.followed, motion.rest
+        if rest is None or followed is None or not followed.leads_to(query):
+            return plan
+        if not (plan.turning or plan.verdict.ok):
+            return plan
+        found = plan.reference is not None and plan.reference.strain <= MOST_STRAIN
+        # Both are judged by one measure; a way that is not trusting is a gain over one that is.
+        trusting = plan.trusting if found else followed.trusting
+        rest = self._solver.certified(rest, scene.in_task, trusting=trusting)
+        nearest = float(np.min(rest.clearance))
+        if not found:
+            keep = nearest > 0.0 or not self._settings.avoidance
+        else:
+            # Close to an obstacle every bit of clearance is a gain.
+            close = nearest <= max(MARGIN_MULTIPLES) * self._settings.obstacle_margin
+            gain = float(np.min(plan.reference.clearance)) - (0.0 if close else _SAFER)
+            no_safer = gain <= nearest or not self._settings.avoidance
+            keep = no_safer and rest.duration <= _WORTHWHILE * plan.reference.duration
+        if not (keep and self.can_still_stop(rest, start, motion, scene.in_task)):
+            return plan
+        return self._keep(rest, scene, replace(followed, searched=scene.in_task.time, trusting=trusting))
+
+    def gone_on(self, query: Query, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
+        """The way being followed where no way was found, or there was no time to, and what moves is less far from where
+        the tool would stop than from that way; None where the stop is the better.
+        """
+        followed, rest, obstacles = self.followed, motion.rest, scene.in_task
+        if rest is None or followed is None or not followed.leads_to(query) or obstacles.stand:
+            return None
+        rest = self._solver.certified(rest, obstacles, trusting=True)
+        stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
+        stopped = self._solver.clearance_until(stop, start, obstacles, self._settings.prediction)
+        if np.min(rest.clearance) <= max(stopped, self._settings.obstacle_margin):
+            return None
+        if not self.can_still_stop(rest, start, motion, obstacles):
+            return None
+        return self._keep(rest, scene, replace(followed, searched=obstacles.time, trusting=True))
+
+    def _keep(self, rest: TaskSpaceReference, scene: Scene, followed: Followed) -> Plan:
+        verdict = replace(followed.verdict, clearance=float(np.min(rest.clearance)))
+        self.followed = replace(followed, reference=rest, verdict=verdict, scene=scene)
+        return Plan(rest, verdict, trusting=followed.trusting)
+
+    # ------------------------------------------------------------- stopping
+
+    def stoppable(self, plan: Plan, start: Pose, motion: Motion, scene: Scene) -> Plan:
+        """A plan, or that there is none where `can_still_stop` does not hold of it."""
+        if plan.reference is None or self.can_still_stop(plan.reference, start, motion, scene.in_task):
+            return plan
+        reason = "on the best way the tool could not stop any more where what moves may come to a stand"
+        return Plan(None, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
+
+    def can_still_stop(self, going: TaskSpaceReference, start: Pose, motion: Motion, obstacles: Obstacles) -> bool:
+        """Whether a tool that goes on along a reference which begins now is left a stop that is free wherever on their
+        lines obstacles come to a stand meanwhile. True as well where it has none now, or would be met by what moves on
+        where it stood: going on is no worse then.
+
+        A certificate takes for granted that they move on; a tool that stops before it has passed must not be met
+        either.
+        """
+        if obstacles.stand or not self._settings.avoidance:
+            return True
+        rest = going.rest(*going.locate(LOOKED_AT_AGAIN))
+        later = self._rest_of(rest.curve, rest.latent, float(rest.rates[0]), going.strain)
+        margin = MOVING_MULTIPLE * self._settings.obstacle_margin
+        if self._room_of(later, start, LOOKED_AT_AGAIN, obstacles) > margin:
+            return True
+        stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
+        if self._room_of(stop, start, 0.0, obstacles) <= 0.0:
+            return True
+        return self._solver.clearance_until(stop, start, obstacles, self._settings.prediction) <= 0.0
+
+    def _room_of(self, stop: TaskSpaceReference | None, start: Pose, later: float, obstacles: Obstacles) -> float:
+        """Least distance [m] of a stop that begins so much later [s], or of a tool that stands at a pose, from where
+        obstacles come to by its end.
+        """
+        end = later if stop is None else later + stop.duration
+        return self._solver.clearance_until(stop, start, obstacles.swept(end, STOPPING_PLACES), 0.0)
+
+    def braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
+        """Come to rest along the reference followed so far; None at rest, or where that would touch what stands.
+
+        What moves may touch the tool where it stands as well. speed : now [m/s].
+        """
+        settings = self._settings
+        if self.followed is None or speed <= 0.0:
+            return None
+        previous = self.followed.reference
+        segment, share, distance, angle = self._foot(previous, start)
+        if not self.near(distance, angle):
+            return None
+        curve, at = previous.curve.from_share(segment, share)
+        if distance > _SAME_PLACE or angle > _SAME_ANGLE:
+            positions = np.concatenate([start.position[None], curve.positions[1:]])
+            quaternions = continuous_signs(np.concatenate([start.quaternion[None], curve.quaternions[1:]]))
+            curve = MotionCurve.through(positions, quaternions, settings.limits)
+        rate = initial_rate(curve, settings.limits, speed / settings.speed)
+        stop = self._rest_of(curve, previous.latent[at:], rate, previous.strain)
+        reference = self._solver.certified(stop, obstacles)
+        if settings.avoidance and obstacles.stand and np.min(reference.clearance) <= 0.0:
+            return None
+        return reference
+
+    def _rest_of(self, curve: MotionCurve, latent: np.ndarray, rate: float, strain: float) -> TaskSpaceReference:
+        """The soonest rest along a curve from a rate u' on; where it is too short for one, the fastest law to its end.
+
+        strain : of the law that is left, as of `TaskSpaceReference`.
+        """
+        limits = self._settings.limits
+        braking = braking_law(curve, limits, rate, min(strain, MOST_STRAIN))
+        if braking is None:
+            times, rates, strain = fastest_law(curve, limits, rate)
+        else:
+            (curve, times, rates), strain = braking, 1.0
+        unknown = np.full(len(times) - 1, np.inf)
+        return TaskSpaceReference(times, rates, curve, limits, latent[: len(times)], unknown, strain)
