@@ -76,12 +76,12 @@ class ReactivePlanner:
         self._queries = QueryBuilder(skill, self.graph, self.settings)
         self.robot = Robot.named(skill.robot)
         self._solver = PoseSolver(skill, self.graph, self.settings, self.robot)
-        self._giving_way = PoseGivingWay(self.settings, self._solver)
         self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
         # The goal as it was given, and whether that was in the task frame, with which it moves.
         self._goal: tuple[Pose, bool] | None = None
         self._query: Query | None = None
         self._stream = PoseStream(self.settings, self._solver)
+        self._giving_way = PoseGivingWay(self.settings, self._solver, self._stream)
         self._turned: _Turned | None = None
         # When a trusting way was looked for in vain [s].
         self._distrusted = -np.inf
@@ -295,14 +295,11 @@ class ReactivePlanner:
     ) -> Plan:
         """Give way to what is coming, or come to rest."""
         assert self._query is not None
-        stream = self._stream
-        braking = stream.braking(start, scene.in_task, motion.speed * self.settings.speed)
-        going = stream.gives_way and motion.rest is not None
-        left = motion.rest if going else braking
-        plan = self._giving_way.plan(self._query, start, latent, scene, motion, verdict, left, going, deadline)
+        stop = self._stream.braking(start, scene.in_task, motion.speed * self.settings.speed)
+        plan = self._giving_way.plan(self._query, start, latent, scene, motion, verdict, stop, deadline)
         if plan is None or plan.reference is None:
-            return Plan(braking, verdict)
-        return stream.begin(self._query, plan, scene, gives_way=True)
+            return Plan(stop, verdict)
+        return self._stream.begin(self._query, plan, scene, gives_way=True)
 
     def _stopping_first(self, start: Pose, scene: Scene, speed: float) -> Plan | None:
         """The rest of a stop before a way that turns off the present motion: it will do so until the tool rests."""

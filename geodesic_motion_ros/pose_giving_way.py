@@ -13,6 +13,7 @@ import numpy as np
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.pose_solver import Motion, Plan, PoseSolver, Scene
+from geodesic_motion_ros.pose_stream import PoseStream
 from geodesic_motion_ros.query import Pose, Query
 from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.refuge import AGAIN, AHEAD
@@ -25,8 +26,8 @@ _ROUNDING = 1e-6
 class PoseGivingWay:
     """Takes the stream of one tool aside."""
 
-    def __init__(self, settings: PlannerSettings, solver: PoseSolver) -> None:
-        self._settings, self._solver = settings, solver
+    def __init__(self, settings: PlannerSettings, solver: PoseSolver, stream: PoseStream) -> None:
+        self._settings, self._solver, self._stream = settings, solver, stream
         self.forget()
 
     def forget(self) -> None:
@@ -42,8 +43,7 @@ class PoseGivingWay:
         scene: Scene,
         motion: Motion,
         verdict: Verdict,
-        left: TaskSpaceReference | None,
-        going: bool,
+        stop: TaskSpaceReference | None,
         deadline: Deadline,
     ) -> Plan | None:
         """A way aside where something comes to where the tool stops or stands, and it has no way to the goal.
@@ -54,17 +54,25 @@ class PoseGivingWay:
         ----------
         query, start, latent, scene, motion : what there is no way for, as of `PoseSolver.solve`.
         verdict : why there is none; the plan's tells the same, and that the tool gives way.
-        left : what is left of a way aside, where it is `going` one, or the stop; None: the tool stands.
+        stop : that stop; None: the tool stands.
         """
-        obstacles, prediction = scene.in_task, self._settings.prediction
+        obstacles, prediction, stream = scene.in_task, self._settings.prediction, self._stream
         if verdict.code is not VerdictCode.NO_FEASIBLE_PATH or not self._settings.avoidance or obstacles.stand:
             return None
+
+        def stoppable(reference: TaskSpaceReference) -> bool:
+            return stream.leaves_a_stop(reference, start, obstacles)
+
+        going = motion.rest if stream.gives_way else None
+        left = stop if going is None else going
         looks = abs(obstacles.time - self._looked) >= AGAIN - _ROUNDING and not deadline.passed
         for horizon in (AHEAD * prediction, prediction):
             clearance = self._solver.clearance_until(left, start, obstacles, horizon)
-            if clearance > 0.0:
-                return _aside(left, verdict, clearance) if going and left is not None else None
-            plan = self._solver.aside(query, start, latent, scene, motion, horizon, deadline) if looks else None
+            if clearance > 0.0 and (going is None or stoppable(going)):
+                return None if going is None else _aside(going, verdict, clearance)
+            plan = None
+            if looks:
+                plan = self._solver.aside(query, start, latent, scene, motion, horizon, stoppable, deadline)
             if plan is not None:
                 return _aside(plan.reference, verdict, plan.verdict.clearance)
         self._looked = obstacles.time if looks else self._looked

@@ -7,6 +7,7 @@ reference cannot stay.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,7 +51,7 @@ MOST_STRAIN = 1.11
 #: Dense samples of the published curve per grid step.
 _SAMPLES_PER_STEP = 1.0
 #: Where to give way to is looked for so many grid steps around.
-_REFUGE_STEPS = 30
+_REFUGE_STEPS = 40
 
 
 @dataclass(frozen=True)
@@ -155,14 +156,18 @@ class PoseSolver:
         reshaping = self._reshaping(query, avoided.at_rest() if trusting else avoided.swept(settings.prediction))
         # Ends may stay closer here too.
         needed = 0.0 if avoided.stand else min(MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
+        multiples, smoothing = MARGIN_MULTIPLES, _SMOOTHING_WIDTHS
+        if trusting:
+            # Neither margins nor smoothing are of any use against what such a search does not see.
+            multiples, smoothing = multiples[:1], smoothing[:1]
         plan: Plan | None = None
-        for multiple in MARGIN_MULTIPLES:
+        for multiple in multiples:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
             margin = min(multiple * settings.obstacle_margin, 0.5 * ends)
             found = cheapest_way(self.graph, query, start_latent, reshaping, margin, deadline)
             if isinstance(found, Verdict):
                 return Plan(None, found)
-            for widths in _SMOOTHING_WIDTHS:
+            for widths in smoothing:
                 if plan is not None and deadline.passed:
                     reason = f"out of time: {plan.verdict.reason}"
                     return Plan(None, replace(plan.verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
@@ -181,11 +186,12 @@ class PoseSolver:
         scene: Scene,
         motion: Motion,
         horizon: float,
+        stoppable: Callable[[TaskSpaceReference], bool],
         deadline: Deadline = NEVER,
     ) -> Plan | None:
         """A certified way to a place nearby that nothing is expected to come to, or None where none is found in time.
 
-        horizon : obstacles are expected to move on for so long [s].
+        horizon : obstacles are expected to move on for so long [s]. stoppable : whether a way may be gone.
         """
         obstacles, apart = scene.in_task, MOVING_MULTIPLE * self.settings.obstacle_margin
         here = float(obstacle_clearances(self._body(start), self._point_radii, obstacles, math.inf)[0])
@@ -197,10 +203,11 @@ class PoseSolver:
         for way in ways_aside(self.graph, query, start_latent, reshaping, _REFUGE_STEPS, apart):
             widths = _SMOOTHING_WIDTHS[0]
             plan = self._certified(query, start, way, scene, widths, motion, needed, horizon, True, aside=True)
-            if plan.reference is not None and plan.reference.strain <= MOST_STRAIN:
+            found = plan.reference
+            if found is not None and found.strain <= MOST_STRAIN and stoppable(found):
                 return plan
             if deadline.passed:
-                return None
+                break
         return None
 
     def _reshaping(self, query: Query, obstacles: Obstacles) -> Reshaping:

@@ -213,15 +213,19 @@ class PoseStream:
         """
         if obstacles.stand or not self._settings.avoidance:
             return True
-        rest = going.rest(*going.locate(LOOKED_AT_AGAIN))
-        later = self._rest_of(rest.curve, rest.latent, float(rest.rates[0]), going.strain)
-        margin = MOVING_MULTIPLE * self._settings.obstacle_margin
-        if self._room_of(later, start, LOOKED_AT_AGAIN, obstacles) > margin:
+        if self.leaves_a_stop(going, start, obstacles):
             return True
         stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
         if self._room_of(stop, start, 0.0, obstacles) <= 0.0:
             return True
         return self._solver.clearance_until(stop, start, obstacles, self._settings.prediction) <= 0.0
+
+    def leaves_a_stop(self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles) -> bool:
+        """Whether a tool that goes on along a reference has a free stop as of `can_still_stop`."""
+        rest = going.rest(*going.locate(LOOKED_AT_AGAIN))
+        stop = self._rest_of(rest.curve, rest.latent, float(rest.rates[0]), going.strain)
+        margin = MOVING_MULTIPLE * self._settings.obstacle_margin
+        return self._room_of(stop, start, LOOKED_AT_AGAIN, obstacles) > margin
 
     def _room_of(self, stop: TaskSpaceReference | None, start: Pose, later: float, obstacles: Obstacles) -> float:
         """Least distance [m] of a stop that begins so much later [s], or of a tool that stands at a pose, from where

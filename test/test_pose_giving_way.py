@@ -37,12 +37,26 @@ class OneWayAside:
 
     def aside(self, *arguments: object) -> Plan | None:
         self.asked.append(arguments[5])
-        return Plan(ASIDE, Verdict(VerdictCode.OK, clearance=0.01)) if self.found else None
+        found = self.found and arguments[6](ASIDE)
+        return Plan(ASIDE, Verdict(VerdictCode.OK, clearance=0.01)) if found else None
 
 
-def tool(touched_after: float, settings: PlannerSettings = SETTINGS) -> tuple[PoseGivingWay, OneWayAside]:
+@dataclass
+class Gone:
+    """In the place of a PoseStream: whether what is gone leads aside, and what leaves the tool a stop."""
+
+    gives_way: bool = False
+    leaving_a_stop: tuple[object, ...] = (ASIDE, LEFT)
+
+    def leaves_a_stop(self, reference: object, *_: object) -> bool:
+        return reference in self.leaving_a_stop
+
+
+def tool(
+    touched_after: float, settings: PlannerSettings = SETTINGS, stream: Gone | None = None
+) -> tuple[PoseGivingWay, OneWayAside]:
     solver = OneWayAside(touched_after)
-    return PoseGivingWay(settings, solver), solver
+    return PoseGivingWay(settings, solver, stream or Gone()), solver
 
 
 def asked(
@@ -50,20 +64,20 @@ def asked(
     now: float = 0.0,
     speed: float = 0.1,
     verdict: Verdict = NO_WAY,
-    left: object = None,
-    going: bool = False,
+    stop: object = None,
+    going: object = None,
     deadline: Deadline = NEVER,
 ) -> Plan | None:
     """What is answered at a time [s] among one sphere with a speed [m/s]."""
     sphere = Obstacles.of_spheres(np.ones((1, 3)), np.array([0.03]), np.array([[speed, 0.0, 0.0]]), now)
     scene, start = Scene.of(TaskFrame.identity(), sphere), Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    return giving_way.plan(None, start, np.zeros(2), scene, AT_REST, verdict, left, going, deadline)
+    return giving_way.plan(None, start, np.zeros(2), scene, replace(AT_REST, rest=going), verdict, stop, deadline)
 
 
 def test_a_tool_gives_way_to_what_is_coming_and_says_so() -> None:
-    for left in (None, STOP):
+    for stop in (None, STOP):
         giving_way, _ = tool(1.0)
-        plan = asked(giving_way, left=left)
+        plan = asked(giving_way, stop=stop)
         assert plan.reference is ASIDE
         assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
         assert plan.verdict.reason == "no way; giving way to what is coming"
@@ -107,11 +121,24 @@ def test_a_way_that_was_looked_for_in_vain_is_not_looked_for_in_every_tick() -> 
     assert asked(giving_way, 0.06) is not None
 
 
-def test_a_tool_that_gives_way_goes_on_doing_so_while_that_is_free() -> None:
-    """One that stops where it is free stops."""
-    giving_way, solver = tool(1.0)
-    assert asked(giving_way, left=ASIDE, going=True).reference is ASIDE
-    assert asked(giving_way, left=ASIDE, going=False) is None
+def test_a_tool_that_gives_way_goes_on_doing_so_while_that_is_free_and_leaves_it_a_stop() -> None:
+    giving_way, solver = tool(1.0, stream=Gone(gives_way=True))
+    assert asked(giving_way, going=ASIDE).reference is ASIDE
     assert not solver.asked
-    assert asked(giving_way, left=LEFT, going=True).reference is ASIDE
+    assert asked(giving_way, going=LEFT).reference is ASIDE
     assert len(solver.asked) == 1
+    giving_way, solver = tool(1.0, stream=Gone(True, leaving_a_stop=()))
+    assert asked(giving_way, going=ASIDE) is None
+    assert solver.asked
+
+
+def test_a_tool_that_stops_where_nothing_comes_stops() -> None:
+    giving_way, solver = tool(1.0)
+    assert asked(giving_way, stop=ASIDE, going=LEFT) is None
+    assert not solver.asked
+
+
+def test_a_way_aside_that_leaves_no_stop_is_not_gone() -> None:
+    giving_way, solver = tool(1.0, stream=Gone(leaving_a_stop=()))
+    assert asked(giving_way) is None
+    assert solver.asked

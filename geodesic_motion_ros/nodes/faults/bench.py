@@ -65,6 +65,7 @@ class Bench:
         self.processes = Processes(folder, self.environment)
         self._planner_on = planner_on
         self._given: dict[str, dict[str, Any]] = {}
+        self.starts = 0
         self._context = rclpy.Context()
         # Read when the context begins, of this process too.
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = self.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"]
@@ -112,6 +113,7 @@ class Bench:
         if fresh or self._given != wanted or not self._renewed():
             self.stop_nodes()
             self.clock.run(sim)
+            self.starts += 1
             self.seen.forget()
             for name in ("twin", "planner"):
                 self.start(name, wanted[name])

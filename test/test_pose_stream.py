@@ -1,0 +1,119 @@
+"""PoseStream: whether a tool could still stop among what moves, and how it comes to rest.
+
+That references are kept and replaced as they should be is tested with the planner (`test_planner.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.pose_solver import Motion, Plan, PoseSolver, Scene
+from geodesic_motion_ros.pose_stream import PoseStream
+from geodesic_motion_ros.query import Pose
+from geodesic_motion_ros.reference import TaskSpaceReference
+from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+SETTINGS, RADIUS = PlannerSettings(), 0.03
+TOOL = SETTINGS.tool_radii[0]
+#: Of a query the stream asks only whether it is the same.
+QUERY = SimpleNamespace()
+#: From a tool's middle to a sphere's where both touch.
+TOUCHING = TOOL + RADIUS
+
+
+@pytest.fixture(scope="module")
+def solver(fan_skill) -> PoseSolver:
+    planner = ReactivePlanner(fan_skill)
+    return PoseSolver(fan_skill, planner.graph, SETTINGS, planner.robot)
+
+
+@pytest.fixture(scope="module")
+def way(fan_skill) -> TaskSpaceReference:
+    start, goal = fan_skill.start_pose, fan_skill.goal_pose
+    return ReactivePlanner(fan_skill).plan(start[:3], start[3:], goal[:3], goal[3:]).reference
+
+
+def scene(obstacles: Obstacles) -> Scene:
+    return Scene.of(TaskFrame.identity(), obstacles)
+
+
+def gone(solver: PoseSolver, way: TaskSpaceReference, settings: PlannerSettings = SETTINGS):
+    """A stream in the middle of a way, where it is and how it moves there."""
+    stream = PoseStream(settings, solver)
+    rest = way.rest(*way.locate(0.5 * way.duration))
+    stream.begin(QUERY, Plan(rest, Verdict(VerdictCode.OK)), scene(Obstacles.none()))
+    speed = SETTINGS.speed * rest.rate(0.0)
+    start = Pose(*rest.sample(0.0))
+    return stream, start, stream.motion(start, speed), speed
+
+
+def sphere(centre: np.ndarray, velocity: np.ndarray) -> Obstacles:
+    return Obstacles.of_spheres(centre[None], np.array([RADIUS]), velocity[None])
+
+
+def across(reference: TaskSpaceReference) -> np.ndarray:
+    """A direction (3,) across the beginning of a way."""
+    side = np.cross(reference.velocity(0.0)[:3], [0.0, 0.0, 1.0])
+    return side / np.linalg.norm(side)
+
+
+def test_a_stop_keeps_to_the_way_and_takes_as_long_as_a_stop_must(solver, way) -> None:
+    stream, start, motion, speed = gone(solver, way)
+    stop = stream.braking(start, Obstacles.none(), speed)
+    np.testing.assert_allclose(stop.positions[0], start.position, atol=1e-6)
+    assert np.linalg.norm(stop.velocity(stop.duration)) == 0.0
+    assert stop.duration == pytest.approx(speed / SETTINGS.acceleration, rel=0.1)
+    passed = np.array([way.sample(time)[0] for time in np.linspace(0.0, way.duration, 2000)])
+    for position in stop.positions:
+        assert np.min(np.linalg.norm(passed - position, axis=1)) < 1e-3
+    assert stream.braking(start, Obstacles.none(), 0.0) is None
+    elsewhere = Pose(start.position + 0.1, start.quaternion)
+    assert stream.braking(elsewhere, Obstacles.none(), speed) is None
+
+
+def test_a_stop_that_would_touch_what_stands_is_none(solver, way) -> None:
+    stream, start, _, speed = gone(solver, way)
+    end = stream.braking(start, Obstacles.none(), speed).positions[-1]
+    ahead = end + (TOUCHING - 0.005) * (end - start.position) / np.linalg.norm(end - start.position)
+    assert stream.braking(start, sphere(ahead, np.zeros(3)), speed) is None
+    assert stream.braking(start, sphere(ahead, np.array([0.0, 0.0, 0.1])), speed) is not None
+
+
+def test_a_tool_goes_on_only_as_long_as_it_could_stop_wherever_what_moves_comes_to_a_stand(solver, way) -> None:
+    stream, start, motion, speed = gone(solver, way)
+    going = motion.rest
+    side = across(going)
+    end = stream.braking(start, Obstacles.none(), speed).positions[-1]
+    along = (end - start.position) / np.linalg.norm(end - start.position)
+    # Where the tool stops now it just keeps off; going on for 30 ms takes it 6 mm further.
+    line = end + (TOUCHING + 0.003) * along
+    crossing = sphere(line - 0.1 * side, 0.4 * side)
+    assert not stream.can_still_stop(going, start, motion, crossing)
+    assert not stream.stoppable(Plan(going, Verdict(VerdictCode.OK)), start, motion, scene(crossing)).verdict.ok
+    # The controls: it stands, it does not come this far, nothing is avoided.
+    assert stream.can_still_stop(going, start, motion, sphere(line - 0.1 * side, np.zeros(3)))
+    assert stream.can_still_stop(going, start, motion, sphere(line - 0.4 * side, 0.4 * side))
+    blind, *where = gone(solver, way, replace(SETTINGS, avoidance=False))
+    assert blind.can_still_stop(going, *where[:2], crossing)
+    # No stop is free now: going on is no worse.
+    assert stream.can_still_stop(going, start, motion, sphere(end - 0.1 * side, 0.4 * side))
+    # Where the tool stops it would be met later: nor then.
+    towards = sphere(line + 0.02 * along, -0.05 * along)
+    assert not stream.leaves_a_stop(going, start, towards)
+    assert stream.can_still_stop(going, start, motion, towards)
+
+
+def test_what_was_planned_is_taken_where_the_tool_could_stop(solver, way) -> None:
+    stream, start, motion, _ = gone(solver, way)
+    plan = Plan(motion.rest, Verdict(VerdictCode.OK))
+    assert stream.stoppable(plan, start, motion, scene(Obstacles.none())) is plan
+    nothing = Plan(None, Verdict(VerdictCode.NO_FEASIBLE_PATH))
+    assert stream.stoppable(nothing, start, motion, scene(Obstacles.none())) is nothing
