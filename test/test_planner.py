@@ -14,6 +14,7 @@ from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import Plan, PlannerSettings, ReactivePlanner
+from geodesic_motion_ros.pose_stream import PoseStream
 from geodesic_motion_ros.quaternions import angle_between, normalise
 from geodesic_motion_ros.reference import ReferenceFollower
 from geodesic_motion_ros.solids import solid_distances, solid_rows
@@ -411,6 +412,33 @@ def test_a_tool_that_nothing_comes_to_stays_where_it_has_no_way(planner):
     for *_, plan, _ in played(planner, np.append(place, quaternion), passing, 2.0):
         assert plan.reference is None
         assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+
+
+def stopping_sphere(planner: ReactivePlanner, meeting: float) -> float:
+    """Least clearance [m] from a sphere that comes across at 0.4 m/s and stops on the way, before the tool gets there.
+
+    That it stands is told 50 ms late, as its track does. meeting : when it stops, as a share of the motion.
+    """
+    direct = nominal(planner).reference
+    place, _ = direct.sample(0.45 * direct.duration)
+    across = np.cross(direct.velocity(0.45 * direct.duration)[:3], [0.0, 0.0, 1.0])
+    velocity, stops = 0.4 * across / np.linalg.norm(across), meeting * direct.duration
+
+    def coming(now: float) -> Obstacles:
+        told = velocity if now < stops + 0.05 else np.zeros(3)
+        return moving(place + min(now - stops, 0.0) * velocity, told, now)
+
+    return min(gap for *_, gap in played(planner, planner.skill.start_pose, coming, stops + 1.0))
+
+
+@pytest.mark.parametrize("meeting", [0.2, 0.3, 0.4])
+def test_what_stops_before_it_has_passed_is_kept_off(planner, meeting):
+    assert stopping_sphere(planner, meeting) > 0.01
+
+
+def test_a_tool_that_counts_on_what_moves_to_move_on_all_but_touches_what_stops(planner, monkeypatch):
+    monkeypatch.setattr(PoseStream, "can_still_stop", lambda *_: True)
+    assert stopping_sphere(planner, 0.3) < 0.002
 
 
 def test_a_stream_blocked_in_motion_comes_to_rest_along_its_path_without_overlap(planner):

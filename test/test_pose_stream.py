@@ -14,7 +14,7 @@ import pytest
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.pose_solver import Motion, Plan, PoseSolver, Scene
+from geodesic_motion_ros.pose_solver import Plan, PoseSolver, Scene
 from geodesic_motion_ros.pose_stream import PoseStream
 from geodesic_motion_ros.query import Pose
 from geodesic_motion_ros.reference import TaskSpaceReference
@@ -66,7 +66,7 @@ def across(reference: TaskSpaceReference) -> np.ndarray:
 
 
 def test_a_stop_keeps_to_the_way_and_takes_as_long_as_a_stop_must(solver, way) -> None:
-    stream, start, motion, speed = gone(solver, way)
+    stream, start, _, speed = gone(solver, way)
     stop = stream.braking(start, Obstacles.none(), speed)
     np.testing.assert_allclose(stop.positions[0], start.position, atol=1e-6)
     assert np.linalg.norm(stop.velocity(stop.duration)) == 0.0

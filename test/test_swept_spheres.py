@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.swept_spheres import clearances_in_motion, self_clearances
+from geodesic_motion_ros.swept_spheres import clearances_in_motion, clearances_until, self_clearances
 
 RADII, MOVING, HORIZON = np.array([0.05, 0.03, 0.04]), np.array([0, 2]), 0.4
 PAIRS = np.array([(0, 1), (1, 2)])
@@ -42,6 +42,33 @@ def test_the_clearance_is_that_of_dense_samples_from_below(seed):
     steady = (times[1:] <= HORIZON) | (times[:-1] >= HORIZON)
     np.testing.assert_allclose(clearance[steady], gaps.min(axis=(1, 2))[steady], atol=1e-3)
     assert np.all(np.isin(sphere, MOVING))
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("horizon", [HORIZON, 3.0])
+def test_until_a_horizon_is_as_dense_samples_find_and_later_only_what_stands_counts(seed, horizon):
+    """The last knot's spheres stand until the horizon, where that is later."""
+    times, placed, obstacles = motion(seed)
+    bulges = np.zeros((len(times) - 1, 3))
+    given = RADII, MOVING, obstacles, horizon
+    clearance, sphere = clearances_until(times, placed, bulges, *given)
+    knots = max(2, int(np.searchsorted(times, horizon)) + 1)
+    lasting = np.append(times, max(horizon, times[-1] + 1e-6)), np.concatenate([placed, placed[-1:]])
+    moments, places = densely(*lasting, np.linspace(0.0, 1.0, 400))
+    centres = obstacles.centres + np.minimum(moments, horizon)[..., None, None] * obstacles.velocities
+    gaps = np.linalg.norm(places[:, :, MOVING, None] - centres[:, :, None], axis=-1).min(axis=1)
+    gaps = (gaps - obstacles.radii - RADII[MOVING, None]).min(axis=(1, 2))
+    assert np.min(clearance) <= np.min(gaps[: knots - 1]) + 1e-9
+    steady = np.append(lasting[0][1:knots] <= horizon, np.full(len(gaps) - knots + 1, horizon > times[-1]))
+    if np.all(steady):
+        np.testing.assert_allclose(np.min(clearance), np.min(gaps), atol=1e-3)
+    assert np.all(np.isin(sphere[np.isfinite(clearance)], MOVING))
+    # Nothing moves that late: what comes then is not counted.
+    later, _ = clearances_in_motion(times, placed, bulges, *given)
+    assert np.all(clearance[knots - 1 : -1] >= later[knots - 1 : -1])
+    still, _ = clearances_until(times, placed, bulges, RADII, MOVING, obstacles.swept(0.0), horizon)
+    always, _ = clearances_in_motion(times, placed, bulges, RADII, MOVING, obstacles.swept(0.0), horizon)
+    np.testing.assert_array_equal(still, always)
 
 
 @pytest.mark.parametrize("seed", range(20))
