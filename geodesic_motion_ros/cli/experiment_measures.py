@@ -140,7 +140,8 @@ def limbs(arguments: argparse.Namespace) -> Measured:
 
 def obstacle_laws(arguments: argparse.Namespace) -> Measured:
     """The laws on one skill."""
-    from geodesic_motion_ros.experiments.obstacle_laws import compare_laws, draw_laws
+    from geodesic_motion_ros.experiments.obstacle_law_figures import draw_laws
+    from geodesic_motion_ros.experiments.obstacle_laws import compare_laws
     from geodesic_motion_ros.skill import Skill
 
     return Measured.of(compare_laws(Skill.load(arguments.skill), arguments.scenes, arguments.seed), draw_laws)
