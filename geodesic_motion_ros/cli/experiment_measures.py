@@ -228,7 +228,7 @@ def _training(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"])
 
 def _skills(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"]) -> Iterator[Trained]:
     """The skills of every recording, fold and seed."""
-    from geodesic_motion_ros.experiments.imitation import default_folds, parse_folds
+    from geodesic_motion_ros.experiments.folds import default_folds, parse_folds
     from geodesic_motion_ros.experiments.trained import trained_on_folds
 
     settings = _training(arguments, sheet)
