@@ -23,7 +23,9 @@ from geodesic_motion_ros.cli.arguments import (
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-    from geodesic_motion_ros.experiments.imitation import Fold, ImitationReport, Progress, Sheet
+    from geodesic_motion_ros.experiments.folds import Fold
+    from geodesic_motion_ros.experiments.imitation import Progress, Sheet
+    from geodesic_motion_ros.experiments.imitation_report import ImitationReport
     from geodesic_motion_ros.experiments.joint_imitation import JointImitationReport
     from geodesic_motion_ros.skill import Skill
 
@@ -92,7 +94,7 @@ def _sheets(text: str) -> tuple[str, ...]:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure, print the table, write the file."""
-    from geodesic_motion_ros.experiments.imitation import all_folds, default_folds, parse_folds
+    from geodesic_motion_ros.experiments.folds import all_folds, default_folds, parse_folds
 
     space = recorded_space(arguments)
     refuse_other_space(arguments, space, {"task": (*RECORDING_OPTIONS["task"], "sheets"), "joint": ("robot",)})

@@ -140,7 +140,8 @@ def limbs(arguments: argparse.Namespace) -> Measured:
 
 def obstacle_laws(arguments: argparse.Namespace) -> Measured:
     """The laws on one skill."""
-    from geodesic_motion_ros.experiments.obstacle_laws import compare_laws, draw_laws
+    from geodesic_motion_ros.experiments.obstacle_law_figures import draw_laws
+    from geodesic_motion_ros.experiments.obstacle_laws import compare_laws
     from geodesic_motion_ros.skill import Skill
 
     return Measured.of(compare_laws(Skill.load(arguments.skill), arguments.scenes, arguments.seed), draw_laws)
@@ -227,7 +228,7 @@ def _training(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"])
 
 def _skills(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"]) -> Iterator[Trained]:
     """The skills of every recording, fold and seed."""
-    from geodesic_motion_ros.experiments.imitation import default_folds, parse_folds
+    from geodesic_motion_ros.experiments.folds import default_folds, parse_folds
     from geodesic_motion_ros.experiments.trained import trained_on_folds
 
     settings = _training(arguments, sheet)

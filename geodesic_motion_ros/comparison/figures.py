@@ -95,11 +95,12 @@ def draw_clearances(report: Report, path: Path) -> None:
         axes.scatter([], [], color=colour, marker=marker, s=26, label=label)
     axes.plot([], [], color="k", label="median of successes")
     axes.set_xticks(range(len(rows)), rows)
-    beyond = 1e3 * LOOKED_FOR
-    axes.set_yticks([0.0, 50.0, 100.0, 200.0, beyond], ["0", "50", "100", "200", f"> {beyond:.0f}"])
+    # What is farther was not measured: the scale ends there.
+    ticks = np.linspace(0.0, 1e3 * LOOKED_FOR, 7)
+    axes.set_yticks(ticks, [*(f"{tick:.0f}" for tick in ticks[:-1]), f"{ticks[-1]:.0f}+"])
     axes.set(ylabel="smallest clearance while moving [mm]", title=f"{report.skill}: scenes with spheres")
     axes.grid(axis="y", alpha=0.3)
-    axes.legend(fontsize=8, loc="upper center")
+    figure.legend(fontsize=9, loc="outside lower center", ncols=4, frameon=False)
     write_figure(figure, path)
 
 

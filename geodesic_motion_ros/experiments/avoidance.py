@@ -34,7 +34,7 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve, arc_length, arc_length_fractions, interpolate
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.imitation import EVERY_END
+from geodesic_motion_ros.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.planner import ReactivePlanner

@@ -26,7 +26,9 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.demonstrations.similarity import compare
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.baselines import Prediction, promp
-from geodesic_motion_ros.experiments.imitation import EVERY_END, ImitationReport, Values, evaluate
+from geodesic_motion_ros.experiments.imitation import evaluate
+from geodesic_motion_ros.experiments.imitation_judge import EVERY_END
+from geodesic_motion_ros.experiments.imitation_report import ImitationReport, Values
 from geodesic_motion_ros.experiments.trained import check_seeds, trained_once
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.planner import ReactivePlanner

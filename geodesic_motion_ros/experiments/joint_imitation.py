@@ -39,7 +39,8 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.demonstrations.similarity import COMPARED_POINTS, compare, dtw_matching
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.imitation import Fold, Progress, stage_shown_on
+from geodesic_motion_ros.experiments.folds import Fold
+from geodesic_motion_ros.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.graph.encoder import JointSpaceEncoder
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
@@ -151,7 +152,7 @@ def evaluate_joints(
 
     Parameters
     ----------
-    folds : indices to hold out, see `imitation.parse_folds`; seeds : of the trainings.
+    folds : indices to hold out, see `folds.parse_folds`; seeds : of the trainings.
     train : how a skill is learned; None: `train_joint_space_skill` with its default settings.
     task : name for the report. show_progress : a progress bar on standard error.
 

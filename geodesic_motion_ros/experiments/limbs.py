@@ -22,7 +22,7 @@ import numpy as np
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.blocked_arm import CHECK_PERIOD, INTERIOR, arm_clearance, every, hand_alone
-from geodesic_motion_ros.experiments.grasp_joint import RADIUS, mean_ways, sphere_on
+from geodesic_motion_ros.experiments.grasp_joint_scenes import RADIUS, mean_ways, sphere_on
 from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.graph.decoder import rms_sigma

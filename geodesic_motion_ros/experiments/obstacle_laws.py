@@ -34,28 +34,23 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import product
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from geodesic_motion_ros.comparison.methods.geodesic import no_body
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.demonstrations.similarity import dtw_matching
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.arm_queries import ArmQuery, body_spheres, distances, draw_query
+from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.blocked_arm import arm_clearance, every
-from geodesic_motion_ros.graph.ambient import AmbientLaw, ambient_factor
+from geodesic_motion_ros.experiments.obstacle_law_scenes import CHECK_PERIOD, LawScene, draw_scene
+from geodesic_motion_ros.graph.ambient import AmbientLaw
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_solver import JointSolver, MotionState
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
-from geodesic_motion_ros.plots import BLUE, GREEN, GREY, VERMILION, write_figure
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.skill import Skill
@@ -65,26 +60,8 @@ from geodesic_motion_ros.verdict import Verdict
 Kind = Literal["ignored", "soft alone", "hard alone", "soft and hard", "completed"]
 #: zeta, and Gaussian width over obstacle and body radius.
 STRENGTHS, WIDTHS = (100.0, 1000.0, 10000.0), (0.5, 1.0)
-#: Radii of spheres [m], and how far their centres are from a place in the arm [m], as a standard deviation.
-RADII, OFF = (0.02, 0.06), 0.08
-#: What a scene's sphere does, and how near the way without obstacles comes to it, at least and at most [m].
-BETWEEN: dict[str, tuple[float, float]] = {"near": (0.0, 0.04), "one way": (-0.04, -0.01), "touched": (-0.04, -0.01)}
-#: Kept from the sphere by start and goal, and by the mean way of another family [m].
-FREE_END, FREE_WAY = 0.015, 0.02
-#: Part of a way on which spheres are drawn.
-INTERIOR = (0.2, 0.8)
-#: Time between the postures at which a reference is judged [s].
-CHECK_PERIOD = 0.01
 #: Postures, evenly along the body's arc, that are matched with those of the way without obstacles.
 _COMPARED = 100
-#: Places that are tried for a sphere, and queries for a scene.
-_PLACES, _QUERIES = 300, 30
-#: The sphere and the strength for which the picture shows the laws [m].
-_SHOWN_RADIUS, _SHOWN_STRENGTH = 0.04, 1000.0
-_COLOURS: dict[Kind, str] = {"soft alone": VERMILION, "soft and hard": BLUE, "completed": GREEN}
-_STYLES = dict(zip(WIDTHS, ("-", "--"), strict=True))
-#: How far apart marks of one strength are drawn.
-_APART = 0.1
 
 
 @dataclass(frozen=True)
@@ -117,19 +94,6 @@ LAWS: tuple[Law, ...] = tuple(
         [Law(kind)] if kind == "hard alone" else [Law(kind, zeta, width) for width in WIDTHS for zeta in STRENGTHS]
     )
 )
-
-
-@dataclass(frozen=True, eq=False)
-class LawScene:
-    """A start and a goal, the way between them without obstacles, and a sphere: its centre (3,) and radius [m], and
-    what it does, a key of `BETWEEN`.
-    """
-
-    sphere: str
-    query: ArmQuery
-    nominal: JointReference
-    centre: np.ndarray
-    radius: float
 
 
 @dataclass(frozen=True)
@@ -334,108 +298,3 @@ def _way(
 def _length(points: np.ndarray) -> float:
     """Mean over the body points (n, K, 3) of how far they go [m]."""
     return float(np.linalg.norm(np.diff(points, axis=0), axis=2).sum(axis=0).mean())
-
-
-def draw_scene(planner: JointSpacePlanner, random: np.random.Generator, number: int) -> LawScene:
-    """Scene number `number`.
-
-    Raises
-    ------
-    ParameterError : none was found, as where the skill has one family; or the skill is on the raw sheet.
-    """
-    sphere = tuple(BETWEEN)[number % len(BETWEEN)]
-    for _ in range(_QUERIES):
-        query, nominal = draw_query(planner, random)
-        way = every(CHECK_PERIOD, nominal)
-        others = np.delete(query.ways, query.family(way), axis=0) if sphere == "one way" else []
-        found = _place(planner, way, others, np.stack([query.start, query.goal]), BETWEEN[sphere], random)
-        if found is not None:
-            return LawScene(sphere, query, nominal, *found)
-    raise ParameterError(f"no scene of the kind '{sphere}' was found on {_QUERIES} ways of the skill")
-
-
-def _place(
-    planner: JointSpacePlanner,
-    way: np.ndarray,
-    others: Sequence[np.ndarray],
-    ends: np.ndarray,
-    between: tuple[float, float],
-    random: np.random.Generator,
-) -> tuple[np.ndarray, float] | None:
-    """Centre and radius of a sphere that the arm comes as near to on its way (n, eta) as is asked, that start and goal,
-    `ends` (2, eta), leave free, and so does one of some other ways, if there are any; None where none was found."""
-    bodies, at_ends = body_spheres(planner, way), body_spheres(planner, ends)
-    at_others = [body_spheres(planner, other) for other in others]
-    for _ in range(_PLACES):
-        radius = random.uniform(*RADII)
-        along = int(random.uniform(*INTERIOR) * len(bodies))
-        centre = bodies[along, random.integers(bodies.shape[1])] + random.normal(scale=OFF, size=3)
-        if distances(planner, at_ends, centre, radius).min() < FREE_END:
-            continue
-        if not between[0] <= distances(planner, bodies, centre, radius).min() <= between[1]:
-            continue
-        if not at_others or max(distances(planner, other, centre, radius).min() for other in at_others) >= FREE_WAY:
-            return centre, radius
-    return None
-
-
-def draw_laws(report: LawsReport, path: Path) -> None:
-    """The laws themselves, and what the table says of each against its strength: filled marks the narrow width."""
-    figure = Figure(figsize=(11.0, 6.4), layout="constrained")
-    panels = figure.subplots(2, 3).ravel()
-    _draw_factors(panels[0])
-    rows = report.summary()
-    for row in rows:
-        row["hit_share"] = row["hits"] / row["found"] if row["found"] else math.nan
-    for axes, letter, column, scale, title in (
-        (panels[1], "b", "hit_share", 1e2, "ways found that hit the sphere [%]"),
-        (panels[2], "c", "clearance_mean", 1e3, "clearance, mean [mm]"),
-        (panels[3], "d", "deviation_mean", 1e3, "deviation from the way without [mm]"),
-        (panels[4], "e", "infeasible", 1e2, "scenes without a way [%]"),
-        (panels[5], "f", "capped_infeasible", 1e2, "without one that costs up to the cap [%]"),
-    ):
-        _draw_column(axes, rows, column, scale)
-        axes.set_title(f"{letter}  {title}", loc="left", fontsize=11)
-    handles, names = panels[1].get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    write_figure(figure, path)
-
-
-def _draw_factors(axes: Axes) -> None:
-    """The ambient factor of a body point over its distance from a sphere's surface."""
-    away = np.linspace(0.002, 0.25, 300)
-    body = JointPlannerSettings().body_radius
-    centres, radii = np.zeros((1, 3)), np.array([_SHOWN_RADIUS])
-    for kind in ("soft and hard", "completed"):
-        for width, style in _STYLES.items():
-            factors = [
-                ambient_factor(
-                    _SHOWN_RADIUS + d, 0.0, 0.0, body, centres, radii, _SHOWN_STRENGTH, width, kind == "completed"
-                )
-                for d in away
-            ]  # fmt: skip
-            axes.plot(100.0 * away, factors, style, color=_COLOURS[kind])
-    axes.axvline(100.0 * body, color=GREY, linewidth=0.8)
-    axes.annotate("the body touches", (100.0 * body, 2e4), xytext=(4, 0), textcoords="offset points", fontsize=8)
-    surface = f"body point from a sphere of {100.0 * _SHOWN_RADIUS:.0f} cm [cm]"
-    axes.set(yscale="log", ylim=(0.8, 1e5), xlabel=surface)
-    axes.set_title(f"a  ambient factor, zeta {_SHOWN_STRENGTH:.0f}", loc="left", fontsize=11)
-    axes.annotate(f"dashed: width {WIDTHS[-1]:g}", (24.5, 6e2), ha="right", fontsize=8)
-    axes.grid(alpha=0.3)
-
-
-def _draw_column(axes: Axes, rows: Sequence[dict[str, Any]], column: str, scale: float) -> None:
-    """One column of the table against the strength, a mark for each law and width."""
-    for number, (kind, width) in enumerate(product(_COLOURS, WIDTHS)):
-        values = [scale * row[column] for row in rows if (row["kind"], row["width"]) == (kind, width)]
-        axes.plot(
-            np.arange(len(values)) + _APART * (number - 2.5), values, "o", color=_COLOURS[kind], markersize=6,
-            markerfacecolor="white" if width == WIDTHS[-1] else None, label=f"{kind}, width {width:g}",
-        )  # fmt: skip
-    for kind, style in (("hard alone", "-"), ("ignored", ":")):
-        for row in rows:
-            if row["kind"] == kind:
-                axes.axhline(scale * row[column], color="black", linestyle=style, linewidth=1.2, label=kind, zorder=1)
-    axes.set_xticks(range(len(STRENGTHS)), [f"{strength:.0f}" for strength in STRENGTHS])
-    axes.set_xlabel("zeta")
-    axes.grid(alpha=0.3)

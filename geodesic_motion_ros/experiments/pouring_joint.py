@@ -24,7 +24,7 @@ from tqdm import tqdm
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.execution import Execution, play
-from geodesic_motion_ros.experiments.grasp_joint import mean_ways, passed_in_turn
+from geodesic_motion_ros.experiments.grasp_joint_scenes import mean_ways, passed_in_turn
 from geodesic_motion_ros.experiments.pouring_places import pouring_strip, standing_there
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.joint_planner import JointSpacePlanner

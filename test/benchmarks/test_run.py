@@ -9,7 +9,8 @@ import pytest
 
 from geodesic_motion_ros.benchmarks import run
 from geodesic_motion_ros.benchmarks.peers import installed
-from geodesic_motion_ros.benchmarks.run import BenchReport, BenchSettings, measure, measured_alone
+from geodesic_motion_ros.benchmarks.report import BenchReport
+from geodesic_motion_ros.benchmarks.run import BenchSettings, measure, measured_alone
 from geodesic_motion_ros.benchmarks.scenes import NAMES
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill import Skill

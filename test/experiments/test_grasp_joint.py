@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,11 +14,8 @@ from geodesic_motion_ros.experiments.grasp_joint import (
     SkillReport,
     draw_grasp_joint,
     family_energies,
-    mean_ways,
-    meeting_scenes,
-    passed_in_turn,
-    separated_scenes,
 )
+from geodesic_motion_ros.experiments.grasp_joint_scenes import meeting_scenes, separated_scenes
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
@@ -78,12 +74,6 @@ def test_a_wall_stands_between_families_that_never_meet(report) -> None:
     assert np.max(joined.across) < 2.0 * np.max(joined.within)
 
 
-def test_stays_are_told_from_brushes() -> None:
-    assert passed_in_turn(np.array([0] * 40 + [1] * 60)) == (0, 1)
-    assert passed_in_turn(np.array([0] * 40 + [1] * 5 + [0] * 55)) == (0,)
-    assert passed_in_turn(np.array([2] * 30)) == (2,)
-
-
 def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     content = json.loads(write_json(tmp_path / "figures.json", report.as_dict()).read_text())
     assert [len(skill["scenes"]) for skill in content["skills"]] == [8, 5]
@@ -94,9 +84,7 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     assert (tmp_path / "grasp_joint.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_skills_and_settings_that_do_not_fit_are_refused(report) -> None:
-    with pytest.raises(ParameterError, match="knows no families"):
-        mean_ways(replace(report.drawn["meeting"].skill, canonical=None))
+def test_settings_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ParameterError, match="at least 2"):
         GraspJointSettings(shown=1)
     with pytest.raises(ParameterError, match="seeds"):

@@ -1,4 +1,3 @@
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -6,15 +5,8 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import DemonstrationError, ParameterError
-from geodesic_motion_ros.experiments.imitation import (
-    COLUMNS,
-    ROWS,
-    ImitationReport,
-    all_folds,
-    default_folds,
-    evaluate,
-    parse_folds,
-)
+from geodesic_motion_ros.experiments.imitation import evaluate
+from geodesic_motion_ros.experiments.imitation_report import COLUMNS, ROWS, ImitationReport
 from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
 HELD_OUT = (1, 4)
@@ -74,34 +66,6 @@ def test_cells_without_meaning_are_null(report):
         assert 0.0 <= report.rows[row]["off_manifold"] <= 1.0
 
 
-def test_a_row_is_the_mean_of_its_measurements(report):
-    measured = [item.values["dtw_mm"] for item in report.measurements if item.row == "promp"]
-    assert report.rows["promp"]["dtw_mm"] == pytest.approx(np.mean(measured))
-
-
-def test_json_is_valid_and_round_trips(report, tmp_path):
-    report.write_json(tmp_path / "deep" / "cup.json")
-
-    def refuse(constant):
-        raise AssertionError(f"{constant} is not JSON")
-
-    read = json.loads((tmp_path / "deep" / "cup.json").read_text(), parse_constant=refuse)
-    assert read["task"] == "cup"
-    assert read["seeds"] == [0]
-    assert read["folds"] == [list(HELD_OUT)]
-    assert read["rows"] == report.rows
-    assert len(read["held_out"]) == len(report.measurements)
-
-
-def test_the_table_has_a_line_a_row(report):
-    lines = report.table().splitlines()
-    assert lines[0] == "cup: held out 1,4, seeds 0"
-    for row in ROWS:
-        (line,) = [line for line in lines if line.startswith(f"{row} ")]
-        shown = report.rows[row]["dtw_mm"]
-        assert line.split()[1] == f"{shown:.2f}"
-
-
 def test_refused_geodesics_are_counted_with_the_reason_and_in_no_mean(demonstrations, train_briefly):
     pytest.importorskip("movement_primitives")
 
@@ -145,50 +109,6 @@ def test_the_first_sheet_gives_the_geodesic_and_rows_of_other_sheets_are_empty(d
     assert report.rows["geodesic"]["dtw_mm"] == report.rows["geodesic_raw"]["dtw_mm"] > 0.0
     for row in ("geodesic_ridge", "geodesic_canonical", "conditional_mean", "sheet_oracle"):
         assert report.rows[row]["dtw_mm"] is None
-
-
-def test_the_table_says_where_the_error_comes_from(report):
-    rows = report.rows
-    (words,) = [line for line in report.table().splitlines() if line.startswith("where the geodesic's")]
-    for number in (rows["geodesic"]["dtw_mm"], rows["sheet_oracle"]["dtw_mm"], rows["conditional_mean"]["dtw_mm"]):
-        assert f"{number:.1f} mm" in words
-
-
-def test_every_split_is_there_once():
-    splits = all_folds(5)
-    assert len(splits) == len(set(splits)) == 10
-    assert all(len(set(split)) == 3 and set(split) <= set(range(5)) for split in splits)
-    with pytest.raises(DemonstrationError, match="leaves none to train on"):
-        all_folds(3)
-
-
-def test_folds_are_parsed():
-    assert parse_folds("0,3,6/1,4,7/2,5,8", 9) == ((0, 3, 6), (1, 4, 7), (2, 5, 8))
-    assert parse_folds(" 1 , 2 ", 3) == ((1, 2),)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("0,3,9", "there is no demonstration 9; the 9 are numbered 0 to 8"),
-        ("-1", "there is no demonstration -1"),
-        ("0,3/", "'' is not a list of indices; write them like 0,3,6/1,4,7/2,5,8"),
-        ("0;3", "'0;3' is not a list of indices"),
-        ("1,1", "'1,1' holds out a demonstration twice"),
-        ("0,1,2,3,4,5,6,7,8", "leaves no demonstration to train on"),
-    ],
-)
-def test_bad_folds_are_refused(text, message):
-    with pytest.raises(ParameterError, match=message):
-        parse_folds(text, 9)
-
-
-def test_default_folds_hold_every_demonstration_out_once():
-    assert default_folds(9) == ((0, 3, 6), (1, 4, 7), (2, 5, 8))
-    assert default_folds(2) == ((0,), (1,))
-    assert sorted(sum(default_folds(8), ())) == list(range(8))
-    with pytest.raises(DemonstrationError, match="at least 2"):
-        default_folds(1)
 
 
 @pytest.mark.parametrize(("folds", "seeds"), [([], [0]), ([(0,)], [])])

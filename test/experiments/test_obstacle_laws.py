@@ -5,27 +5,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
-from geodesic_motion_ros.experiments.blocked_arm import every
-from geodesic_motion_ros.experiments.obstacle_laws import (
-    BETWEEN,
-    CHECK_PERIOD,
-    CONTROL,
-    FREE_END,
-    FREE_WAY,
-    LAWS,
-    Law,
-    LawAnswer,
-    LawsReport,
-    compare_laws,
-    draw_laws,
-    draw_scene,
-)
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.experiments.obstacle_law_figures import draw_laws
+from geodesic_motion_ros.experiments.obstacle_law_scenes import BETWEEN
+from geodesic_motion_ros.experiments.obstacle_laws import CONTROL, LAWS, Law, LawAnswer, LawsReport, compare_laws
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.skill import Skill
 
@@ -72,23 +57,6 @@ def test_table_and_picture(report: LawsReport, tmp_path: Path) -> None:
     assert report.table().count("\n") == 2 + 1 + len(FEW) + 1
     draw_laws(report, tmp_path / "laws.png")
     assert (tmp_path / "laws.png").stat().st_size > 10_000
-
-
-def test_spheres_do_what_their_kind_says(reach_skill: Skill) -> None:
-    planner = JointSpacePlanner(reach_skill, COARSE)
-    for number, kind in enumerate(BETWEEN):
-        scene = draw_scene(planner, np.random.default_rng([0, number]), number)
-        assert scene.sphere == kind
-
-        def clearance(postures, scene=scene) -> float:
-            return distances(planner, body_spheres(planner, postures), scene.centre, scene.radius).min()
-
-        way = every(CHECK_PERIOD, scene.nominal)
-        assert BETWEEN[kind][0] <= clearance(way) <= BETWEEN[kind][1]
-        assert clearance(np.stack([scene.query.start, scene.query.goal])) >= FREE_END
-        if kind == "one way":
-            others = np.delete(scene.query.ways, scene.query.family(way), axis=0)
-            assert max(clearance(other) for other in others) >= FREE_WAY
 
 
 def test_strengths_widths_and_laws_reach_the_planner() -> None:

@@ -22,6 +22,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes import marker_messages, messages
+from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -167,6 +168,14 @@ class Bench:
         self.wait(found, f"verdict {code} {reason}")
         return self.status()
 
+    def at_rest(self) -> bool:
+        return float(self.status()["speed"]) == 0.0
+
+    def health(self) -> dict[str, str]:
+        """The newest figures among the diagnostics, by key; they are to be listened to."""
+        heard = self.heard["/diagnostics"]
+        return {pair.key: pair.value for pair in heard[-1].status[0].values} if heard else {}
+
     def send_goal(self, pose: np.ndarray, frame: str = BASE) -> None:
         """Publish a goal (7,): position [m], quaternion (w, x, y, z)."""
         self.publisher(PoseStamped, "goal_pose").publish(pose_of(pose, frame))
@@ -241,3 +250,27 @@ def planner_options(skill_folder: Path) -> dict[str, Any]:
         "obstacle_timeout": 3600.0,
         "latent_view_rate": 0.0,
     }
+
+
+@pytest.fixture
+def ready(bench: Bench, planner_options: dict[str, Any], start_joints: np.ndarray) -> Bench:
+    """A bench with a planner that has joint states and no goal."""
+    bench.watch_planner()
+    bench.planner = bench.add(PlannerNode, **planner_options)
+    bench.joint_states = bench.send_joint_states(start_joints)
+    bench.wait_for_code("NO_GOAL")
+    return bench
+
+
+@pytest.fixture
+def moving(ready: Bench, skill: Skill) -> Bench:
+    """The same, on its way to the skill's goal."""
+    ready.send_goal(skill.goal_pose)
+    ready.wait_for_code("OK")
+    return ready
+
+
+@pytest.fixture
+def wall() -> tuple[list[float], float]:
+    """The middle of every demonstration, and a radius [m] that blocks them all without touching the ends."""
+    return [0.465, -0.01, 0.34], 0.2

@@ -1,0 +1,133 @@
+"""The node `planner` among obstacles: every topic counts, falls silent, and is shown again."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import Marker, MarkerArray
+
+from geodesic_motion_ros.nodes.planner_node import PlannerNode
+
+# What moves in real time does so evenly where it has the machine to itself.
+pytestmark = pytest.mark.realtime
+
+BASE = "panda_link0"
+
+
+def cloud_of(points: np.ndarray) -> PointCloud2:
+    return PointCloud2(
+        header=Header(frame_id=BASE), height=1, width=len(points), point_step=24, row_step=24 * len(points),
+        fields=[
+            PointField(name=name, offset=8 * i, datatype=PointField.FLOAT64, count=1) for i, name in enumerate("xyz")
+        ],
+        data=points.tobytes(),
+    )  # fmt: skip
+
+
+class TestObstacles:
+    def test_all_ways_blocked_then_freed(self, moving, wall):
+        moving.send_spheres(wall)
+        moving.wait_for_code("NO_FEASIBLE_PATH")
+        moving.delete_spheres()
+        moving.wait_for_code("OK")
+
+    def test_obstacle_on_the_robot(self, moving, skill):
+        moving.send_spheres((skill.start_pose[:3], 0.45))
+        status = moving.wait_for_code("IN_COLLISION")
+        assert float(status["clearance"]) < 0.0
+
+    @pytest.mark.parametrize("policy", ["hold", "keep"])
+    def test_policy_when_an_obstacle_topic_falls_silent(self, bench, planner_options, start_joints, skill, policy):
+        bench.watch_planner()
+        bench.add(PlannerNode, **planner_options | {"obstacle_timeout": 0.5, "obstacle_silence_policy": policy})
+        bench.listen(DiagnosticArray, "/diagnostics")
+        bench.send_joint_states(start_joints)
+        bench.send_goal(skill.goal_pose)
+        bench.wait_for_code("OK")
+        bench.send_spheres(([2.0, 2.0, 2.0], 0.1))
+        if policy == "hold":
+            bench.wait_for_code("STALE_OBSTACLES", "obstacles for")
+            bench.call(Trigger, "planner/clear_obstacles", Trigger.Request())
+            bench.wait_for_code("OK")
+        else:
+            bench.wait(lambda: float(bench.health().get("age_obstacles", "0")) > 1.0, "an obstacle topic gone silent")
+            assert bench.status()["code"] == "OK"
+
+    def test_every_kind_of_obstacle_counts(self, moving, wall):
+        """Each topic alone blocks the way, and its obstacle is gone when it is told to go."""
+        grid = np.arange(-0.3, 0.3, 0.05)
+        points = np.array([wall[0] + np.array([x, 0.0, z]) for x in grid for z in grid])
+        cloud = cloud_of(points)
+        marker = Marker(header=Header(frame_id=BASE), type=Marker.SPHERE)
+        marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = wall[0]
+        marker.scale.x = marker.scale.y = marker.scale.z = 0.4
+        cube, cylinder = (Marker(header=Header(frame_id=BASE), type=kind) for kind in (Marker.CUBE, Marker.CYLINDER))
+        for solid in (cube, cylinder):
+            solid.pose.position.x, solid.pose.position.y, solid.pose.position.z = wall[0]
+            solid.pose.orientation.w = 1.0
+            solid.scale.x = solid.scale.y = solid.scale.z = 0.4
+        point = PointStamped(header=Header(frame_id=BASE))
+        point.point.x, point.point.y, point.point.z = wall[0]
+        moving.planner.set_parameters([Parameter("obstacle_point_radius", value=0.2)])
+        for kind, topic, message in (
+            (Marker, "obstacle_marker", marker),
+            (Marker, "obstacle_marker", cube),
+            (Marker, "obstacle_marker", cylinder),
+            (PointStamped, "obstacle_point", point),
+            (PointCloud2, "obstacle_cloud", cloud),
+        ):
+            moving.publisher(kind, topic).publish(message)
+            moving.wait_for_code("NO_FEASIBLE_PATH")
+            moving.call(Trigger, "planner/clear_obstacles", Trigger.Request())
+            moving.wait_for_code("OK")
+        moving.listen(DiagnosticArray, "/diagnostics")
+        moving.wait(lambda: moving.health().get("cloud_points") == str(len(points)), "the figures of the cloud")
+
+    def test_an_obstacle_vanishes_with_its_lifetime(self, moving, wall):
+        marker = Marker(header=Header(frame_id=BASE), type=Marker.SPHERE)
+        marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = wall[0]
+        marker.scale.x = marker.scale.y = marker.scale.z = 0.4
+        marker.lifetime.nanosec = 300_000_000
+        moving.publisher(Marker, "obstacle_marker").publish(marker)
+        moving.wait_for_code("NO_FEASIBLE_PATH")
+        moving.wait_for_code("OK")
+
+    def test_solids_and_clouds_are_shown_as_the_planner_sees_them(self, moving):
+        moving.listen(MarkerArray, "planner/markers")
+        cube = Marker(header=Header(frame_id=BASE), type=Marker.CUBE)
+        cube.pose.position.y, cube.pose.orientation.w = 0.8, 1.0
+        cube.scale.x, cube.scale.y, cube.scale.z = 0.1, 0.2, 0.3
+        moving.publisher(Marker, "obstacle_marker").publish(cube)
+        points = np.array([[0.0, 0.7, 0.5], [0.0, 0.7, 0.6], [9.0, 9.0, 0.0], [np.nan, 0.0, 0.0]])
+        moving.publisher(PointCloud2, "obstacle_cloud").publish(cloud_of(points))
+
+        def shown(namespace: str) -> Marker | None:
+            newest = moving.heard["planner/markers"][-1:]
+            return next((m for array in newest for m in array.markers if m.ns == namespace), None)
+
+        moving.wait(lambda: shown("solids") and shown("cloud"), "both among the markers")
+        assert (shown("solids").type, shown("solids").scale.z) == (Marker.CUBE, 0.3)
+        assert len(shown("cloud").points) == 2
+        figures = moving.planner._inputs.cloud_figures()
+        assert (figures.points, figures.out_of_reach, figures.not_finite) == (2, 1, 1)
+
+
+@pytest.mark.parametrize(("changes", "early"), [({"skill": "panda_reach_to_grasp"}, True), ({}, False)])
+def test_an_obstacle_hurries_the_tick_of_a_whole_arm_skill_alone(bench, planner_options, monkeypatch, changes, early):
+    """Poses are to be followed at once: their ticks stay even."""
+    node, hurried = bench.add(PlannerNode, **planner_options | changes), threading.Event()
+    monkeypatch.setattr(node._loop, "hurry", hurried.set)
+    bench.watch_planner()
+    bench.wait_for_code("STALE_STATE")
+    assert not hurried.is_set()
+    bench.send_spheres(([2.0, 2.0, 2.0], 0.1))
+    bench.wait(lambda: len(node._inputs.snapshot().obstacles), "the obstacle")
+    assert hurried.wait(20.0 if early else 0.2) is early
