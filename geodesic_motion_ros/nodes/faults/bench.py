@@ -36,6 +36,8 @@ START_PATIENCE, PATIENCE = 60.0, 25.0
 #: Topics between twin and planner that a relay stands in.
 RELAYED = {"joint_states": JointState, "obstacles": MarkerArray, "obstacle_point": PointStamped}
 _PLANNER = {"latent_view_rate": 0.0}
+#: An arm whose joints are so far off [rad] is where it begins.
+_AT_START = 0.02
 
 
 class Bench:
@@ -65,7 +67,8 @@ class Bench:
         self.processes = Processes(folder, self.environment)
         self._planner_on = planner_on
         self._given: dict[str, dict[str, Any]] = {}
-        self.starts = 0
+        #: Why nodes that ran were started again, in order.
+        self.restarts: list[str] = []
         self._context = rclpy.Context()
         # Read when the context begins, of this process too.
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = self.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"]
@@ -110,10 +113,14 @@ class Bench:
         """Bring both nodes to where the arm stands at its start without a goal, nothing disturbed."""
         sim = bool(planner.get("use_sim_time"))
         wanted = {"planner": dict(planner), "twin": dict(twin) | ({"use_sim_time": True} if sim else {})}
-        if fresh or self._given != wanted or not self._renewed():
+        if fresh or self._given != wanted:
+            objection = "other parameters"
+        else:
+            objection = self._renewed()
+        if objection:
+            self.restarts.append(objection)
             self.stop_nodes()
             self.clock.run(sim)
-            self.starts += 1
             self.seen.forget()
             for name in ("twin", "planner"):
                 self.start(name, wanted[name])
@@ -159,8 +166,8 @@ class Bench:
 
         self.wait(ready, "planner and twin to start", START_PATIENCE)
 
-    def _renewed(self) -> bool:
-        """Bring nodes that run back to the beginning; False where they do not follow."""
+    def _renewed(self) -> str:
+        """Bring nodes that run back to the beginning: '', or how they do not follow."""
         for relay in self.relays.values():
             relay.release()
         self.clock.set_speed(1.0)
@@ -172,9 +179,10 @@ class Bench:
             self.asks.trigger("twin/reset")
             since = time.monotonic()
             self.verdict("NO_GOAL", since=since + 0.3, patience=5.0)
-        except GeodesicMotionError:
-            return False
-        return bool(np.max(np.abs(self.seen.configuration - start_joints(self.skill_name))) < 0.02)
+        except GeodesicMotionError as error:
+            return str(error)
+        off = float(np.max(np.abs(self.seen.configuration - start_joints(self.skill_name))))
+        return "" if off < _AT_START else f"the arm is {off:.3f} rad from its start"
 
     # ------------------------------------------------------------------ phases
 

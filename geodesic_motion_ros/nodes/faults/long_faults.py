@@ -103,19 +103,21 @@ class Soak(Fault):
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         end = time.monotonic() + 60.0 * self.minutes
         ticks: list[list[float]] = []
-        contacts, before, starts = 0, math.nan, bench.starts
+        contacts, grown, begun, restarts = 0, 0.0, math.nan, len(bench.restarts)
         while time.monotonic() < end:
             self._episode(bench, random)
             ticks.append([status.number("last_tick_ms") for status in bench.seen.statuses])
             contacts += bench.seen.contacts
             bench.judge(findings)
-            before = bench.memory("planner") if math.isnan(before) else before
-            grown = bench.memory("planner") - before
+            begun = bench.memory("planner") if math.isnan(begun) else begun
+            grown = max(grown, bench.memory("planner") - begun)
+            lives = len(bench.restarts)
             bench.prepare(self.planner, self.twin)
+            begun = begun if len(bench.restarts) == lives else math.nan
         third = max(1, len(ticks) // 3)
         first, last = (float(np.nanpercentile(np.concatenate(part), 99.0)) for part in (ticks[:third], ticks[-third:]))
         findings.measured[:] = [f"{len(ticks)} episodes in {self.minutes:g} min"]
-        findings.at_most("nodes started again:", bench.starts - starts, 0, "")
+        findings.measured += [f"nodes started again, as {reason}" for reason in bench.restarts[restarts:]]
         findings.at_most("contacts:", contacts, 0, "")
         findings.at_most(f"p99 of ticks from {first:.1f} ms by", last / first - 1.0, _DRIFT, "of it")
         findings.at_most("memory grown by", grown, _SOAK_MEMORY, "MB")
