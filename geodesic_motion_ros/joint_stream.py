@@ -225,7 +225,7 @@ class JointStream:
 
     def _room_of(self, stop: SweptArm, later: float, obstacles: Obstacles) -> float:
         """Least distance [m] of a stop that begins so much later [s] from where obstacles come to by its end."""
-        places = obstacles.swept(later + stop.times[-1], STOPPING_PLACES)
+        places = obstacles.stopping_places(later + stop.times[-1], STOPPING_PLACES)
         return float(np.min(self._certifier.certify_swept(stop, places, 0.0).clearance))
 
     def left(self, time: float) -> SweptArm:

@@ -22,6 +22,7 @@ class Obstacles:
     centres, radii, velocities : (o, 3), (o,) [m], (o, 3) [m/s] of spheres.
     solids, solid_velocities : (b, 16) rows as of `solids.py`, (b, 3) [m/s].
     cloud : distances from a point cloud, which stands.
+    age : what moves was last seen so long before `time`, and has been expected to move on since [s].
     """
 
     centres: np.ndarray
@@ -31,6 +32,7 @@ class Obstacles:
     solid_velocities: np.ndarray
     cloud: DistanceField
     time: float = 0.0
+    age: float = 0.0
 
     @classmethod
     def none(cls) -> Obstacles:
@@ -140,6 +142,7 @@ class Obstacles:
             centres=self.centres + elapsed * self.velocities,
             solids=_shifted(self.solids, elapsed * self.solid_velocities),
             time=time,
+            age=self.age + float(elapsed),
         )
 
     def swept(self, prediction: float, count: int = 3) -> Obstacles:
@@ -154,6 +157,23 @@ class Obstacles:
         solids = np.concatenate([_shifted(self.solids, step * self.solid_velocities) for step in steps])
         standing = Obstacles.of_spheres(centres, np.tile(self.radii, len(steps)), time=self.time)
         return replace(standing, solids=solids, solid_velocities=np.zeros((len(solids), 3)), cloud=self.cloud)
+
+    def stopping_places(self, duration: float, count: int) -> Obstacles:
+        """Wherever what moves may have come to a stand by so much later [s] since it was last seen, as what stands.
+
+        count : so many of each, enlarged so that nothing between two of them is left out.
+        """
+        if self.stand:
+            return self
+        apart = (self.age + duration) / (count - 1)
+        half = 0.5 * apart * np.linalg.norm(self.velocities, axis=1)
+        solids = self.solids.copy()
+        solids[:, 6] += 0.5 * apart * np.linalg.norm(self.solid_velocities, axis=1)
+        seen = replace(
+            self, centres=self.centres - self.age * self.velocities, radii=np.hypot(self.radii, half),
+            solids=_shifted(solids, -self.age * self.solid_velocities),
+        )  # fmt: skip
+        return seen.swept(self.age + duration, count)
 
 
 def _shifted(solids: np.ndarray, by: np.ndarray) -> np.ndarray:

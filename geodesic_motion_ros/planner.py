@@ -259,7 +259,7 @@ class ReactivePlanner:
         if latent is None:
             query = self._next_query(start, goal, speed)
             if isinstance(query, Verdict):
-                return Plan(stream.braking(start, scene.in_task, speed), query)
+                return self._stopped(query, start, scene, speed)
             self._query, latent = query, query.start_latent
         assert self._query is not None
         plan = self._solved(self._query, start, latent, scene, motion, deadline)
@@ -275,7 +275,7 @@ class ReactivePlanner:
         if plan.blocked or (plan.turning and stream.gives_way):
             # A tool that gives way does not stop for a way that it can enter from rest alone.
             return self._without_way(plan.verdict, start, latent, scene, motion, deadline)
-        return plan if plan.reference else replace(plan, reference=stream.braking(start, scene.in_task, speed))
+        return plan if plan.reference else self._stopped(plan.verdict, start, scene, speed)
 
     def _solved(
         self, query: Query, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
@@ -298,8 +298,17 @@ class ReactivePlanner:
         stop = self._stream.braking(start, scene.in_task, motion.speed * self.settings.speed)
         plan = self._giving_way.plan(self._query, start, latent, scene, motion, verdict, stop, deadline)
         if plan is None or plan.reference is None:
-            return Plan(stop, verdict)
+            return self._stopped(verdict, start, scene, motion.speed * self.settings.speed)
         return self._stream.begin(self._query, plan, scene, gives_way=True)
+
+    def _stopped(self, verdict: Verdict, start: Pose, scene: Scene, speed: float) -> Plan:
+        """The stop along the way being followed, and what is met on it."""
+        stop = self._stream.braking(start, scene.in_task, speed)
+        nearest = np.inf if stop is None else float(np.min(stop.clearance))
+        if nearest <= 0.0 and self.settings.avoidance:
+            reason = f"{verdict.reason}; while stopping, the tool overlaps an obstacle by {-1000 * nearest:.0f} mm"
+            verdict = replace(verdict, reason=reason, clearance=nearest)
+        return Plan(stop, verdict)
 
     def _stopping_first(self, start: Pose, scene: Scene, speed: float) -> Plan | None:
         """The rest of a stop before a way that turns off the present motion: it will do so until the tool rests."""
@@ -308,12 +317,12 @@ class ReactivePlanner:
             return None
         if not turned.obstacles.unmoved_in(scene.in_task):
             return None
-        braking = self._stream.braking(start, scene.in_task, speed)
+        braking = self._stream.free_braking(start, scene.in_task, speed)
         return None if braking is None else Plan(braking, turned.verdict, turning=True)
 
     def _stop_first(self, plan: Plan, start: Pose, scene: Scene, speed: float) -> Plan:
         """The stop before a way that is entered too fast; that way itself where the stop is not free."""
-        braking = self._stream.braking(start, scene.in_task, speed)
+        braking = self._stream.free_braking(start, scene.in_task, speed)
         if braking is None:
             return plan
         reason = "stopping first: the way to the goal bends too much for the present speed"
@@ -324,8 +333,7 @@ class ReactivePlanner:
     ) -> TaskSpaceReference | None:
         """Ramped stop of the stream from the present commanded pose and speed [m/s], certified like any reference.
 
-        None at rest, before the first reference, and where the way of the stop is not free of what stands: stay where
-        you are. now : as of `tick`.
+        None at rest and before the first reference: stay where you are. now : as of `tick`.
         """
         start, _ = checked_pose("state", position, quaternion)
         if start is None:

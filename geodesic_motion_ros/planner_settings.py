@@ -17,9 +17,8 @@ from geodesic_motion_ros.motion_curve import MotionLimits
 MOVING_MULTIPLE = 2.0
 #: What sets out or goes on among them is to be able to stop so long later [s]: by then it has been looked at again.
 LOOKED_AT_AGAIN = 0.03
-#: They may come to a stand meanwhile in so many places, the first where they are. Between two of them a sphere of 3 cm
-#: at 0.5 m/s is taken for 4 mm less than it is, of the 10 mm that a stop keeps off.
-STOPPING_PLACES = 9
+#: Where they may come to a stand meanwhile is told by so many places each, the first where they were last seen.
+STOPPING_PLACES = 12
 
 
 @dataclass(frozen=True)

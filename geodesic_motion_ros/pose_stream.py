@@ -183,7 +183,7 @@ class PoseStream:
         rest = self._solver.certified(rest, obstacles, trusting=True)
         stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
         stopped = self._solver.clearance_until(stop, start, obstacles, self._settings.prediction)
-        if np.min(rest.clearance) <= max(stopped, self._settings.obstacle_margin):
+        if np.min(rest.clearance) <= max(stopped, 0.0):
             return None
         if not self.can_still_stop(rest, start, motion, obstacles):
             return None
@@ -205,20 +205,15 @@ class PoseStream:
 
     def can_still_stop(self, going: TaskSpaceReference, start: Pose, motion: Motion, obstacles: Obstacles) -> bool:
         """Whether a tool that goes on along a reference which begins now is left a stop that is free wherever on their
-        lines obstacles come to a stand meanwhile. True as well where it has none now, or would be met by what moves on
-        where it stood: going on is no worse then.
+        lines obstacles come to a stand meanwhile, or has none now either.
 
-        A certificate takes for granted that they move on; a tool that stops before it has passed must not be met
-        either.
+        A certificate takes for granted that they move on as they did; one that stops or turns must not be met either.
+        That it would come to where the tool then stood is no reason to go on: what stands is touched less hard.
         """
-        if obstacles.stand or not self._settings.avoidance:
-            return True
-        if self.leaves_a_stop(going, start, obstacles):
+        if obstacles.stand or not self._settings.avoidance or self.leaves_a_stop(going, start, obstacles):
             return True
         stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
-        if self._room_of(stop, start, 0.0, obstacles) <= 0.0:
-            return True
-        return self._solver.clearance_until(stop, start, obstacles, self._settings.prediction) <= 0.0
+        return self._room_of(stop, start, 0.0, obstacles) <= 0.0
 
     def leaves_a_stop(self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles) -> bool:
         """Whether a tool that goes on along a reference has a free stop as of `can_still_stop`."""
@@ -232,12 +227,12 @@ class PoseStream:
         obstacles come to by its end.
         """
         end = later if stop is None else later + stop.duration
-        return self._solver.clearance_until(stop, start, obstacles.swept(end, STOPPING_PLACES), 0.0)
+        return self._solver.clearance_until(stop, start, obstacles.stopping_places(end, STOPPING_PLACES), 0.0)
 
     def braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
-        """Come to rest along the reference followed so far; None at rest, or where that would touch what stands.
+        """Come to rest along the reference followed so far, whatever is in the way; None at rest.
 
-        What moves may touch the tool where it stands as well. speed : now [m/s].
+        speed : now [m/s].
         """
         settings = self._settings
         if self.followed is None or speed <= 0.0:
@@ -253,10 +248,13 @@ class PoseStream:
             curve = MotionCurve.through(positions, quaternions, settings.limits)
         rate = initial_rate(curve, settings.limits, speed / settings.speed)
         stop = self._rest_of(curve, previous.latent[at:], rate, previous.strain)
-        reference = self._solver.certified(stop, obstacles)
-        if settings.avoidance and obstacles.stand and np.min(reference.clearance) <= 0.0:
-            return None
-        return reference
+        return self._solver.certified(stop, obstacles)
+
+    def free_braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
+        """`braking` where that touches nothing that stands; None else."""
+        stop = self.braking(start, obstacles, speed)
+        touches = stop is not None and obstacles.stand and np.min(stop.clearance) <= 0.0
+        return None if touches and self._settings.avoidance else stop
 
     def _rest_of(self, curve: MotionCurve, latent: np.ndarray, rate: float, strain: float) -> TaskSpaceReference:
         """The soonest rest along a curve from a rate u' on; where it is too short for one, the fastest law to its end.

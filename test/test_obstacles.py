@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.graph.ambient import obstacle_clearances
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.solids import solid_rows
+from geodesic_motion_ros.solids import solid_distances, solid_rows
 
 
 def scene(seed: int = 0) -> Obstacles:
@@ -123,3 +123,29 @@ def test_what_stands_and_what_moves_are_all_there_is():
     assert moving.cloud.squares.size == 0
     both = np.minimum(clearances(standing, PLACES), clearances(moving, PLACES))
     np.testing.assert_array_equal(both, clearances(obstacles, PLACES))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_places_where_what_moves_may_stop_leave_nothing_out_since_it_was_seen(seed):
+    random = np.random.default_rng(seed)
+    centres, velocities = random.normal(size=(2, 3, 3))
+    box = solid_rows(random.normal(size=(1, 3)), np.eye(3)[None], np.full((1, 3), 0.04), np.full(1, 0.01))
+    obstacles = Obstacles(
+        centres, random.uniform(0.02, 0.06, 3), velocities, box, random.normal(size=(1, 3)), DistanceField.none(), 2.0
+    ).at(2.2, 1.0)
+    assert obstacles.age == pytest.approx(0.2)
+    places = obstacles.stopping_places(0.4, 6)
+    assert places.stand
+    for time in np.linspace(-0.2, 0.4, 101):
+        out = random.normal(size=(50, 3, 3))
+        out *= obstacles.radii[:, None] / np.linalg.norm(out, axis=2, keepdims=True)
+        on = obstacles.centres + time * velocities + out
+        gaps = np.linalg.norm(on.reshape(-1, 1, 3) - places.centres, axis=2) - places.radii
+        assert np.max(np.min(gaps, axis=1)) < 1e-9
+        middle = obstacles.solids[0, :3] + time * obstacles.solid_velocities[0]
+        inside = middle + random.uniform(-0.04, 0.04, (50, 3))
+        assert np.max(solid_distances(inside, places.solids)) < 1e-9
+    # No more than needed: a place is enlarged by less than half of what is between two of them.
+    apart = np.linalg.norm(velocities, axis=1) * 0.6 / 5
+    assert np.all(places.radii.reshape(6, 3) <= obstacles.radii + 0.5 * apart)
+    assert obstacles.at_rest().stopping_places(0.4, 6).centres.size == 0

@@ -79,12 +79,15 @@ def test_a_stop_keeps_to_the_way_and_takes_as_long_as_a_stop_must(solver, way) -
     assert stream.braking(elsewhere, Obstacles.none(), speed) is None
 
 
-def test_a_stop_that_would_touch_what_stands_is_none(solver, way) -> None:
+def test_a_stop_that_would_touch_what_stands_is_told_from_a_free_one(solver, way) -> None:
     stream, start, _, speed = gone(solver, way)
     end = stream.braking(start, Obstacles.none(), speed).positions[-1]
     ahead = end + (TOUCHING - 0.005) * (end - start.position) / np.linalg.norm(end - start.position)
-    assert stream.braking(start, sphere(ahead, np.zeros(3)), speed) is None
-    assert stream.braking(start, sphere(ahead, np.array([0.0, 0.0, 0.1])), speed) is not None
+    standing, moving = sphere(ahead, np.zeros(3)), sphere(ahead, np.array([0.0, 0.0, 0.1]))
+    assert stream.free_braking(start, standing, speed) is None
+    assert np.min(stream.braking(start, standing, speed).clearance) <= 0.0
+    assert stream.free_braking(start, moving, speed) is not None
+    assert stream.free_braking(start, Obstacles.none(), speed) is not None
 
 
 def test_a_tool_goes_on_only_as_long_as_it_could_stop_wherever_what_moves_comes_to_a_stand(solver, way) -> None:
@@ -105,10 +108,12 @@ def test_a_tool_goes_on_only_as_long_as_it_could_stop_wherever_what_moves_comes_
     assert blind.can_still_stop(going, *where[:2], crossing)
     # No stop is free now: going on is no worse.
     assert stream.can_still_stop(going, start, motion, sphere(end - 0.1 * side, 0.4 * side))
-    # Where the tool stops it would be met later: nor then.
-    towards = sphere(line + 0.02 * along, -0.05 * along)
-    assert not stream.leaves_a_stop(going, start, towards)
-    assert stream.can_still_stop(going, start, motion, towards)
+    # What has passed by now may have come to a stand before, since it was last seen.
+    passed = sphere(line + 0.10 * side, 0.4 * side)
+    assert stream.can_still_stop(going, start, motion, passed)
+    assert not stream.can_still_stop(going, start, motion, replace(passed, age=0.25))
+    # That it would be met later, where it stops, is no reason to go on.
+    assert not stream.can_still_stop(going, start, motion, sphere(line + 0.02 * along, -0.05 * along))
 
 
 def test_what_was_planned_is_taken_where_the_tool_could_stop(solver, way) -> None:

@@ -8,7 +8,7 @@ steady clock].
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,6 +22,12 @@ Key = tuple[str, int]
 # An older stamp within this window is a message that was overtaken; further back, the sender's clock was
 # set back.
 REORDER_WINDOW = 1.0
+
+# What is faster [m/s] moves; of what is slower the velocity may be noise.
+MOVING = 0.02
+# What moves and is not told again for so long [s] may have come to a stand anywhere since: at so many places, each
+# enlarged so that nothing between them is left out, until it is told again.
+MOTION_LASTS, _PLACES = 0.3, 5
 
 
 @dataclass(frozen=True)
@@ -61,11 +67,13 @@ class ObstacleSet:
         time : what `now` is on the clock of the planner [s].
         """
         ages, solid_ages = (np.clip(now - times, 0.0, longest)[:, None] for times in (self.times, self.solid_times))
+        moving = np.any(self.velocities, axis=1), np.any(self.solid_velocities, axis=1)
+        oldest = np.max(np.concatenate([ages[moving[0]], solid_ages[moving[1]]]), initial=0.0)
         solids = self.solids.copy()
         solids[:, :3] += solid_ages * self.solid_velocities
         return Obstacles(
             self.centres + ages * self.velocities, self.radii, self.velocities, solids, self.solid_velocities,
-            self.cloud, time,
+            self.cloud, time, float(oldest),
         )  # fmt: skip
 
 
@@ -79,6 +87,28 @@ class _Track:
     solid: np.ndarray | None = None
     motion: ObstacleVelocity = field(default_factory=ObstacleVelocity)
     deleted: bool = False
+
+    @property
+    def moves(self) -> bool:
+        return not self.deleted and math.hypot(*self.motion.velocity) > MOVING
+
+    def places(self, now: float) -> list[_Track]:
+        """Itself, or where it may have come to a stand since it was last told."""
+        if now < self.arrival + MOTION_LASTS or not self.moves:
+            return [self]
+        reach = MOTION_LASTS * np.array(self.motion.velocity)
+        half = 0.5 * float(np.linalg.norm(reach)) / (_PLACES - 1)
+        return [self._standing(share * reach, half) for share in np.linspace(0.0, 1.0, _PLACES)]
+
+    def _standing(self, shift: np.ndarray, half: float) -> _Track:
+        solid = None if self.solid is None else self.solid.copy()
+        if solid is not None:
+            solid[:3] += shift
+            solid[6] += half
+        centre = tuple(float(c) for c in np.array(self.centre) + shift)
+        return replace(
+            self, centre=centre, radius=math.hypot(self.radius, half), solid=solid, motion=ObstacleVelocity()
+        )
 
 
 class ObstacleTracker:
@@ -139,7 +169,7 @@ class ObstacleTracker:
         if before is not None and not before.deleted and (before.stamp > 0.0) == (stamp > 0.0):
             track.motion = before.motion
         track.motion.see(track.centre, stamp if stamp > 0.0 else now)
-        self._next_expiry = min(self._next_expiry, expires)
+        self._next_expiry = min(self._next_expiry, expires, now + MOTION_LASTS if track.moves else math.inf)
         self._changed()
         return True
 
@@ -185,22 +215,32 @@ class ObstacleTracker:
         return {source: now - heard for source, heard in self._heard.items()}
 
     def silent(self, now: float, timeout: float) -> dict[str, float]:
-        """The expected sources not heard for longer than a timeout [s], with their ages."""
-        return {source: age for source, age in self.ages(now).items() if age > timeout}
+        """The expected sources not heard for longer than a timeout [s], with their ages.
+
+        So too, as source/namespace/id, obstacles that moved and have not been told again, though their source talks.
+        """
+        silent = {source: age for source, age in self.ages(now).items() if age > timeout}
+        for source, tracks in self._tracks.items():
+            for key, track in tracks.items():
+                if source not in silent and now - track.arrival > timeout and track.moves:
+                    silent[_label(source, key)] = now - track.arrival
+        return silent
 
     def current(self, now: float) -> ObstacleSet:
         """The spheres that exist now, expired ones removed."""
         if now >= self._next_expiry:
             self._expire(now)
         if self._set is None:
-            self._set = self._assemble()
+            self._set = self._assemble(now)
         return self._set
 
     def _expire(self, now: float) -> None:
         for tracks in self._tracks.values():
             for key in [key for key, track in tracks.items() if now >= track.expires]:
                 del tracks[key]
-        expiries = (track.expires for tracks in self._tracks.values() for track in tracks.values())
+        tracks = [track for tracks in self._tracks.values() for track in tracks.values()]
+        doubted = (track.arrival + MOTION_LASTS for track in tracks if track.moves)
+        expiries = [track.expires for track in tracks] + [time for time in doubted if time > now]
         self._next_expiry = min(expiries, default=math.inf)
         self._changed()
 
@@ -220,22 +260,20 @@ class ObstacleTracker:
         self._version += 1
         self._set = None
 
-    def _assemble(self) -> ObstacleSet:
+    def _assemble(self, now: float) -> ObstacleSet:
         alive = [
-            (source, key, track)
+            (source, key, place)
             for source, tracks in sorted(self._tracks.items())
             for key, track in sorted(tracks.items())
             if not track.deleted
+            for place in track.places(now)
         ]
         spheres = [track for _, _, track in alive if track.solid is None]
         solids = [track for _, _, track in alive if track.solid is not None]
         return ObstacleSet(
             np.array([track.centre for track in spheres], dtype=float).reshape(-1, 3),
             np.array([track.radius for track in spheres], dtype=float),
-            tuple(
-                f"{source}/{key[0]}/{key[1]}"
-                for source, key, _ in sorted(alive, key=lambda item: item[2].solid is not None)
-            ),
+            tuple(_label(source, key) for source, key, _ in sorted(alive, key=lambda item: item[2].solid is not None)),
             self._version,
             _velocities(spheres),
             np.array([track.arrival for track in spheres], dtype=float),
@@ -244,6 +282,10 @@ class ObstacleTracker:
             np.array([track.arrival for track in solids], dtype=float),
             self._cloud,
         )
+
+
+def _label(source: str, key: Key) -> str:
+    return f"{source}/{key[0]}/{key[1]}"
 
 
 def _velocities(tracks: list[_Track]) -> np.ndarray:

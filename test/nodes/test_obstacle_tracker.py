@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.nodes.obstacle_tracker import REORDER_WINDOW, ObstacleTracker
-from geodesic_motion_ros.solids import solid_rows
+from geodesic_motion_ros.nodes.obstacle_tracker import MOTION_LASTS, REORDER_WINDOW, ObstacleTracker
+from geodesic_motion_ros.solids import solid_distances, solid_rows
 
 HERE, THERE = np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.5, 0.6])
 
@@ -279,3 +279,69 @@ def test_an_empty_set_has_the_shapes_of_a_full_one():
     assert (seen.centres.shape, seen.velocities.shape, seen.times.shape) == ((0, 3), (0, 3), (0,))
     assert (seen.solids.shape, seen.solid_velocities.shape, seen.solid_times.shape) == ((0, 16), (0, 3), (0,))
     assert seen.moved_on(1.0, 0.5, 1.0).objection() == ""
+
+
+def moving_sphere(tracker: ObstacleTracker, speed: float, until: float = 0.2, solid: bool = False) -> np.ndarray:
+    """A sphere or a box that is told 50 times a second until a time [s]; its last place."""
+    for now in np.arange(0.0, until + 1e-9, 0.02):
+        centre = HERE + [speed * now, 0.0, 0.0]
+        tracker.put("obstacles", ("a", 1), centre, 0.05, now=now, solid=box(centre) if solid else None)
+    return centre
+
+
+def test_what_moved_and_is_not_told_again_may_have_stopped_anywhere_since():
+    """Another one of the same topic is told all the time: the topic is not silent."""
+    tracker = ObstacleTracker()
+    last = moving_sphere(tracker, 0.4)
+    for now in np.arange(0.2, 0.6, 0.02):
+        tracker.put("obstacles", ("b", 2), THERE, 0.05, now=now)
+        seen = tracker.current(now)
+        if now < 0.2 + MOTION_LASTS - 1e-9:
+            obstacles = seen.moved_on(now, 1.6, now)
+            np.testing.assert_allclose(obstacles.centres[0], last + [0.4 * (now - 0.2), 0.0, 0.0], atol=1e-9)
+            assert obstacles.age == pytest.approx(now - 0.2)
+    obstacles = seen.moved_on(now, 1.6, now)
+    assert obstacles.stand
+    random = np.random.default_rng(0)
+    for passed in np.linspace(0.0, MOTION_LASTS, 50):
+        on = random.normal(size=(50, 1, 3))
+        on = last + [0.4 * passed, 0.0, 0.0] + 0.05 * on / np.linalg.norm(on, axis=2, keepdims=True)
+        gaps = np.linalg.norm(on - obstacles.centres, axis=2) - obstacles.radii
+        assert np.max(np.min(gaps, axis=1)) < 1e-9
+    assert set(seen.labels) == {"obstacles/a/1", "obstacles/b/2"}
+    # Told again, it moves on.
+    tracker.put("obstacles", ("a", 1), last, 0.05, now=0.6)
+    assert len(tracker.current(0.6).radii) == 2
+
+
+def test_that_comes_by_itself_without_another_message():
+    tracker = ObstacleTracker()
+    moving_sphere(tracker, 0.4)
+    before = tracker.current(0.4)
+    after = tracker.current(0.2 + MOTION_LASTS)
+    assert after.version > before.version
+    assert not np.any(after.velocities)
+    assert tracker.current(1.0).version == after.version
+
+
+def test_a_solid_that_moved_and_is_not_told_again_likewise():
+    tracker = ObstacleTracker()
+    last = moving_sphere(tracker, 0.4, solid=True)
+    solids = tracker.current(0.2 + MOTION_LASTS).moved_on(0.5, 1.6, 0.5).solids
+    assert len(solids) > 1
+    random = np.random.default_rng(0)
+    for passed in np.linspace(0.0, MOTION_LASTS, 30):
+        inside = last + [0.4 * passed, 0.0, 0.0] + random.uniform(-1.0, 1.0, (20, 3)) * [0.1, 0.2, 0.3]
+        assert np.max(solid_distances(inside, solids)) < 1e-9
+
+
+@pytest.mark.parametrize(("speed", "silent"), [(0.4, ["obstacles/a/1"]), (0.0, []), (0.005, [])])
+def test_what_moves_must_be_told_again_and_what_stands_need_not(speed, silent):
+    tracker = ObstacleTracker()
+    moving_sphere(tracker, speed)
+    tracker.put("obstacles", ("b", 2), THERE, 0.05, now=0.8)
+    assert list(tracker.silent(0.6, 0.5)) == []
+    assert list(tracker.silent(0.8, 0.5)) == silent
+    assert list(tracker.silent(2.0, 0.5)) == ["obstacles"]
+    tracker.delete("obstacles", ("a", 1), now=2.0)
+    assert list(tracker.silent(2.0, 0.5)) == []
