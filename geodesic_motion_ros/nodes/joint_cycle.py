@@ -122,6 +122,10 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             return standing.reference, standing.begin + self.planner.settings.latency
         if plan.reference is not None:
             sent = self._horizon.bounded(plan.reference, plan.begin, self._now)
+        elif plan.verdict.code is VerdictCode.DEADLINE_MISSED:
+            # What is being played is a stop already, or a way that this cycle found no time to certify, or to stop on:
+            # the arm brakes where what was sent ends.
+            return None
         elif self._horizon.must_renew(self._now) and (playing := self.planner.playing(self._now)) is not None:
             sent = self._horizon.bounded(*playing, self._now)
         else:

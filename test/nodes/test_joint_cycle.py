@@ -197,6 +197,31 @@ def test_a_search_that_took_too_long_is_followed_by_a_stop_from_the_present_on(p
     assert np.any(reference.velocities[0])
 
 
+@pytest.mark.parametrize("obstructed", [False, True], ids=["hold", "obstacle"])
+def test_a_way_on_which_no_stop_was_found_in_time_is_not_sent_again(planner, arm, inputs, obstructed):
+    """Cycles that all take too long: the arm comes to rest where what was sent before them ends."""
+    planner.clear_goal()
+    time, passing = [0.0], [0.0]
+
+    def slow() -> float:
+        time[0] += passing[0]
+        return time[0]
+
+    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=slow)
+    follow(cycle, arm, inputs, 1.5)
+    sent, tracker = arm.played, ObstacleTracker()
+    ahead = planner.playing(arm.now)[0].positions[-1]
+    tracker.put("obstacles", ("", 0), planner.robot.forward(ahead)[0], 0.08, arm.now, 0.0)
+    change = {"obstacles": tracker.current(arm.now)} if obstructed else {"hold": True}
+    passing[0] = 0.03
+    missed = follow(cycle, arm, dataclasses.replace(inputs, **change), sent[1] + sent[0].duration + 0.1 - arm.now)
+    assert missed[0].verdict.code is VerdictCode.DEADLINE_MISSED
+    assert all(output.trajectory is None for output in missed)
+    assert arm.played is sent
+    np.testing.assert_array_equal(arm.desired(arm.now)[1:], 0.0)
+    assert np.max(np.abs(arm.measured() - inputs.goal)) > 0.1
+
+
 def test_a_horizon_shorter_than_the_prediction_is_refused(planner):
     with pytest.raises(ParameterError, match=r"horizon = 0\.5: must not be less than prediction, 1\.6 s"):
         JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=0.5)
