@@ -3,7 +3,8 @@
 On a task-space skill it streams `target_pose`, on a joint-space skill it sends `joint_trajectory` (`skill_kinds`).
 
 The control loop has a thread of its own on the steady clock. Callbacks only check and store
-(`planner_inputs`), the loop plans and commands (`planning_cycle`), pictures are drawn by a third thread.
+(`planner_inputs`), the loop plans and commands (`planning_cycle`), pictures are drawn by a third thread, and a fourth
+answers the service `plan`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from nav_msgs.srv import GetPlan
 from std_srvs.srv import SetBool, Trigger
 
 from geodesic_motion_ros.errors import ParameterError, PlanningError, RobotError, SkillError
+from geodesic_motion_ros.nodes.background_service import BackgroundService
 from geodesic_motion_ros.nodes.messages import FrameLookup, MessageRefused, path_message, read_pose
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
@@ -73,7 +75,8 @@ class PlannerNode(LoopingNode):
         self.create_timer(1.0 / values["path_rate"], self._show_path, clock=STEADY)
         self.create_timer(1.0, self._show_health, clock=STEADY)
         self.create_timer(1.0, self._look_for_rivals, clock=STEADY)
-        self.create_service(GetPlan, "plan", self._on_plan)
+        # A plan takes longer than a joint state may be old.
+        self._plans = BackgroundService(self, GetPlan, "plan", self._on_plan)
         self.create_service(SetBool, "~/hold", self._on_hold)
         self.create_service(Trigger, "~/clear_obstacles", self._on_clear_obstacles)
 
@@ -90,6 +93,7 @@ class PlannerNode(LoopingNode):
         self._inputs.stop()
         if self._view_thread is not None:
             self._view_thread.stop()
+        self._plans.stop()
         self._kind.close()
 
     # ------------------------------------------------------------ control loop

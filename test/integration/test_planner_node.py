@@ -111,6 +111,45 @@ class TestPlanService:
         moving.wait(lambda: len(moving.heard["planner/status"]) > ticks + 10, "further cycles")
         assert moving.status()["code"] == "OK"
 
+    def test_joint_states_are_heard_however_long_an_answer_takes(self, moving, skill, make_pose, monkeypatch):
+        kind, loop, waiting = moving.planner._kind, moving.planner._loop, threading.Event()
+        plan = kind.plan
+
+        def slowly(*ends):
+            # longer than a joint state may be old
+            until = loop.ticks + 250
+            while loop.ticks < until:
+                waiting.wait(0.005)
+            return plan(*ends)
+
+        monkeypatch.setattr(kind, "plan", slowly)
+        heard = len(moving.heard["planner/status"])
+        for _ in range(2):
+            assert moving.call(GetPlan, "plan", self.request(make_pose, skill.start_pose, skill.goal_pose)).plan.poses
+        said = {message.status[0].message.partition(":")[0] for message in moving.heard["planner/status"][heard:]}
+        assert "STALE_STATE" not in said
+
+    def test_a_node_that_stops_finishes_one_plan_and_drops_those_that_wait(self, moving, skill, make_pose, monkeypatch):
+        kind, begun, release = moving.planner._kind, threading.Semaphore(0), threading.Event()
+        plan, plans = kind.plan, []
+
+        def held(*ends):
+            begun.release()
+            assert release.wait(60.0)
+            plans.append(plan(*ends))
+            return plans[-1]
+
+        monkeypatch.setattr(kind, "plan", held)
+        client = moving.probe.create_client(GetPlan, "plan")
+        assert client.wait_for_service(60.0)
+        for _ in range(3):
+            client.call_async(self.request(make_pose, skill.start_pose, skill.goal_pose))
+        assert begun.acquire(timeout=60.0)
+        threading.Timer(0.1, release.set).start()
+        moving.planner.stop()
+        assert len(plans) == 1
+        assert not [thread for thread in threading.enumerate() if thread.name.startswith("plan_")]
+
     def test_is_empty_when_there_is_no_way(self, ready, skill, make_pose, wall):
         ready.send_spheres(wall)
         ready.wait(lambda: len(ready.planner._inputs.snapshot().obstacles.radii), "the obstacle")
