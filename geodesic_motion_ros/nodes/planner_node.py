@@ -12,7 +12,7 @@ from __future__ import annotations
 import sys
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -72,9 +72,9 @@ class PlannerNode(LoopingNode):
         self._period = 1.0 / values["rate"]
         self._loop = SteadyLoop(self._tick, values["rate"], self._died, name="planner")
         self._view_thread = self._make_view(skill)
-        self.create_timer(1.0 / values["path_rate"], self._show_path, clock=STEADY)
-        self.create_timer(1.0, self._show_health, clock=STEADY)
-        self.create_timer(1.0, self._look_for_rivals, clock=STEADY)
+        self._every(1.0 / values["path_rate"], self._show_path)
+        self._every(1.0, self._show_health)
+        self._every(1.0, self._look_for_rivals)
         # A plan takes longer than a joint state may be old.
         self._plans = BackgroundService(self, GetPlan, "plan", self._on_plan)
         self.create_service(SetBool, "~/hold", self._on_hold)
@@ -100,19 +100,25 @@ class PlannerNode(LoopingNode):
 
     def _tick(self, periods: int) -> None:
         # The commanded pose moves on by one period, however many were missed: late is better than a jump.
-        inputs = self._inputs.snapshot()
+        inputs = None if self._newest is None else self._newest[0]
         try:
+            inputs = self._inputs.snapshot()
             output = self._cycle.run(inputs, self._period)
         except Exception as error:  # a fault in the planner must stop the arm, not the node
-            self.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
+            self._log(error)
             output = self._cycle.stop(Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}"))
         self._kind.send(self._outputs, output)
         self._outputs.status(output, self._inputs.refusals, self._loop)
+        if inputs is None:
+            return
         previous, self._newest = self._newest, (inputs, output)
         if previous is None or previous[1].verdict.code is not output.verdict.code:
             self._say(output.verdict)
         if previous is None or _path_news(previous, (inputs, output)):
             self._show_way(output)
+
+    def _log(self, error: Exception) -> None:
+        self.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
 
     def _obstacles_changed(self) -> None:
         if self._kind.may_be_early:
@@ -135,6 +141,17 @@ class PlannerNode(LoopingNode):
             self.get_logger().warning(text)
 
     # ---------------------------------------------------------------- pictures
+
+    def _every(self, period: float, work: Callable[[], None]) -> None:
+        """Do something every so many seconds; an error in it must not end the node."""
+
+        def guarded() -> None:
+            try:
+                work()
+            except Exception as error:
+                self._log(error)
+
+        self.create_timer(period, guarded, clock=STEADY)
 
     def _make_view(self, skill: Skill) -> ViewThread | None:
         rate = self._options["latent_view_rate"]

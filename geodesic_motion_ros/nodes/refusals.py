@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from types import TracebackType
@@ -14,7 +15,8 @@ from geodesic_motion_ros.nodes.messages import MessageRefused
 class Refusals:
     """Counts refusals by topic and warns of them, for each topic at most once in `quiet` seconds.
 
-    `with refusals.guard("goal_pose"):` swallows a MessageRefused raised inside and books it.
+    `with refusals.guard("goal_pose"):` swallows a MessageRefused raised inside and books it. So it does with any other
+    exception, whose traceback is told as well: one message must not end the node.
     """
 
     def __init__(self, warn: Callable[[str], None], quiet: float = 1.0) -> None:
@@ -24,7 +26,8 @@ class Refusals:
         self._warned: dict[str, float] = {}
         self._newest, self._newest_at = "", -float("inf")
 
-    def add(self, topic: str, reason: str) -> None:
+    def add(self, topic: str, reason: str, details: str = "") -> None:
+        """details : lines for the warning alone."""
         now = time.monotonic()
         with self._lock:
             self._counts[topic] = self._counts.get(topic, 0) + 1
@@ -33,7 +36,7 @@ class Refusals:
             if not quiet:
                 self._warned[topic] = now
         if not quiet:
-            self._warn(f"refused a message on {topic}: {reason}")
+            self._warn(f"refused a message on {topic}: {reason}{details}")
 
     def guard(self, topic: str) -> AbstractContextManager[None]:
         return _Guard(self, topic)
@@ -58,7 +61,11 @@ class _Guard(AbstractContextManager):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool:
-        if not isinstance(error, MessageRefused):
+        if isinstance(error, MessageRefused):
+            self._refusals.add(self._topic, str(error))
+        elif isinstance(error, Exception):
+            details = "\n" + "".join(traceback.format_exception(error))
+            self._refusals.add(self._topic, f"internal error, see the log: {error!r}", details)
+        else:
             return False
-        self._refusals.add(self._topic, str(error))
         return True

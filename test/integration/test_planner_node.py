@@ -161,6 +161,42 @@ class TestPlanService:
         assert not ready.call(GetPlan, "plan", request).plan.poses
 
 
+class TestFaults:
+    """Errors that nobody expected are told, and the node goes on."""
+
+    def test_in_a_callback(self, moving, start_joints, monkeypatch):
+        def fail(*arguments):
+            raise ZeroDivisionError
+
+        with monkeypatch.context() as patch:
+            patch.setattr(moving.planner._inputs._plausible, "check", fail)
+            moving.wait(lambda: moving.status()["refused_input"], "a refusal")
+            assert "joint_states: internal error, see the log: ZeroDivisionError()" in moving.status()["refused_input"]
+        assert moving.planner._inputs.refusals.counts["joint_states"] > 0
+        moving.wait_for_code("OK")
+
+    def test_in_a_timer(self, moving, monkeypatch):
+        failed = []
+
+        def fail(*arguments):
+            failed.append(0)
+            raise ZeroDivisionError
+
+        monkeypatch.setattr(moving.planner._outputs, "diagnostics", fail)
+        moving.wait(lambda: len(failed) > 1, "the timer to fail twice")
+        assert moving.status()["code"] == "OK"
+
+    def test_before_a_cycle(self, moving, monkeypatch):
+        def fail():
+            raise ZeroDivisionError
+
+        with monkeypatch.context() as patch:
+            patch.setattr(moving.planner._inputs, "snapshot", fail)
+            moving.wait_for_code("BAD_INPUT", "internal error, see the log: ZeroDivisionError()")
+        moving.wait_for_code("OK")
+        assert not moving.planner.failure.is_set()
+
+
 class TestPictures:
     def test_late_listeners_get_the_latent_view(self, bench, planner_options, start_joints, skill):
         node = bench.add(PlannerNode, **planner_options | {"latent_view_rate": 5.0, "latent_view_size": 128})

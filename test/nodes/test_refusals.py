@@ -1,4 +1,4 @@
-"""Refusals are swallowed, counted by topic and told once in a while; other errors are not touched."""
+"""Refusals are swallowed, counted by topic and told once in a while; so are errors that nobody expected."""
 
 from __future__ import annotations
 
@@ -31,8 +31,18 @@ def test_warns_again_when_the_quiet_time_is_over():
     assert len(warnings) == 2
 
 
-def test_other_errors_pass():
-    refusals = Refusals(lambda text: None)
-    with pytest.raises(ZeroDivisionError), refusals.guard("goal_pose"):
+def test_any_other_error_is_counted_and_told_with_its_type_and_place():
+    warnings: list[str] = []
+    refusals = Refusals(warnings.append)
+    with refusals.guard("goal_pose"):
         raise ZeroDivisionError
+    assert refusals.counts == {"goal_pose": 1}
+    assert refusals.newest(within=60.0) == "goal_pose: internal error, see the log: ZeroDivisionError()"
+    assert "raise ZeroDivisionError" in warnings[0]
+
+
+def test_what_is_to_end_the_program_passes():
+    refusals = Refusals(lambda text: None)
+    with pytest.raises(KeyboardInterrupt), refusals.guard("goal_pose"):
+        raise KeyboardInterrupt
     assert refusals.counts == {}
