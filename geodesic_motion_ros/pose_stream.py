@@ -17,7 +17,7 @@ from geodesic_motion_ros.planner_settings import LOOKED_AT_AGAIN, MOVING_MULTIPL
 from geodesic_motion_ros.pose_solver import MARGIN_MULTIPLES, MOST_STRAIN, Motion, Plan, PoseSolver, Scene
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.query import Pose, Query
-from geodesic_motion_ros.reference import TaskSpaceReference, timed_reference
+from geodesic_motion_ros.reference import TaskSpaceReference, initial_rate, timed_reference
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.time_law import braking_law
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -218,7 +218,7 @@ class PoseStream:
     def leaves_a_stop(self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles) -> bool:
         """Whether a tool that goes on along a reference has a free stop as of `can_still_stop`."""
         rest = going.rest(*going.locate(LOOKED_AT_AGAIN))
-        stop = self._soonest_rest(rest) or rest
+        stop = self._soonest_rest(rest.curve, rest.latent, float(rest.rates[0]), going.strain) or rest
         margin = MOVING_MULTIPLE * self._settings.obstacle_margin
         return self._room_of(stop, start, LOOKED_AT_AGAIN, obstacles) > margin
 
@@ -240,20 +240,18 @@ class PoseStream:
         segment, share, distance, angle = self._foot(previous, start)
         if not self.near(distance, angle):
             return None
-        # On the way at its pace its own end is a stop too; elsewhere that is to be made.
-        rest = self.motion(start, speed).rest or self._beside(previous, segment, share, start, speed)
-        return self._solver.certified(self._soonest_rest(rest) or rest, obstacles)
-
-    def _beside(
-        self, reference: TaskSpaceReference, segment: int, share: float, start: Pose, speed: float
-    ) -> TaskSpaceReference:
-        """What is left of a reference from a share of a segment on, gone from a pose beside it at a speed [m/s]."""
         limits = self._settings.limits
-        curve, at = reference.curve.from_share(segment, share)
-        positions = np.concatenate([start.position[None], curve.positions[1:]])
-        quaternions = continuous_signs(np.concatenate([start.quaternion[None], curve.quaternions[1:]]))
-        curve = MotionCurve.through(positions, quaternions, limits)
-        return timed_reference(curve, reference.latent[at:], limits, speed / self._settings.speed)
+        curve, at = previous.curve.from_share(segment, share)
+        if distance > _SAME_PLACE or angle > _SAME_ANGLE:
+            positions = np.concatenate([start.position[None], curve.positions[1:]])
+            quaternions = continuous_signs(np.concatenate([start.quaternion[None], curve.quaternions[1:]]))
+            curve = MotionCurve.through(positions, quaternions, limits)
+        latent, pace = previous.latent[at:], speed / self._settings.speed
+        stop = self._soonest_rest(curve, latent, initial_rate(curve, limits, pace), previous.strain)
+        if stop is None:
+            # On the way at its pace its own end is the soonest rest.
+            stop = self.motion(start, speed).rest or timed_reference(curve, latent, limits, pace)
+        return self._solver.certified(stop, obstacles)
 
     def free_braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
         """`braking` where that touches nothing that stands; None else."""
@@ -261,12 +259,16 @@ class PoseStream:
         touches = stop is not None and obstacles.stand and np.min(stop.clearance) <= 0.0
         return None if touches and self._settings.avoidance else stop
 
-    def _soonest_rest(self, reference: TaskSpaceReference) -> TaskSpaceReference | None:
-        """The soonest rest along a reference from its beginning on; None where it is too short for a sooner one."""
-        limits, strain = self._settings.limits, min(reference.strain, MOST_STRAIN)
-        braking = braking_law(reference.curve, limits, float(reference.rates[0]), strain)
+    def _soonest_rest(
+        self, curve: MotionCurve, latent: np.ndarray, rate: float, strain: float
+    ) -> TaskSpaceReference | None:
+        """The soonest rest along a curve from a rate u' on; None where it is too short for one.
+
+        strain : of the law that is left, as of `TaskSpaceReference`.
+        """
+        braking = braking_law(curve, self._settings.limits, rate, min(strain, MOST_STRAIN))
         if braking is None:
             return None
         curve, times, rates = braking
         unknown = np.full(len(times) - 1, np.inf)
-        return TaskSpaceReference(times, rates, curve, limits, reference.latent[: len(times)], unknown)
+        return TaskSpaceReference(times, rates, curve, self._settings.limits, latent[: len(times)], unknown)
