@@ -169,7 +169,9 @@ class ObstacleTracker:
         if before is not None and not before.deleted and (before.stamp > 0.0) == (stamp > 0.0):
             track.motion = before.motion
         track.motion.see(track.centre, stamp if stamp > 0.0 else now)
-        self._next_expiry = min(self._next_expiry, expires, now + MOTION_LASTS if track.moves else math.inf)
+        # Whether it moves is worked out then: here it would be for every message.
+        doubted = now + MOTION_LASTS if track.motion.known else math.inf
+        self._next_expiry = min(self._next_expiry, expires, doubted)
         self._changed()
         return True
 

@@ -39,9 +39,14 @@ class ObstacleVelocity:
             del self._seen[0]
 
     @property
+    def known(self) -> bool:
+        """Whether positions tell a velocity; without one it is zero."""
+        return len(self._seen) > 1
+
+    @property
     def velocity(self) -> Point:
         """[m/s] at the newest position."""
-        if len(self._seen) < 2:
+        if not self.known:
             return 0.0, 0.0, 0.0
         # Relative to the newest: differences of large times and positions would lose digits.
         now, (x, y, z) = self._seen[-1]

@@ -28,6 +28,8 @@ TICKS = 3
 _AWAY, _RADIUS = (-0.6, 0.9, 1.2), 0.04
 #: A sphere appears so far ahead on the tool's way [m], and moves with this speed [m/s].
 _AHEAD, _SPEED = 0.30, 0.25
+#: Time between messages of a slow detector [s].
+_SLOW = 0.2
 #: Room beyond the braking distance in which there must be no contact [m].
 _ROOM = 0.05
 #: A clearance that has changed by this [m] tells of another obstacle.
@@ -93,6 +95,29 @@ class ObstaclesSilentKept(Fault):
             bench.asks.set_parameters("planner", obstacle_silence_policy="hold")
 
 
+class ObstacleForgotten(Fault):
+    name = "obstacle_forgotten"
+    criterion = (
+        "of two publishers of a topic the one whose sphere moves dies: STALE_OBSTACLES, the sphere named, <= 100 ms "
+        "after obstacle_timeout, stop; resumes"
+    )
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        bench.relays["obstacle_point"].passing = False
+        bench.asks.tell_spheres([(np.array(_AWAY), _RADIUS)])
+        begin, end = ([_AWAY[0], side * _AWAY[1], _AWAY[2]] for side in (0.9, -0.9))
+        bench.asks.show_scene({"ball": {"kind": "line", "start": begin, "end": end, "speed": 0.1, "radius": _RADIUS}})
+        relay = bench.relays["obstacles"]
+        before = relay.last_passed
+        bench.wait(lambda: relay.last_passed > before + 0.3, "an obstacle that moves")
+        bench.set_out(phase)
+        # What the bench itself tells passes by the relay.
+        relay.passing = False
+        require_hold(bench, findings, "STALE_OBSTACLES", "obstacles/", relay.last_passed + _TIMEOUT)
+        relay.release()
+        bench.finish(findings)
+
+
 class ObstaclesNotFinite(Fault):
     name = "obstacles_not_finite"
     criterion = "NaN, Inf, 1e300, unknown frames in obstacles: dropped, counted, reference unchanged"
@@ -129,6 +154,34 @@ class ObstaclesLossy(Fault):
         # Near the goal it stays beside it: what runs into an arm that stands is not evaded.
         place = bench.seen.ahead(_AHEAD) if phase != GOAL else bench.goal[:3] + 0.25 * outwards(bench.goal[:3])
         bench.asks.show_scene(coming_to(place))
+        bench.spend(3.0)
+        findings.note(f"smallest clearance {1000.0 * bench.seen.least_clearance:.0f} mm")
+        require_no_contact(bench, findings)
+        relay.release()
+        bench.asks.show_scene({})
+        bench.finish(findings)
+
+
+class ObstaclesSlow(Fault):
+    name = "obstacles_five_a_second"
+    criterion = "obstacles are told five times a second alone: no contact with a sphere that comes to the way and stops"
+    phases = (MOTION,)
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        relay, last = bench.relays["obstacles"], -np.inf
+
+        def thinned(message: Any) -> list[Any]:
+            nonlocal last
+            now = time.monotonic()
+            if now < last + _SLOW:
+                return []
+            last = now
+            return [message]
+
+        bench.relays["obstacle_point"].passing = False
+        relay.change = thinned
+        bench.set_out(phase)
+        bench.asks.show_scene(coming_to(bench.seen.ahead(_AHEAD)))
         bench.spend(3.0)
         findings.note(f"smallest clearance {1000.0 * bench.seen.least_clearance:.0f} mm")
         require_no_contact(bench, findings)
@@ -309,6 +362,6 @@ class ObstaclesDeleted(Fault):
 
 
 OBSTACLE_FAULTS = (
-    ObstaclesSilent, ObstaclesSilentKept, ObstaclesNotFinite, ObstaclesLossy, ObstacleTeleports, ObstacleOnRobot,
-    AllBlocked, ManyObstacles, ObstaclesDeleted,
+    ObstaclesSilent, ObstaclesSilentKept, ObstacleForgotten, ObstaclesNotFinite, ObstaclesLossy, ObstaclesSlow,
+    ObstacleTeleports, ObstacleOnRobot, AllBlocked, ManyObstacles, ObstaclesDeleted,
 )  # fmt: skip
