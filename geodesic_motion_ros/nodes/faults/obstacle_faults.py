@@ -107,9 +107,8 @@ class ObstacleForgotten(Fault):
         bench.asks.tell_spheres([(np.array(_AWAY), _RADIUS)])
         begin, end = ([_AWAY[0], side * _AWAY[1], _AWAY[2]] for side in (0.9, -0.9))
         bench.asks.show_scene({"ball": {"kind": "line", "start": begin, "end": end, "speed": 0.1, "radius": _RADIUS}})
-        relay = bench.relays["obstacles"]
-        before = relay.last_passed
-        bench.wait(lambda: relay.last_passed > before + 0.3, "an obstacle that moves")
+        relay, since = bench.relays["obstacles"], time.monotonic()
+        bench.wait(lambda: relay.last_passed > since + 0.3, "an obstacle that moves")
         bench.set_out(phase)
         # What the bench itself tells passes by the relay.
         relay.passing = False
