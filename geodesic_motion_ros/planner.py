@@ -259,7 +259,7 @@ class ReactivePlanner:
         if latent is None:
             query = self._next_query(start, goal, speed)
             if isinstance(query, Verdict):
-                return self._stopped(Plan(None, query), start, scene, speed)
+                return self._stopped(Plan(None, query), stream.braking(start, scene.in_task, speed))
             self._query, latent = query, query.start_latent
         assert self._query is not None
         plan = self._solved(self._query, start, latent, scene, motion, deadline)
@@ -275,7 +275,7 @@ class ReactivePlanner:
         if plan.blocked or (plan.turning and stream.gives_way):
             # A tool that gives way does not stop for a way that it can enter from rest alone.
             return self._without_way(plan.verdict, start, latent, scene, motion, deadline)
-        return plan if plan.reference else self._stopped(plan, start, scene, speed)
+        return plan if plan.reference else self._stopped(plan, stream.braking(start, scene.in_task, speed))
 
     def _solved(
         self, query: Query, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
@@ -298,12 +298,12 @@ class ReactivePlanner:
         stop = self._stream.braking(start, scene.in_task, motion.speed * self.settings.speed)
         plan = self._giving_way.plan(self._query, start, latent, scene, motion, verdict, stop, deadline)
         if plan is None or plan.reference is None:
-            return self._stopped(Plan(None, verdict), start, scene, motion.speed * self.settings.speed)
+            return self._stopped(Plan(None, verdict), stop)
         return self._stream.begin(self._query, plan, scene, gives_way=True)
 
-    def _stopped(self, plan: Plan, start: Pose, scene: Scene, speed: float) -> Plan:
+    def _stopped(self, plan: Plan, stop: TaskSpaceReference | None) -> Plan:
         """A plan without a reference with the stop along the way being followed, and what is met on it."""
-        stop, verdict = self._stream.braking(start, scene.in_task, speed), plan.verdict
+        verdict = plan.verdict
         nearest = np.inf if stop is None else float(np.min(stop.clearance))
         if nearest <= 0.0 and self.settings.avoidance:
             reason = f"{verdict.reason}; while stopping, the tool overlaps an obstacle by {-1000 * nearest:.0f} mm"

@@ -265,7 +265,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             return Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
         if inputs.silent_sources:
             silent = ", ".join(f"{source} for {age:.2f} s" for source, age in inputs.silent_sources.items())
-            return Verdict(VerdictCode.STALE_OBSTACLES, f"silent: {silent}")
+            return Verdict(VerdictCode.STALE_OBSTACLES, f"silent: {silent}; tell them again, or delete them")
         if not self._has_goal:
             return self._goal_verdict
         return Verdict(VerdictCode.OK)
