@@ -300,6 +300,16 @@ TWIN = (
         10.0,
         read_only=False,
     ),
+    Parameter(
+        "cmd_timeout",
+        0.0,
+        "Without a new joint trajectory for longer than this after the end of the last one, the arm holds where it is "
+        "measured; 0.0 never. As of joint_trajectory_controller",
+        "s",
+        0.0,
+        60.0,
+        read_only=False,
+    ),
     Parameter("scene", "", "Obstacles that `~/spawn_obstacles` puts into the world; empty for none", read_only=False),
     Parameter("spawn_at_start", False, "Spawn the scene as soon as the twin starts"),
 )

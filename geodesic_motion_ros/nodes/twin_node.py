@@ -196,6 +196,11 @@ class TwinNode(LoopingNode):
         # a trajectory ends by itself
         elif self._commander == _POSES and now - self._commanded_at > self._options["command_timeout"]:
             self._world.hold()
+        elif (timeout := self._options["cmd_timeout"]) > 0.0 and self._world.hold_if_overdue(timeout):
+            self.get_logger().warning(
+                f"no new {_TRAJECTORIES} for {timeout:g} s after the end of the last one (cmd_timeout): "
+                "the arm holds where it is"
+            )
 
     def _obey(self, command: _Command, now: float) -> None:
         if now < self._deaf_until:

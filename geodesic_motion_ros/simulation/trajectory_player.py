@@ -11,7 +11,9 @@ Replacement", `Trajectory::sample` and `validate_trajectory_msg`):
   at once all the same.
 - Before the first waypoint the motion goes there from what was desired at the moment of replacement.
 - Between waypoints it is linear where only positions are given, cubic with velocities, quintic with accelerations.
-- After the last waypoint its position is held, for as long as nothing new comes (`cmd_timeout: 0`).
+- After the last waypoint its position is held, for as long as nothing new comes: `cmd_timeout: 0`. With more, `overdue`
+  tells that nothing new has come for so long after the end, and `hold` then asks for where the joints are measured.
+  The controller heeds no `cmd_timeout` up to its `goal_time`, which is 0 here.
 - A trajectory has all joints in any order and no others, at least one waypoint, positions at each, strictly increasing
   times, no efforts, and ends with velocities of zero (`allow_nonzero_velocity_at_trajectory_end: false`). An empty one
   is refused: it stops nothing.
@@ -120,6 +122,9 @@ class TrajectoryPlayer:
     """
 
     def __init__(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        self._hold(positions, velocities)
+
+    def _hold(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         self._begin = 0.0
         self._times = np.empty(0)
         self._positions = self._velocities = self._accelerations = np.empty((0, 2, len(positions)))
@@ -145,6 +150,14 @@ class TrajectoryPlayer:
         )
         still = np.zeros_like(waypoints.positions[-1])
         self._held = np.stack([waypoints.positions[-1], still, still])
+
+    def overdue(self, now: float, timeout: float) -> bool:
+        """Whether nothing new has come for longer than a `timeout` [s] since the trajectory ended; of none, never."""
+        return len(self._times) > 0 and now - (self._begin + float(self._times[-1])) > timeout
+
+    def hold(self, positions: np.ndarray) -> None:
+        """Give the trajectory up: (eta,) [rad] are desired, at rest, until the next one."""
+        self._hold(positions, np.zeros(len(positions)))
 
     def sample(self, time: float) -> np.ndarray:
         """Positions [rad], velocities [rad/s], accelerations [rad/s^2] desired at `time` [s], (3, eta)."""

@@ -137,6 +137,18 @@ class PandaWorld:
         """Brake to rest inside the acceleration limits and stay there until the next target."""
         self._target = None
 
+    def hold_if_overdue(self, cmd_timeout: float) -> bool:
+        """Hold the joints where they are measured when a joint trajectory ended longer than `cmd_timeout` [s] ago.
+
+        Returns whether it did: once for each trajectory. Where the arm got to its end that changes nothing; one that is
+        kept from there pushes no more.
+        """
+        player = self._target
+        if not isinstance(player, TrajectoryPlayer) or not player.overdue(self.time + self.clock_offset, cmd_timeout):
+            return False
+        player.hold(self.joint_positions)
+        return True
+
     def step(self) -> None:
         """Advance the world by `dt` [s]."""
         before = self._motion.positions

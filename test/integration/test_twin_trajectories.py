@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import Log
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -170,6 +171,17 @@ def test_whichever_spoke_last_commands_and_the_change_is_logged(twin, make_pose)
     changes = lambda: [log.msg for log in twin.heard["/rosout"] if "commands the arm" in log.msg]  # noqa: E731
     twin.wait(lambda: len(changes()) == 3, "three changes in the log")
     assert changes() == said
+
+
+def test_when_nothing_new_comes_after_the_end_the_twin_says_so_once_and_the_arm_stays(twin):
+    assert twin.twin.set_parameters([Parameter("cmd_timeout", value=0.1)])[0].successful
+    twin.listen(Log, "/rosout", 100)
+    told = lambda: [log.msg for log in twin.heard["/rosout"] if "cmd_timeout" in log.msg]  # noqa: E731
+    for count, goal in enumerate((GOAL, START), 1):
+        send(twin, way(measured(twin), goal), 0.0)
+        twin.wait(lambda count=count: len(told()) == count, "the warning")
+        wait_for_rest(twin, goal)
+        assert len(told()) == count
 
 
 def test_reset_ends_a_trajectory(twin):

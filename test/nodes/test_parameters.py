@@ -51,6 +51,15 @@ def test_names_are_unique():
         assert len({parameter.name for parameter in table}) == len(table)
 
 
+def test_the_twin_and_the_real_controller_wait_as_long_for_a_new_trajectory():
+    controller = yaml.safe_load((CONFIG / "ros2_controllers.yaml").read_text())["joint_trajectory_controller"]
+    given = controller["ros__parameters"]
+    (ours,) = (parameter.default for parameter in TABLES["twin"] if parameter.name == "cmd_timeout")
+    assert given["cmd_timeout"] == ours
+    # The controller's condition for heeding any; the twin has none, for its goal_time is always 0.
+    assert given["constraints"]["goal_time"] == 0.0
+
+
 REACH = Parameter("reach", 1.0, "how far", "m", 0.5, 2.0)
 COUNT = Parameter("count", 3, "how many", "", 1, 5)
 MODE = Parameter("mode", "a", "which", choices=("a", "b"))

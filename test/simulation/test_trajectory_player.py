@@ -136,6 +136,27 @@ def test_after_the_end_the_last_waypoint_is_held() -> None:
         np.testing.assert_array_equal(player.sample(time), [waypoints.positions[-1], np.zeros(3), np.zeros(3)])
 
 
+def test_overdue_counts_from_the_end_and_ends_with_the_next_trajectory() -> None:
+    waypoints, player = random_waypoints(7), resting()
+    assert not player.overdue(STAMP, 0.5)
+    player.replace(waypoints, STAMP + 1.0, STAMP)
+    end = STAMP + 1.0 + waypoints.times[-1]
+    assert not player.overdue(end + 0.4, 0.5)
+    assert player.overdue(end + 0.6, 0.5)
+    player.replace(waypoints, None, end + 0.6)
+    assert not player.overdue(end + 0.7, 0.5)
+
+
+def test_what_is_held_is_desired_at_rest_until_the_next_begins_there() -> None:
+    waypoints, player, here = random_waypoints(7), resting(), np.array([0.1, -0.2, 0.3])
+    player.replace(waypoints, 0.0, 0.0)
+    player.hold(here)
+    np.testing.assert_array_equal(player.sample(5.0), [here, np.zeros(3), np.zeros(3)])
+    assert not player.overdue(1e6, 0.5)
+    player.replace(waypoints, 5.0, 5.0)
+    np.testing.assert_allclose(player.sample(5.0), [here, np.zeros(3), np.zeros(3)], atol=1e-12)
+
+
 def test_one_that_ends_in_the_past_is_refused_and_the_old_one_goes_on() -> None:
     old, new = random_waypoints(8), random_waypoints(9)
     player, undisturbed = resting(), resting()

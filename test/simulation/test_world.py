@@ -219,6 +219,28 @@ def test_hold_stops_and_stays(world: PandaWorld) -> None:
     assert np.max(np.abs(world.joint_velocities)) < 1e-3
 
 
+@pytest.mark.parametrize("timeout", [0.1, 10.0])
+def test_an_arm_that_did_not_get_to_the_end_in_time_holds_where_it_is(world: PandaWorld, timeout: float) -> None:
+    """With the control: before the timeout it goes on to the end, too."""
+    start, world.clock_offset = world.joint_positions, 1000.0
+    goal = start + 0.5
+    world.set_joint_trajectory(JointWaypoints(np.array([0.05]), goal[None]))
+    held = []
+    while world.time < 3.0:
+        before = world.joint_positions
+        if world.hold_if_overdue(timeout):
+            held.append((world.time, before))
+        world.step()
+    if timeout > 1.0:
+        assert not held
+        np.testing.assert_allclose(world.joint_positions, goal, atol=1e-3)
+        return
+    ((time, where),) = held
+    assert 0.15 < time < 0.16
+    np.testing.assert_allclose(world.joint_positions, where, atol=1e-3)
+    assert np.max(np.abs(where - goal)) > 0.3
+
+
 def test_gravity_does_not_sag_the_arm(world: PandaWorld) -> None:
     for _ in range(240):
         world.step()
