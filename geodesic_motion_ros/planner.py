@@ -24,6 +24,7 @@ from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.pose_giving_way import PoseGivingWay
+from geodesic_motion_ros.pose_smoothing import LAG
 from geodesic_motion_ros.pose_solver import AT_REST, MOST_STRAIN, Motion, Plan, PoseSolver, Scene, refusal
 from geodesic_motion_ros.pose_stream import PoseStream
 from geodesic_motion_ros.quaternions import angle_between
@@ -235,11 +236,11 @@ class ReactivePlanner:
         return plan.in_base(scene.frame)
 
     def _scene_at(self, now: float) -> Scene:
-        """The scene with obstacles that move where they are at a time [s]."""
+        """The scene with obstacles that move where they are when the tool does what is planned at a time [s]."""
         scene = self._scene
         if scene.in_task.stand:
             return scene
-        return replace(scene, in_task=scene.in_task.at(now, self.settings.prediction))
+        return replace(scene, in_task=scene.in_task.at(now + LAG, self.settings.prediction))
 
     def _goal_in_task(self, frame: TaskFrame) -> Pose:
         assert self._goal is not None

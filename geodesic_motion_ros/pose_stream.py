@@ -14,6 +14,7 @@ import numpy as np
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import LOOKED_AT_AGAIN, MOVING_MULTIPLE, STOPPING_PLACES, PlannerSettings
+from geodesic_motion_ros.pose_smoothing import LAG
 from geodesic_motion_ros.pose_solver import MARGIN_MULTIPLES, MOST_STRAIN, Motion, Plan, PoseSolver, Scene
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.query import Pose, Query
@@ -224,9 +225,9 @@ class PoseStream:
 
     def _room_of(self, stop: TaskSpaceReference | None, start: Pose, later: float, obstacles: Obstacles) -> float:
         """Least distance [m] of a stop that begins so much later [s], or of a tool that stands at a pose, from where
-        obstacles come to by its end.
+        obstacles come to until what is commanded rests.
         """
-        end = later if stop is None else later + stop.duration
+        end = later + LAG if stop is None else later + stop.duration + LAG
         return self._solver.clearance_until(stop, start, obstacles.stopping_places(end, STOPPING_PLACES), 0.0)
 
     def braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:

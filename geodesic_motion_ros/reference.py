@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.motion_curve import SHORTEST_STEP, MotionCurve, MotionLimits, chord
+from geodesic_motion_ros.pose_smoothing import PoseSmoothing
 from geodesic_motion_ros.quaternions import normalise
 from geodesic_motion_ros.time_law import fastest_law
 
@@ -222,19 +223,22 @@ def initial_rate(curve: MotionCurve, limits: MotionLimits, speed: float) -> floa
 
 
 class ReferenceFollower:
-    """The pacing of a stream: where the commanded pose is now, and how fast it moves.
+    """The pacing of a stream: where the reference is followed to, how fast it moves there, and what is commanded.
 
-    One follower belongs to one arm. `accept` switches to a new reference, which must begin at the commanded pose;
-    `hold` stops; `advance` moves the commanded pose on by one control period.
+    One follower belongs to one arm. `accept` switches to a new reference, which must begin at `position` and
+    `quaternion` with `speed`; `slow_down` and `hold` stop; `advance` moves on by one control period and returns the
+    commanded pose, which is that of the reference without its steps of acceleration (`pose_smoothing`).
     """
 
     def __init__(self, full_speed: float) -> None:
         """full_speed [m/s]: the planner's `speed`, to which rates of a reference are relative."""
         self._full_speed = full_speed
         self._reference: TaskSpaceReference | None = None
-        self._time = 0.0
+        self._time, self._pace, self._braking_time = 0.0, 1.0, math.inf
+        self._smoothing = PoseSmoothing()
         self.position = np.full(3, np.nan)
         self.quaternion = np.full(4, np.nan)
+        self.commanded = self.position, self.quaternion
         self.speed = 0.0
 
     @property
@@ -249,22 +253,34 @@ class ReferenceFollower:
 
     def reset(self, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Stand at a pose, (3,) [m] and (4,), at rest and without a reference."""
-        self._reference, self._time, self.speed = None, 0.0, 0.0
+        self.hold()
         self.position, self.quaternion = np.array(position, dtype=float), np.array(quaternion, dtype=float)
+        self.commanded = self.position, self.quaternion
+        self._smoothing.reset(self.position, self.quaternion)
 
     def accept(self, reference: TaskSpaceReference) -> None:
         """Follow a reference from its beginning."""
-        self._reference, self._time = reference, 0.0
+        self._reference = reference
+        self._time, self._pace, self._braking_time = 0.0, 1.0, math.inf
+
+    def slow_down(self, braking_time: float) -> None:
+        """Come to rest on the accepted reference: its time runs ever slower, and stands after a time [s].
+
+        Full speed over that time is the deceleration, to which that of the reference itself is added.
+        """
+        self._braking_time = braking_time
 
     def hold(self) -> None:
-        """Stay at the commanded pose."""
+        """Stay where the reference is now."""
         self._reference, self.speed = None, 0.0
 
     def advance(self, period: float) -> tuple[np.ndarray, np.ndarray]:
         """Move on by `period` [s]; returns the commanded position (3,) and quaternion (4,), sign-continuous."""
         if self._reference is not None:
-            self._time += period
+            before, self._pace = self._pace, max(0.0, self._pace - period / self._braking_time)
+            self._time += 0.5 * (before + self._pace) * period
             self.position, quaternion = self._reference.sample(self._time)
             self.quaternion = quaternion if quaternion @ self.quaternion >= 0.0 else -quaternion
-            self.speed = self._full_speed * self._reference.rate(self._time)
-        return self.position, self.quaternion
+            self.speed = self._full_speed * self._pace * self._reference.rate(self._time)
+        self.commanded = self._smoothing.add(period, self.position, self.quaternion)
+        return self.commanded

@@ -45,6 +45,7 @@ from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.plots import write_figure
+from geodesic_motion_ros.pose_smoothing import LAG, SMOOTHING
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.reference import ReferenceFollower, TaskSpaceReference
 from geodesic_motion_ros.skill import Skill
@@ -117,7 +118,7 @@ class MovingToolRun:
         self._points, self._radii = np.array(planner.settings.tool_points), np.array(planner.settings.tool_radii)
         self._follower = ReferenceFollower(planner.settings.speed)
         self._follower.reset(*start)
-        self._spheres = SpheresInMotion(spheres, lambda: self._follower.position)
+        self._spheres = SpheresInMotion(spheres, lambda: self._follower.commanded[0])
         planner.take_obstacles(Obstacles.none())
         planner.clear_goal()
         planner.set_goal(*goal)
@@ -133,8 +134,7 @@ class MovingToolRun:
                 self._tick(step * STEP)
             step += 1
             before = self._placed()
-            self._follower.advance(STEP)
-            self._positions.append(self._follower.position)
+            self._positions.append(self._follower.advance(STEP)[0])
             pace = float(np.max(np.linalg.norm(self._placed() - before, axis=1))) / STEP
             moves = pace > RESTING
             self._spheres.move(step * STEP)
@@ -169,25 +169,27 @@ class MovingToolRun:
 
     def _has_room(self, now: float, centre: np.ndarray, radius: float, speed: float) -> bool:
         """Whether a sphere is far enough for a stop when it is first there."""
-        stream, travel, rest = self._follower, 0.0, 0.0
+        stream = self._follower
+        travel, rest = stream.speed * LAG, SMOOTHING
         stop = self._planner.stop(stream.position, stream.quaternion, stream.speed, now)
         if stop is not None:
             placed = tool_points(stop.positions, stop.quaternions, self._points)
-            travel = float(np.max(np.sum(np.linalg.norm(np.diff(placed, axis=0), axis=-1), axis=0)))
-            rest = stop.duration
+            travel += float(np.max(np.sum(np.linalg.norm(np.diff(placed, axis=0), axis=-1), axis=0)))
+            rest += stop.duration
         return self._distance(centre, radius) > needed_room(travel, rest, speed)
 
     def _placed(self) -> np.ndarray:
         """Centres (K, 3) of the tool's spheres."""
-        return tool_points(self._follower.position[None], self._follower.quaternion[None], self._points)[0]
+        position, quaternion = self._follower.commanded
+        return tool_points(position[None], quaternion[None], self._points)[0]
 
     def _distance(self, centre: np.ndarray, radius: float) -> float:
         return float(np.min(np.linalg.norm(self._placed() - centre, axis=1) - self._radii)) - radius
 
     def _at_goal(self) -> bool:
-        position, quaternion = self._goal
-        off = float(np.linalg.norm(self._follower.position - position))
-        return off < REACHED and float(angle_between(self._follower.quaternion, quaternion)) < REACHED
+        (position, quaternion), (there, turned) = self._follower.commanded, self._goal
+        off = float(np.linalg.norm(position - there))
+        return off < REACHED and float(angle_between(quaternion, turned)) < REACHED
 
 
 class MovingToolStage:

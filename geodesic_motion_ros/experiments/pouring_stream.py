@@ -86,9 +86,9 @@ def past_a_moving_sphere(planner: ReactivePlanner, bottle: int = 0, cup: int = 2
         else:
             follower.accept(plan.reference)
             ahead[-1] = plan.reference.positions
-        follower.advance(_TICK)
-        gone.append(follower.position)
-        turned.append(follower.quaternion)
+        position, quaternion = follower.advance(_TICK)
+        gone.append(position)
+        turned.append(quaternion)
         centres.append(sphere.position(now + _TICK))
         ahead.append(ahead[-1])
     gone_by, times = np.array(gone), _TICK * np.arange(len(gone))

@@ -106,7 +106,8 @@ class PlannerNode(LoopingNode):
             output = self._cycle.run(inputs, self._period)
         except Exception as error:  # a fault in the planner must stop the arm, not the node
             self._log(error)
-            output = self._cycle.stop(Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}"))
+            verdict = Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}")
+            output = self._cycle.stop(verdict, self._period)
         self._kind.send(self._outputs, output)
         self._outputs.status(output, self._inputs.refusals, self._loop)
         if inputs is None:

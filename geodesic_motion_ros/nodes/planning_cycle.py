@@ -48,8 +48,11 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
         self.tracking_tolerance_angle = tracking_tolerance_angle
         self._task_frame: Pose | None = None
 
-    def stop(self, verdict: Verdict) -> CycleOutput:
-        return self._move(verdict, None, 0.0)
+    def stop(self, verdict: Verdict, period: float) -> CycleOutput:
+        # Nothing can be planned: what was certified last is followed to a rest.
+        settings = self.planner.settings
+        self.follower.slow_down(settings.speed / settings.acceleration)
+        return self._output(verdict, None, period)
 
     def _command(self, verdict: Verdict, inputs: CycleInputs[Pose], advance: float, deadline: Deadline) -> CycleOutput:
         now = self.follower.position, self.follower.quaternion, self.follower.speed
@@ -65,6 +68,9 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
             self.follower.hold()
         else:
             self.follower.accept(reference)
+        return self._output(verdict, reference, advance)
+
+    def _output(self, verdict: Verdict, reference: TaskSpaceReference | None, advance: float) -> CycleOutput:
         # An arm that was silent for long may come back anywhere: it must not be drawn to where it was sent before.
         known = self.follower.ready and self._lost is None and not self._missing
         commanded = self.follower.advance(advance) if known else None
@@ -108,8 +114,9 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
         self.follower.reset(*measured)
 
     def _deviation(self, measured: Pose, taken: float) -> tuple[str, str] | None:
-        distance = float(np.linalg.norm(measured[0] - self.follower.position))
-        angle = float(angle_between(measured[1], self.follower.quaternion))
+        position, quaternion = self.follower.commanded
+        distance = float(np.linalg.norm(measured[0] - position))
+        angle = float(angle_between(measured[1], quaternion))
         if distance <= self.tracking_tolerance and angle <= self.tracking_tolerance_angle:
             return None
         limit, limit_angle = 1000 * self.tracking_tolerance, math.degrees(self.tracking_tolerance_angle)

@@ -174,8 +174,8 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
     # ------------------------------------------- what differs between the kinds of skill
 
     @abstractmethod
-    def stop(self, verdict: Verdict) -> CycleOutput:
-        """A cycle in which nothing may be trusted: stay, and say why."""
+    def stop(self, verdict: Verdict, period: float) -> CycleOutput:
+        """A cycle of a period [s] in which nothing new may be trusted: come to rest, and say why."""
 
     @abstractmethod
     def _command(self, verdict: Verdict, inputs: CycleInputs[Place], advance: float, deadline: Deadline) -> CycleOutput:

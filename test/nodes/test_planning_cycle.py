@@ -14,6 +14,7 @@ from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
 from geodesic_motion_ros.nodes.stream_cycle import LONGEST_ADVANCE, PREPARING, REST_TIME, CycleInputs, CycleOutput
 from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
+from geodesic_motion_ros.pose_smoothing import SMOOTHING
 from geodesic_motion_ros.query import QueryBuilder
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -96,22 +97,31 @@ def test_goes_to_the_goal_in_steps_no_longer_than_speed_allows(cycle, inputs, st
 )
 def test_a_reason_to_hold_brakes_and_its_end_resumes(cycle, inputs, change, code, reason):
     settings = cycle.planner.settings
-    here = follow(cycle, inputs, 60)[-1]
-    speeds = [cycle.follower.speed]
+    positions = follow(cycle, inputs, 60)
+    here = cycle.follower.position
     for _ in range(60):
-        measured = (cycle.follower.position, cycle.follower.quaternion)
-        output = cycle.run(dataclasses.replace(inputs, measured=measured, **change), PERIOD)
+        output = cycle.run(dataclasses.replace(inputs, measured=cycle.follower.commanded, **change), PERIOD)
         assert output.verdict.code is code
         assert reason in output.verdict.reason
         assert output.reference is None
-        speeds.append(output.speed)
-    assert np.min(np.diff(speeds)) >= -1.01 * settings.acceleration * PERIOD
-    assert speeds[-1] == 0.0
-    held_at = cycle.follower.position.copy()
+        positions.append(output.commanded[0])
+    assert output.speed == 0.0
+    assert_smooth(np.array(positions), settings)
+    held_at = positions[-1]
     assert np.linalg.norm(held_at - here) <= 1.01 * settings.speed**2 / (2.0 * settings.acceleration)
-    resumed = cycle.run(dataclasses.replace(inputs, measured=(held_at, cycle.follower.quaternion)), PERIOD)
+    resumed = cycle.run(dataclasses.replace(inputs, measured=cycle.follower.commanded), PERIOD)
     assert resumed.verdict.ok
     assert np.linalg.norm(resumed.commanded[0] - held_at) <= settings.speed * PERIOD
+
+
+def assert_smooth(positions: np.ndarray, settings: PlannerSettings) -> None:
+    """What is commanded, positions (n, 3), keeps the limits of acceleration and of jerk and ends at rest."""
+    acceleration, jerk = (
+        np.max(np.linalg.norm(np.diff(positions, order, axis=0), axis=1)) / PERIOD**order for order in (2, 3)
+    )
+    assert acceleration <= 1.01 * settings.acceleration
+    assert jerk <= 1.01 * 2.0 * settings.acceleration / SMOOTHING
+    assert np.all(positions[-5:] == positions[-1])
 
 
 def test_an_old_state_outweighs_everything_else(cycle, inputs):
@@ -336,11 +346,26 @@ def test_obstacles_are_known_to_the_planner_even_while_it_holds(cycle, inputs, p
     assert planner.plan(*poses).verdict.clearance != np.inf
 
 
-def test_a_fault_in_the_tick_holds_where_the_arm_is(cycle, inputs):
-    here = follow(cycle, inputs, 20)[-1]
-    output = cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"))
-    np.testing.assert_array_equal(output.commanded[0], here)
+def test_a_fault_in_the_tick_stops_along_the_certified_way(cycle, inputs, goal):
+    positions = follow(cycle, inputs, 60)
+    here = cycle.follower.position
+    for _ in range(60):
+        output = cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"), PERIOD)
+        positions.append(output.commanded[0])
     assert output.speed == 0.0
+    settings = cycle.planner.settings
+    assert_smooth(np.array(positions), settings)
+    assert np.linalg.norm(positions[-1] - here) <= 1.01 * settings.speed**2 / (2.0 * settings.acceleration)
+    resumed = follow(cycle, dataclasses.replace(inputs, measured=output.commanded), 500)
+    assert_smooth(np.array([*positions, *resumed]), settings)
+    np.testing.assert_allclose(resumed[-1], goal[0], atol=1e-3)
+
+
+def test_a_fault_at_rest_moves_nothing(cycle, inputs, start):
+    cycle.run(dataclasses.replace(inputs, goal=None, goal_number=0), PERIOD)
+    for _ in range(20):
+        output = cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"), PERIOD)
+        np.testing.assert_array_equal(output.commanded[0], start[0])
 
 
 def test_brakes_along_the_last_reference_when_the_way_is_blocked(cycle, inputs, flat_skill):
