@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import math
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -142,7 +143,7 @@ class NodeParameters:
         changed: Callable[[Mapping[str, Value]], None] = lambda values: None,
     ) -> None:
         self._table = {parameter.name: parameter for parameter in table}
-        self._check, self._changed = check, changed
+        self._check, self._changed, self._log = check, changed, node.get_logger().error
         # rclpy has no public view of what a node was started with, and silently ignores what was never
         # declared.
         overrides = {name: item.value for name, item in node._parameter_overrides.items()}
@@ -185,6 +186,9 @@ class NodeParameters:
             self._check(self._after(changes))
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:  # a value that nobody thought of must not end the node
+            self._log("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
+            return SetParametersResult(successful=False, reason=f"internal error, see the log: {error!r}")
         return SetParametersResult(successful=True)
 
     def _accept(self, changes: Sequence[RosParameter]) -> None:

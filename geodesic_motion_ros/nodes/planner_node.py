@@ -215,14 +215,17 @@ class PlannerNode(LoopingNode):
         return response
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._inputs.request_hold(request.data)
-        response.success, response.message = True, "holding" if request.data else "released"
-        return response
+        def hold() -> str:
+            self._inputs.request_hold(request.data)
+            return "holding" if request.data else "released"
+
+        return self._inputs.refusals.answered("~/hold", response, hold)
 
     def _on_clear_obstacles(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        count = self._inputs.clear_obstacles()
-        response.success, response.message = True, f"{count} obstacles forgotten"
-        return response
+        def clear() -> str:
+            return f"{self._inputs.clear_obstacles()} obstacles forgotten"
+
+        return self._inputs.refusals.answered("~/clear_obstacles", response, clear)
 
     def _parameters_changed(self, values: Mapping[str, Value]) -> None:
         self._kind.update(values)

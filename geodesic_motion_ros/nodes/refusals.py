@@ -1,4 +1,4 @@
-"""Refused inputs: counted by topic, told once a second, the newest remembered."""
+"""Refused inputs and failed callbacks: counted by topic or service, told once a second, the newest remembered."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from types import TracebackType
+from typing import Any
 
 from geodesic_motion_ros.nodes.messages import MessageRefused
 
@@ -15,8 +16,9 @@ from geodesic_motion_ros.nodes.messages import MessageRefused
 class Refusals:
     """Counts refusals by topic and warns of them, for each topic at most once in `quiet` seconds.
 
-    `with refusals.guard("goal_pose"):` swallows a MessageRefused raised inside and books it. So it does with any other
-    exception, whose traceback is told as well: one message must not end the node.
+    `with refusals.guard("goal_pose") as guard:` swallows a MessageRefused raised inside and books it. So it does with
+    any other exception, whose traceback is told as well: one message, request or timer must not end the node.
+    Afterwards `guard.reason` says why, or is empty.
     """
 
     def __init__(self, warn: Callable[[str], None], quiet: float = 1.0) -> None:
@@ -26,8 +28,8 @@ class Refusals:
         self._warned: dict[str, float] = {}
         self._newest, self._newest_at = "", -float("inf")
 
-    def add(self, topic: str, reason: str, details: str = "") -> None:
-        """details : lines for the warning alone."""
+    def add(self, topic: str, reason: str, details: str = "", told: str = "refused a message on") -> None:
+        """details : lines for the warning alone, told : how it begins."""
         now = time.monotonic()
         with self._lock:
             self._counts[topic] = self._counts.get(topic, 0) + 1
@@ -36,10 +38,19 @@ class Refusals:
             if not quiet:
                 self._warned[topic] = now
         if not quiet:
-            self._warn(f"refused a message on {topic}: {reason}{details}")
+            self._warn(f"{told} {topic}: {reason}{details}")
 
-    def guard(self, topic: str) -> AbstractContextManager[None]:
-        return _Guard(self, topic)
+    def guard(self, topic: str) -> Guard:
+        return Guard(self, topic)
+
+    def answered(self, service: str, response: Any, work: Callable[[], str]) -> Any:
+        """A response of std_srvs with the message that `work` returns; where that raises, the reason and no success."""
+        with self.guard(service) as guard:
+            response.message = work()
+        response.success = not guard.reason
+        if guard.reason:
+            response.message = guard.reason
+        return response
 
     @property
     def counts(self) -> dict[str, int]:
@@ -54,18 +65,23 @@ class Refusals:
             return self._newest if time.monotonic() - self._newest_at < within else ""
 
 
-class _Guard(AbstractContextManager):
+class Guard(AbstractContextManager):
+    """See `Refusals`; reason : of what was swallowed."""
+
     def __init__(self, refusals: Refusals, topic: str) -> None:
         self._refusals, self._topic = refusals, topic
+        self.reason = ""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool:
         if isinstance(error, MessageRefused):
-            self._refusals.add(self._topic, str(error))
+            self.reason = str(error) or repr(error)
+            self._refusals.add(self._topic, self.reason)
         elif isinstance(error, Exception):
+            self.reason = f"internal error, see the log: {error!r}"
             details = "\n" + "".join(traceback.format_exception(error))
-            self._refusals.add(self._topic, f"internal error, see the log: {error!r}", details)
+            self._refusals.add(self._topic, self.reason, details, told="an error in")
         else:
             return False
         return True

@@ -30,6 +30,7 @@ from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError, Robo
 from geodesic_motion_ros.nodes.clock_offset import ClockOffset
 from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import (
+    MessageRefused,
     image_message,
     joint_state_message,
     point_message,
@@ -206,10 +207,12 @@ class TwinNode(LoopingNode):
         if now < self._deaf_until:
             self._refusals.add(command.topic, f"the arm was reset, nothing is followed for {_DEAF:g} s")
             return
-        try:
-            command.apply()
-        except RobotError as error:
-            self._refusals.add(command.topic, str(error))
+        with self._refusals.guard(command.topic) as guard:
+            try:
+                command.apply()
+            except RobotError as error:
+                raise MessageRefused(str(error)) from error
+        if guard.reason:
             return
         if command.topic != self._commander:
             self.get_logger().info(
@@ -225,7 +228,7 @@ class TwinNode(LoopingNode):
                 continue
             try:
                 done.set_result(work())
-            except GeodesicMotionError as error:
+            except Exception as error:  # whoever has asked is told, and physics goes on
                 done.set_exception(error)
 
     def _publish_state(self) -> None:
@@ -275,32 +278,32 @@ class TwinNode(LoopingNode):
             self._command = command
 
     def _look_for_rivals(self) -> None:
-        rivals = [
-            f"{topic} is published by {' and '.join(names)}"
-            for topic, subscription in zip((_POSES, _TRAJECTORIES), self._commands, strict=True)
-            if len(names := publishers_of(self, subscription.topic_name)) > 1
-        ]
-        if rivals:
-            self.get_logger().warning(f"{'; '.join(rivals)}: only one may command the arm", throttle_duration_sec=5.0)
+        with self._refusals.guard("the search for other commanders"):
+            rivals = [
+                f"{topic} is published by {' and '.join(names)}"
+                for topic, subscription in zip((_POSES, _TRAJECTORIES), self._commands, strict=True)
+                if len(names := publishers_of(self, subscription.topic_name)) > 1
+            ]
+            if rivals:
+                said = f"{'; '.join(rivals)}: only one may command the arm"
+                self.get_logger().warning(said, throttle_duration_sec=5.0)
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._in_physics_thread(self._reset, response)
+        return self._refusals.answered("~/reset", response, partial(self._in_physics_thread, self._reset))
 
     def _on_spawn(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._in_physics_thread(self._spawn, response)
+        return self._refusals.answered("~/spawn_obstacles", response, partial(self._in_physics_thread, self._spawn))
 
-    def _in_physics_thread(self, work: Callable[[], str], response: Trigger.Response) -> Trigger.Response:
+    def _in_physics_thread(self, work: Callable[[], str]) -> str:
         done: Future[str] = Future()
         self._mailbox.put((work, done))
         try:
-            response.message = done.result(_PATIENCE)
-            response.success = True
+            return done.result(_PATIENCE)
         except GeodesicMotionError as error:
-            response.success, response.message = False, str(error)
-        except NotDoneInTime:
+            raise MessageRefused(str(error)) from error
+        except NotDoneInTime as error:
             done.cancel()
-            response.success, response.message = False, f"physics did not answer within {_PATIENCE:g} s"
-        return response
+            raise MessageRefused(f"physics did not answer within {_PATIENCE:g} s") from error
 
     def _reset(self) -> str:
         self._world.reset(_initial_joints(self._options.values))
@@ -359,7 +362,7 @@ def _scene(text: str) -> Scene:
     """A scene by name, or from a YAML mapping; an empty text is a scene without obstacles."""
     try:
         described = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that is none
         raise ParameterError(f"scene is neither a name nor YAML: {' '.join(str(error).split())}") from error
     if described is None:
         return Scene({})

@@ -216,7 +216,7 @@ def scene_named(name: str) -> Scene:
 
 
 def _obstacle_from_dict(name: str, entry: Mapping) -> Obstacle:
-    if not isinstance(entry, Mapping) or entry.get("kind") not in KINDS:
+    if not isinstance(entry, Mapping) or entry.get("kind") not in tuple(KINDS):
         kind = entry.get("kind") if isinstance(entry, Mapping) else entry
         raise ParameterError(f"obstacle '{name}' has kind {kind!r}: the kinds are {', '.join(KINDS)}")
     kind = KINDS[entry["kind"]]

@@ -15,7 +15,7 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.errors import ParameterError, SkillError
@@ -185,6 +185,22 @@ class TestFaults:
         monkeypatch.setattr(moving.planner._outputs, "diagnostics", fail)
         moving.wait(lambda: len(failed) > 1, "the timer to fail twice")
         assert moving.status()["code"] == "OK"
+
+    @pytest.mark.parametrize(
+        ("kind", "service", "inside"),
+        [(SetBool, "hold", "request_hold"), (Trigger, "clear_obstacles", "clear_obstacles")],
+    )
+    def test_in_a_service(self, ready, monkeypatch, kind, service, inside):
+        def fail(*arguments):
+            raise ZeroDivisionError
+
+        with monkeypatch.context() as patch:
+            patch.setattr(ready.planner._inputs, inside, fail)
+            answer = ready.call(kind, f"planner/{service}", kind.Request())
+        assert not answer.success
+        assert answer.message == "internal error, see the log: ZeroDivisionError()"
+        assert ready.planner._inputs.refusals.counts[f"~/{service}"] == 1
+        assert ready.call(kind, f"planner/{service}", kind.Request()).success
 
     def test_before_a_cycle(self, moving, monkeypatch):
         def fail():

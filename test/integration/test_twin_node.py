@@ -18,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.errors import ParameterError, SkillError
+from geodesic_motion_ros.nodes import twin_node
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -191,6 +192,53 @@ def test_unknown_scenes_are_refused_by_name(twin):
     result = twin.twin.set_parameters([Parameter("scene", value="{ball: {kind: static, radius: 0.1}}")])[0]
     assert not result.successful
     assert "no 'centre'" in result.reason
+
+
+@pytest.mark.parametrize("scene", ["2001-13-45", "{ball: {kind: [static]}}"])
+def test_scenes_that_yaml_makes_something_strange_of_are_refused(twin, scene):
+    result = twin.twin.set_parameters([Parameter("scene", value=scene)])[0]
+    assert not result.successful
+    assert "internal error" not in result.reason
+
+
+class TestFaults:
+    """Errors that nobody expected are told and counted, and the twin goes on."""
+
+    @pytest.mark.parametrize("service", ["reset", "spawn_obstacles"])
+    def test_in_a_service(self, twin, monkeypatch, service):
+        with monkeypatch.context() as patch:
+            patch.setattr(twin.twin._world, "reset", fail)
+            patch.setattr(twin_node, "_scene", fail)
+            answer = twin.call(Trigger, f"twin/{service}", Trigger.Request())
+        assert not answer.success
+        assert answer.message == "internal error, see the log: ZeroDivisionError()"
+        assert twin.twin._refusals.counts[f"~/{service}"] == 1
+        assert twin.call(Trigger, f"twin/{service}", Trigger.Request()).success
+        assert not twin.twin.failure.is_set()
+
+    def test_in_a_command(self, twin, monkeypatch, skill, make_pose):
+        monkeypatch.setattr(twin.twin._world, "set_target_pose", fail)
+        twin.publisher(PoseStamped, "target_pose").publish(make_pose(skill.start_pose))
+        twin.wait(lambda: "ZeroDivisionError()" in twin.twin._refusals.newest(within=60.0), "the error")
+        assert twin.twin._refusals.counts["target_pose"] == 1
+        heard = len(twin.heard["joint_states"])
+        twin.wait(lambda: len(twin.heard["joint_states"]) > heard + 5, "further states")
+
+    def test_in_a_timer(self, twin, monkeypatch):
+        monkeypatch.setattr(twin_node, "publishers_of", fail)
+        told = "the search for other commanders"
+        twin.wait(lambda: twin.twin._refusals.counts.get(told, 0) > 1, "the timer to fail twice")
+
+    def test_in_a_parameter(self, twin, monkeypatch):
+        with monkeypatch.context() as patch:
+            patch.setattr(twin_node, "_scene", fail)
+            result = twin.twin.set_parameters([Parameter("scene", value="two")])[0]
+        assert (result.successful, result.reason) == (False, "internal error, see the log: ZeroDivisionError()")
+        assert twin.twin.get_parameter("scene").value == ""
+
+
+def fail(*arguments):
+    raise ZeroDivisionError
 
 
 def test_start_outside_the_joint_limits_is_refused(bench):

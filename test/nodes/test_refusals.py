@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from std_srvs.srv import Trigger
 
 from geodesic_motion_ros.nodes.messages import MessageRefused
 from geodesic_motion_ros.nodes.refusals import Refusals
@@ -38,7 +39,25 @@ def test_any_other_error_is_counted_and_told_with_its_type_and_place():
         raise ZeroDivisionError
     assert refusals.counts == {"goal_pose": 1}
     assert refusals.newest(within=60.0) == "goal_pose: internal error, see the log: ZeroDivisionError()"
+    assert warnings[0].startswith("an error in goal_pose: internal error")
     assert "raise ZeroDivisionError" in warnings[0]
+
+
+def test_a_service_is_answered_with_what_was_done_or_why_not():
+    refusals = Refusals(lambda text: None)
+
+    def refuse() -> str:
+        raise MessageRefused("not now")
+
+    answers = {work: refusals.answered("~/reset", Trigger.Response(), work) for work in (lambda: "done", refuse, fail)}
+    assert [(answer.success, answer.message) for answer in answers.values()] == [
+        (True, "done"), (False, "not now"), (False, "internal error, see the log: ZeroDivisionError()"),
+    ]  # fmt: skip
+    assert refusals.counts == {"~/reset": 2}
+
+
+def fail() -> str:
+    raise ZeroDivisionError
 
 
 def test_what_is_to_end_the_program_passes():

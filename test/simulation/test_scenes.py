@@ -122,6 +122,7 @@ def test_an_unknown_scene_is_answered_with_those_that_exist() -> None:
             },
             "'ball': axis",
         ),
+        ({"kind": ["static"]}, "'ball' has kind"),
     ],
 )
 def test_a_script_that_makes_no_sense_is_named(entry: object, message: str) -> None:
