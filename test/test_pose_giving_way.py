@@ -1,6 +1,6 @@
 """PoseGivingWay: a tool goes aside where something comes to it, there alone, and does not look for that all the time.
 
-That it is not touched then is tested with the planner (`test_planner.py`).
+That it is not touched then is tested with the planner (`planner/`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """PoseStream: whether a tool could still stop among what moves, and how it comes to rest.
 
-That references are kept and replaced as they should be is tested with the planner (`test_planner.py`).
+That references are kept and replaced as they should be is tested with the planner (`planner/`).
 """
 
 from __future__ import annotations
