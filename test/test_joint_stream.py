@@ -133,6 +133,28 @@ def test_a_way_is_free_from_where_the_arm_is_on() -> None:
 
 
 @pytest.mark.parametrize(
+    ("age", "speed", "avoidance", "goes_on"),
+    [
+        (0.2, 0.4, True, False),
+        (0.0, 0.4, True, True),  # it has passed, as was seen
+        (0.2, 0.0, True, True),  # it stands there
+        (0.2, 0.4, False, True),
+    ],
+)
+def test_what_has_passed_since_it_was_last_seen_may_have_come_to_a_stand_right_beyond_the_way(
+    age: float, speed: float, avoidance: bool, goes_on: bool
+) -> None:
+    """A sphere falls past where the tool is a little beyond the place where the arm would stop; it is below it now."""
+    stream, time = going(replace(SETTINGS, avoidance=avoidance)), 0.3
+    crossing = ball(ROBOT.ready + 0.82 * TURN, np.array([0.0, 0.0, -speed]))
+    passed = replace(crossing, centres=crossing.centres - [0.0, 0.0, 0.1], age=age)
+    assert stream.can_still_stop(stream.played, time, passed) is goes_on
+    assert (stream.free_way(QUERY, time, passed) is not None) is goes_on
+    plan = JointPlan(stream.played.reference.rest(time), time, OK)
+    assert stream.stoppable(plan, passed).verdict.ok is goes_on
+
+
+@pytest.mark.parametrize(
     ("clearance", "nearest", "trusting", "longer", "gain"),
     [
         (0.2, 0.1, False, 1.0, False),  # further off, but the old way is far enough
