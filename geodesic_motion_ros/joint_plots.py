@@ -210,11 +210,12 @@ def _frame(axes: Axes, skill: Skill, solid: bool, zoom: float) -> None:
     if solid:
         axes.view_init(24.0, -62.0)
         axes.set_proj_type("ortho")
-        axes.set_box_aspect(skill.latent_upper - skill.latent_lower, zoom=zoom)
-        for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        sides = skill.latent_upper - skill.latent_lower
+        axes.set_box_aspect(sides, zoom=zoom)
+        for axis, side in zip((axes.xaxis, axes.yaxis, axes.zaxis), sides, strict=True):
             axis.set_pane_color((1.0, 1.0, 1.0, 1.0))
             # Labels of a short side would run into each other.
-            axis.set_major_locator(MaxNLocator(5))
+            axis.set_major_locator(MaxNLocator(max(2, round(4 * side / np.max(sides)))))
 
 
 def _magnification(figure: Figure, axes: Axes, graph: ConfigurationGraph) -> None:
