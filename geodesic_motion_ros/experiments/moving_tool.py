@@ -1,13 +1,13 @@
-"""Spheres that move through the tool's way: the stream of poses of a task-space skill, judged by exact distances.
+"""Spheres that move through the tool's way: a task-space skill in the twin's physics, judged by exact distances.
 
-With such a skill the tool alone avoids obstacles, so there is no arm here: the tool is the spheres that the planner is
-told of, and moves as it is commanded. The moving spheres, and what their contacts count as, are those of
-`moving_spheres.py`; chasing ones chase the tool's origin. A scene begins where one demonstration began and its goal is
-where another one ended, both drawn. The planner ticks at 100 Hz of simulated time and is told true positions and
-velocities; the tool follows its answer at once, so that the latency is 0, as the planner node's stream does. The
+With such a skill the tool alone avoids obstacles: it is the spheres that the planner is told of, where the arm that
+follows the stream of poses, as the twin does, is measured to hold it. The moving spheres, and what their contacts count
+as, are those of `moving_spheres.py`; chasing ones chase the tool's origin. A scene begins where one demonstration began
+and its goal is where another one ended, both drawn. The planner ticks at 100 Hz of simulated time and is told true
+positions and velocities; its answer is sent at once, so that the latency is 0, as the planner node's stream does. The
 control is the same planner without being told.
 
-The command is judged, too: its acceleration over the limit, 200 times a second, and *freezes*, where there was no
+The command is judged, too: its acceleration over the limit, 100 times a second, and *freezes*, where there was no
 reference to stop along and the pose was held in full motion.
 """
 
@@ -27,6 +27,7 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import (
     LONGEST,
     STEP,
+    STEP_HZ,
     STEPS_PER_TICK,
     MovingScene,
     MovingSphere,
@@ -45,14 +46,18 @@ from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.plots import write_figure
-from geodesic_motion_ros.pose_smoothing import LAG, SMOOTHING
+from geodesic_motion_ros.pose_smoothing import SMOOTHING
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.reference import ReferenceFollower, TaskSpaceReference
+from geodesic_motion_ros.robot.inverse_kinematics import solve
+from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 
 #: A tool slower than this [m/s] rests; a goal is reached within so much [m], [rad].
-RESTING, REACHED = 1e-3, 1e-3
+RESTING, REACHED = 5e-3, 2e-3
+#: Of the planner's ticks [s].
+PERIOD = STEPS_PER_TICK * STEP
 #: How often a start and a goal are drawn before it is said that there are none.
 _ATTEMPTS = 50
 
@@ -65,12 +70,14 @@ class MovingToolScene(MovingScene):
     ----------
     seed : of the scene. stops : how often the tool came to rest on the way; freezes : how often it was held in motion.
     strain : largest acceleration of the command over the limit.
+    lag : largest distance [m] of the tool from its command.
     """
 
     seed: int
     stops: int
     freezes: int
     strain: float
+    lag: float
 
 
 def draw_ends(planner: ReactivePlanner, random: np.random.Generator) -> tuple[Pose, Pose, TaskSpaceReference]:
@@ -108,23 +115,32 @@ def nominal_tool(settings: PlannerSettings, nominal: TaskSpaceReference) -> Nomi
 
 
 class MovingToolRun:
-    """One scene being played: the stream of poses, the spheres, the planner, and the judge."""
+    """One scene being played: the arm in physics, the stream of poses, the spheres, the planner, and the judge."""
 
     def __init__(
-        self, planner: ReactivePlanner, start: Pose, goal: Pose, spheres: Sequence[MovingSphere], told: bool = True
+        self,
+        planner: ReactivePlanner,
+        world: PandaWorld,
+        start: Pose,
+        goal: Pose,
+        spheres: Sequence[MovingSphere],
+        told: bool = True,
     ) -> None:
         """told : of the spheres; False for a control."""
-        self._planner, self._goal, self._count, self._told = planner, goal, len(spheres), told
+        self._planner, self._world, self._goal = planner, world, goal
+        self._count, self._told = len(spheres), told
         self._points, self._radii = np.array(planner.settings.tool_points), np.array(planner.settings.tool_radii)
         self._follower = ReferenceFollower(planner.settings.speed)
         self._follower.reset(*start)
-        self._spheres = SpheresInMotion(spheres, lambda: self._follower.commanded[0])
+        world.reset(solve(world.robot, *start))
+        self._tool = world.tool_pose()
+        self._spheres = SpheresInMotion(spheres, lambda: self._tool[0])
         planner.take_obstacles(Obstacles.none())
         planner.clear_goal()
         planner.set_goal(*goal)
-        self._positions = [start[0]]
+        self._commanded = [start[0]]
         self._ticks: list[float] = []
-        self._stood, self._stops, self._freezes = 0.0, 0, 0
+        self._stood, self._stops, self._freezes, self._lag = 0.0, 0, 0, 0.0
 
     def play(self, number: int, seed: int, longest: float = LONGEST) -> MovingToolScene:
         """Until the goal is reached, or the longest time [s] is over."""
@@ -134,7 +150,8 @@ class MovingToolRun:
                 self._tick(step * STEP)
             step += 1
             before = self._placed()
-            self._positions.append(self._follower.advance(STEP)[0])
+            self._world.step()
+            self._tool = self._world.tool_pose()
             pace = float(np.max(np.linalg.norm(self._placed() - before, axis=1))) / STEP
             moves = pace > RESTING
             self._spheres.move(step * STEP)
@@ -144,11 +161,11 @@ class MovingToolRun:
                 self._stood += STEP
                 self._stops += moved
             moved = moves
-        accelerations = np.linalg.norm(np.diff(self._positions, 2, axis=0), axis=1) / STEP**2
+        accelerations = np.linalg.norm(np.diff(self._commanded, 2, axis=0), axis=1) / PERIOD**2
         return MovingToolScene(
             number=number, spheres=self._count, contacts=tuple(self._spheres.contacts), reached=reached,
             duration=step * STEP, clearance=float(self._spheres.clearance), stood=self._stood,
-            ticks=tuple(self._ticks), seed=seed, stops=self._stops, freezes=self._freezes,
+            ticks=tuple(self._ticks), seed=seed, stops=self._stops, freezes=self._freezes, lag=self._lag,
             strain=float(np.max(accelerations, initial=0.0)) / self._planner.settings.acceleration,
         )  # fmt: skip
 
@@ -156,21 +173,24 @@ class MovingToolRun:
         stream, planner = self._follower, self._planner
         here = stream.position, stream.quaternion, stream.speed
         obstacles = Obstacles.of_spheres(*self._spheres.seen(now, partial(self._has_room, now)), now)
+        self._lag = max(self._lag, float(np.linalg.norm(self._tool[0] - stream.commanded[0])))
         began = time.thread_time()
         if self._told:
             planner.take_obstacles(obstacles)
         plan = planner.tick(*here, now=now)
         self._ticks.append(time.thread_time() - began)
-        if plan.reference is not None:
+        if plan.reference is None:
+            self._freezes += stream.speed > RESTING
+            stream.hold()
+        else:
             stream.accept(plan.reference)
-            return
-        self._freezes += stream.speed > RESTING
-        stream.hold()
+        self._world.set_target_pose(*stream.advance(PERIOD))
+        self._commanded.append(stream.commanded[0])
 
     def _has_room(self, now: float, centre: np.ndarray, radius: float, speed: float) -> bool:
         """Whether a sphere is far enough for a stop when it is first there."""
         stream = self._follower
-        travel, rest = stream.speed * LAG, SMOOTHING
+        travel, rest = float(np.linalg.norm(stream.position - self._tool[0])), SMOOTHING
         stop = self._planner.stop(stream.position, stream.quaternion, stream.speed, now)
         if stop is not None:
             placed = tool_points(stop.positions, stop.quaternions, self._points)
@@ -180,14 +200,14 @@ class MovingToolRun:
 
     def _placed(self) -> np.ndarray:
         """Centres (K, 3) of the tool's spheres."""
-        position, quaternion = self._follower.commanded
+        position, quaternion = self._tool
         return tool_points(position[None], quaternion[None], self._points)[0]
 
     def _distance(self, centre: np.ndarray, radius: float) -> float:
         return float(np.min(np.linalg.norm(self._placed() - centre, axis=1) - self._radii)) - radius
 
     def _at_goal(self) -> bool:
-        (position, quaternion), (there, turned) = self._follower.commanded, self._goal
+        (position, quaternion), (there, turned) = self._tool, self._goal
         off = float(np.linalg.norm(position - there))
         return off < REACHED and float(angle_between(quaternion, turned)) < REACHED
 
@@ -197,6 +217,7 @@ class MovingToolStage:
 
     def __init__(self, skill: Skill, settings: PlannerSettings, seeds: tuple[int, ...]) -> None:
         self.planner, self.seeds = ReactivePlanner(skill, settings), seeds
+        self.world = PandaWorld(rate_hz=STEP_HZ)
 
     def scene(self, number: int) -> MovingToolScene:
         """Draw and play one scene; it depends on nothing else but its number and its seed."""
@@ -205,8 +226,9 @@ class MovingToolStage:
         random = np.random.default_rng([seed, number])
         start, goal, nominal = draw_ends(self.planner, random)
         spheres = draw_spheres(nominal_tool(self.planner.settings, nominal), random)
-        control = MovingToolRun(self.planner, start, goal, spheres, told=False).play(number, seed)
-        scene = MovingToolRun(self.planner, start, goal, spheres).play(number, seed)
+        stage = self.planner, self.world, start, goal, spheres
+        control = MovingToolRun(*stage, told=False).play(number, seed)
+        scene = MovingToolRun(*stage).play(number, seed)
         return replace(scene, control=control.contacts.count("moving"))
 
 
@@ -248,6 +270,7 @@ class MovingToolReport:
             "median_stood_s": float(np.median([scene.stood for scene in scenes])),
             "freezes": sum(scene.freezes for scene in scenes),
             "acceleration_share": max(scene.strain for scene in scenes),
+            "largest_lag_mm": 1e3 * max(scene.lag for scene in scenes),
         }
 
     def as_dict(self) -> dict[str, Any]:
