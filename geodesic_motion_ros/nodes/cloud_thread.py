@@ -6,7 +6,6 @@ It must not have a lower priority than the loop: preempted while it holds the in
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -38,22 +37,21 @@ def points_near(points: np.ndarray, robot: Robot) -> np.ndarray:
 
 
 class CloudThread:
-    """Calls `make` with the newest message, and `take` with what that returns and when the message arrived.
+    """Calls `make` with the newest message, and `take` with what that returns and what was noted of the message.
 
     Messages that come while one is worked on replace each other: none waits behind another. `failed` is told of an
-    exception, and the next message tried. `clock` tells when [s].
+    exception, and the next message tried.
     """
 
     def __init__(
         self,
         make: Callable[[Any], Any],
-        take: Callable[[Any, float], None],
+        take: Callable[[Any, Any], None],
         failed: Callable[[BaseException], None],
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._make, self._take, self._failed, self._clock = make, take, failed, clock
+        self._make, self._take, self._failed = make, take, failed
         self._changed = threading.Condition()
-        self._waiting: tuple[Any, float] | None = None
+        self._waiting: tuple[Any, Any] | None = None
         self._generation = 0
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="obstacle_cloud", daemon=True)
@@ -68,10 +66,10 @@ class CloudThread:
         if self._thread.is_alive():
             self._thread.join(timeout)
 
-    def put(self, message: Any) -> None:
-        """Hand over a message, which has just arrived."""
+    def put(self, message: Any, note: Any = None) -> None:
+        """Hand over a message, and what `take` is to know of it."""
         with self._changed:
-            self._waiting = message, self._clock()
+            self._waiting = message, note
             self._changed.notify()
 
     def forget(self) -> None:
@@ -86,7 +84,7 @@ class CloudThread:
                 self._changed.wait_for(lambda: self._stopping or self._waiting is not None)
                 if self._stopping:
                     return
-                (message, arrived), self._waiting = self._waiting, None
+                (message, note), self._waiting = self._waiting, None
                 generation = self._generation
             try:
                 made = self._make(message)
@@ -95,4 +93,4 @@ class CloudThread:
                 continue
             with self._changed:
                 if generation == self._generation and made is not None:
-                    self._take(made, arrived)
+                    self._take(made, note)

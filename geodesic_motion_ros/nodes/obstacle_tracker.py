@@ -2,12 +2,14 @@
 
 Every topic is one source. Within a source an obstacle is identified by its key: (namespace, id) for
 markers, so that several publishers share a topic without disturbing each other. Time is passed in [s, any
-steady clock].
+steady clock]: when a message arrived, and for how long what it tells had been under way then, its transit. What is
+told is as old as that makes it; lifetimes, and what must be told again and again, count from the arrival.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,6 +30,9 @@ MOVING = 0.02
 # What moves and is not told again for so long [s] may have come to a stand anywhere since: at so many places, each
 # enlarged so that nothing between them is left out, until it is told again.
 MOTION_LASTS, _PLACES = 0.3, 5
+# What was under way for longer [s] tells nothing of now, or two clocks do not agree: nothing is expected to have moved
+# on meanwhile. With clocks that do not agree, whoever keeps on would have obstacles where they never were.
+LONGEST_TRANSIT = 1.0
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,7 @@ class ObstacleSet:
     labels : n + b texts `source/namespace/id`, in the same order.
     version : grows by one whenever the set changes; equal versions mean the same obstacles.
     velocities : (n, 3) [m/s] by the updates until the newest one of each sphere (`obstacle_velocity.py`).
-    times : (n,) [s] when each sphere's newest update arrived, on the clock that is passed in.
+    times : (n,) [s] when each sphere was where its newest update says, on the clock that is passed in.
     solids, solid_velocities, solid_times : (b, 16) rows as of `solids.py`, (b, 3), (b,), likewise.
     cloud : distances from the points of the newest cloud, which stands.
     """
@@ -83,6 +88,7 @@ class _Track:
     radius: float
     stamp: float
     arrival: float
+    taken: float
     expires: float
     solid: np.ndarray | None = None
     motion: ObstacleVelocity = field(default_factory=ObstacleVelocity)
@@ -92,11 +98,16 @@ class _Track:
     def moves(self) -> bool:
         return not self.deleted and math.hypot(*self.motion.velocity) > MOVING
 
+    @property
+    def since(self) -> float:
+        """When it was where it was told to be, as far as its motion goes."""
+        return self.taken if self.arrival - self.taken <= LONGEST_TRANSIT else self.arrival
+
     def places(self, now: float) -> list[_Track]:
-        """Itself, or where it may have come to a stand since it was last told."""
+        """Itself, or where it may have come to a stand since it was last seen."""
         if now < self.arrival + MOTION_LASTS or not self.moves:
             return [self]
-        reach = MOTION_LASTS * np.array(self.motion.velocity)
+        reach = (self.arrival + MOTION_LASTS - self.since) * np.array(self.motion.velocity)
         half = 0.5 * float(np.linalg.norm(reach)) / (_PLACES - 1)
         return [self._standing(share * reach, half) for share in np.linspace(0.0, 1.0, _PLACES)]
 
@@ -116,21 +127,28 @@ class ObstacleTracker:
 
     A source is expected to keep talking from its first message on. It is *silent* when it has not been
     heard for longer than a timeout, whether or not its obstacles have expired meanwhile: a dead detector
-    must not look like a free table. A source that deletes its last obstacle has said goodbye and is not
-    expected to talk again.
+    must not look like a free table. It is *late* when it talks of what is longer ago than that. A source that deletes
+    its last obstacle has said goodbye and is not expected to talk again.
+
+    Parameters
+    ----------
+    required : sources that are expected to talk from the beginning on, and after a goodbye too.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, required: Sequence[str] = ()) -> None:
+        self._required = tuple(required)
         self._tracks: dict[str, dict[Key, _Track]] = {}
-        self._heard: dict[str, float] = {}
+        # when the newest message arrived, and when the newest was taken
+        self._heard: dict[str, tuple[float, float]] = {}
         self._next_expiry = math.inf
         self._version = 0
         self._set: ObstacleSet | None = None
         self._cloud = DistanceField.none()
 
-    def hear(self, source: str, now: float) -> None:
-        """Note that a valid message of a source arrived, even one without obstacles."""
-        self._heard[source] = now
+    def hear(self, source: str, now: float, transit: float = 0.0) -> None:
+        """Note that a valid message of a source arrived, even one without obstacles, after a transit [s]."""
+        _, newest = self._heard.get(source, (now, -math.inf))
+        self._heard[source] = now, max(newest, now - transit)
 
     def put(
         self,
@@ -142,6 +160,7 @@ class ObstacleTracker:
         lifetime: float = 0.0,
         stamp: float = 0.0,
         solid: np.ndarray | None = None,
+        transit: float = 0.0,
     ) -> bool:
         """Add a sphere or a solid, or move it.
 
@@ -153,18 +172,21 @@ class ObstacleTracker:
         stamp : time [s] the sender gave, on the sender's clock; 0 when there is none. The velocity is worked out
             with it, and with times of arrival where there is none.
         solid : (16,) row of a solid around the centre, see `solids.py`; its radius counts, and not `radius`.
+        transit : [s] so long before `now` it was there. However long that is, the obstacle counts: one too many does
+            less harm than one of which nothing is known.
 
         Returns
         -------
         False when a newer stamp of the same key was seen before: the message was overtaken and is ignored.
         """
-        self.hear(source, now)
+        self.hear(source, now, transit)
         tracks = self._tracks.setdefault(source, {})
         before = tracks.get(key)
         if _overtaken(before, stamp):
             return False
         expires = now + lifetime if lifetime > 0.0 else math.inf
-        track = tracks[key] = _Track(tuple(float(c) for c in centre), float(radius), stamp, now, expires, solid)
+        place = tuple(float(c) for c in centre)
+        track = tracks[key] = _Track(place, float(radius), stamp, now, now - transit, expires, solid)
         # Times of arrival and stamps are of two clocks: a motion is told from times of one.
         if before is not None and not before.deleted and (before.stamp > 0.0) == (stamp > 0.0):
             track.motion = before.motion
@@ -175,9 +197,9 @@ class ObstacleTracker:
         self._changed()
         return True
 
-    def delete(self, source: str, key: Key, now: float, stamp: float = 0.0) -> bool:
+    def delete(self, source: str, key: Key, now: float, stamp: float = 0.0, transit: float = 0.0) -> bool:
         """Remove one sphere; False when there is none or the message was overtaken."""
-        self.hear(source, now)
+        self.hear(source, now, transit)
         track = self._tracks.get(source, {}).get(key)
         deleted = track is not None and not track.deleted and not _overtaken(track, stamp)
         if deleted:
@@ -185,9 +207,9 @@ class ObstacleTracker:
         self._say_goodbye_when_empty(source)
         return deleted
 
-    def delete_all(self, source: str, now: float, namespace: str = "", stamp: float = 0.0) -> int:
+    def delete_all(self, source: str, now: float, namespace: str = "", stamp: float = 0.0, transit: float = 0.0) -> int:
         """Remove every sphere of a source, or of one namespace when it is not empty; returns how many."""
-        self.hear(source, now)
+        self.hear(source, now, transit)
         doomed = [
             track
             for key, track in self._tracks.get(source, {}).items()
@@ -198,14 +220,14 @@ class ObstacleTracker:
         self._say_goodbye_when_empty(source)
         return len(doomed)
 
-    def replace_cloud(self, source: str, cloud: DistanceField, now: float) -> None:
+    def replace_cloud(self, source: str, cloud: DistanceField, now: float, transit: float = 0.0) -> None:
         """Exchange the cloud for a newer one, which arrived at `now` [s]."""
-        self.hear(source, now)
+        self.hear(source, now, transit)
         self._cloud = cloud
         self._changed()
 
     def clear(self) -> None:
-        """Forget every obstacle and every source."""
+        """Forget every obstacle and that any source was heard."""
         self._tracks.clear()
         self._heard.clear()
         self._cloud = DistanceField.none()
@@ -213,20 +235,37 @@ class ObstacleTracker:
         self._changed()
 
     def ages(self, now: float) -> dict[str, float]:
-        """Seconds since each expected source was last heard."""
-        return {source: now - heard for source, heard in self._heard.items()}
+        """Seconds since the newest of what each expected source has told was taken."""
+        return {source: now - taken for source, (_, taken) in self._heard.items()}
+
+    def unheard(self) -> tuple[str, ...]:
+        """The required sources of which nothing has been heard."""
+        return tuple(source for source in self._required if source not in self._heard)
 
     def silent(self, now: float, timeout: float) -> dict[str, float]:
-        """The expected sources not heard for longer than a timeout [s], with their ages.
+        """The expected sources not heard for longer than a timeout [s], with how long it is [s].
 
         So too, as source/namespace/id, obstacles that moved and have not been told again, though their source talks.
         """
-        silent = {source: age for source, age in self.ages(now).items() if age > timeout}
+        return {name: now - arrival for name, arrival, _ in self._old(now, timeout) if now - arrival > timeout}
+
+    def late(self, now: float, timeout: float) -> dict[str, float]:
+        """The sources, and obstacles likewise, that are heard, but of what was taken longer than a timeout [s] ago,
+        with how long it is [s].
+        """
+        return {name: now - taken for name, arrival, taken in self._old(now, timeout) if now - arrival <= timeout}
+
+    def _old(self, now: float, timeout: float) -> Iterator[tuple[str, float, float]]:
+        """What was taken longer ago: names, times of arrival, and when it was taken."""
+        for source, (arrival, taken) in self._heard.items():
+            if now - taken > timeout:
+                yield source, arrival, taken
         for source, tracks in self._tracks.items():
-            for key, track in tracks.items():
-                if source not in silent and now - track.arrival > timeout and track.moves:
-                    silent[_label(source, key)] = now - track.arrival
-        return silent
+            _, newest = self._heard.get(source, (now, now))
+            if now - newest <= timeout:
+                for key, track in tracks.items():
+                    if now - track.taken > timeout and track.moves:
+                        yield _label(source, key), track.arrival, track.taken
 
     def current(self, now: float) -> ObstacleSet:
         """The spheres that exist now, expired ones removed."""
@@ -255,7 +294,7 @@ class ObstacleTracker:
         self._changed()
 
     def _say_goodbye_when_empty(self, source: str) -> None:
-        if all(track.deleted for track in self._tracks.get(source, {}).values()):
+        if source not in self._required and all(track.deleted for track in self._tracks.get(source, {}).values()):
             self._heard.pop(source, None)
 
     def _changed(self) -> None:
@@ -278,10 +317,10 @@ class ObstacleTracker:
             tuple(_label(source, key) for source, key, _ in sorted(alive, key=lambda item: item[2].solid is not None)),
             self._version,
             _velocities(spheres),
-            np.array([track.arrival for track in spheres], dtype=float),
+            np.array([track.since for track in spheres], dtype=float),
             np.array([track.solid for track in solids], dtype=float).reshape(-1, 16),
             _velocities(solids),
-            np.array([track.arrival for track in solids], dtype=float),
+            np.array([track.since for track in solids], dtype=float),
             self._cloud,
         )
 

@@ -207,7 +207,8 @@ PLANNER = (
     Parameter(
         "obstacle_timeout",
         0.5,
-        "An obstacle topic not heard for longer than this is silent",
+        "An obstacle topic is silent or late when the newest of what it has told, by its stamp (0: by its arrival), is "
+        "older than this",
         "s",
         0.02,
         3600.0,
@@ -216,9 +217,16 @@ PLANNER = (
     Parameter(
         "obstacle_silence_policy",
         "hold",
-        "When an obstacle topic falls silent: hold, or keep moving among the obstacles last known",
+        "When an obstacle topic falls silent or is late: hold, or keep moving among the obstacles last known",
         choices=("hold", "keep"),
         read_only=False,
+    ),
+    Parameter(
+        "required_obstacle_topics",
+        [""],
+        "Obstacle topics that must have been heard before the arm moves, and must go on: one that sees nothing sends "
+        "an empty MarkerArray or cloud",
+        choices=("obstacles", "obstacle_marker", "obstacle_point", "obstacle_cloud"),
     ),
     Parameter(
         "obstacle_point_radius",

@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from geodesic_motion_ros.errors import ParameterError
 
-Value = bool | int | float | str | list[float]
+Value = bool | int | float | str | list[float] | list[str]
 
 _LONGEST_VALUE = 40
 #: What people who write parameters for ROS forget.
@@ -35,10 +35,11 @@ class Parameter:
 
     Attributes
     ----------
-    default : its type is the parameter's type: bool, int, float, str or a list of floats.
+    default : its type is the parameter's type: bool, int, float, str, a list of floats, or one of texts. ROS has no
+        lists without a type: one of texts that holds none is [""].
     lowest, highest : range of a number, or of every number in a list; both ends included.
     row : a list must hold one or more whole rows of this many numbers; 0: as many numbers as the default.
-    choices : the texts allowed; empty for any.
+    choices : the texts allowed, in a list beside ""; empty for any.
     read_only : whether it can be set at start only.
     """
 
@@ -54,10 +55,20 @@ class Parameter:
 
     def check(self, value: object) -> None:
         """Raise ParameterError, naming parameter, value and what is allowed, when a value does not fit."""
-        if isinstance(self.default, list):
+        if self._of_texts:
+            self._check_texts(value)
+        elif isinstance(self.default, list):
             self._check_list(value)
         else:
             self._check_scalar(value)
+
+    @property
+    def _of_texts(self) -> bool:
+        return isinstance(self.default, list) and isinstance(self.default[0], str)
+
+    def _check_texts(self, value: object) -> None:
+        if not isinstance(value, list) or not all(text in ("", *self.choices) for text in value):
+            self._refuse(value)
 
     def _check_list(self, value: object) -> None:
         value = _plain(value)
@@ -89,6 +100,8 @@ class Parameter:
     @property
     def allowed(self) -> str:
         """What is allowed, in words."""
+        if self._of_texts:
+            return f'a list of {", ".join(self.choices)}; [""] for none'
         if self.choices:
             return "one of " + ", ".join(self.choices)
         if isinstance(self.default, list):

@@ -31,7 +31,7 @@ from geodesic_motion_ros.nodes.messages import (
     read_pose,
     seconds,
 )
-from geodesic_motion_ros.nodes.node_time import NodeTime
+from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.plausible_joints import PlausibleJoints
@@ -83,7 +83,8 @@ class PlannerInputs:
         self.refusals = Refusals(node.get_logger().warning)
         self._time = NodeTime(node.get_clock())
         self._lock = threading.Lock()
-        self._tracker = ObstacleTracker()
+        # "" stands for none
+        self._tracker = ObstacleTracker([topic for topic in parameters["required_obstacle_topics"] if topic])
         self._plausible = PlausibleJoints(robot)
         self._joints: np.ndarray | None = None
         self._joints_taken = 0.0
@@ -92,10 +93,11 @@ class PlannerInputs:
         self._goal_in_task_frame = False
         origin = np.array(parameters["task_frame"])
         self._task_frame = origin[:3], origin[3:]
+        self._task_frame_taken: float | None = None
         self._hold = False
         self._publishers: tuple[str, ...] = ()
         self._cloud_figures = CloudFigures()
-        self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed, self._time.running)
+        self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
         self._subscribe(JointState, "joint_states", self._on_joint_states, RECENT)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
         self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
@@ -122,9 +124,12 @@ class PlannerInputs:
             goal, number, hold = self._goal, self._goal_number, self._hold
             task_frame, relative, publishers = self._task_frame, self._goal_in_task_frame, self._publishers
             obstacles = self._tracker.current(now)
-            silent = self._tracker.silent(now, self._parameters["obstacle_timeout"])
+            timeout = self._parameters["obstacle_timeout"]
+            silent, late = self._tracker.silent(now, timeout), self._tracker.late(now, timeout)
+            unheard = self._tracker.unheard()
         if self._parameters["obstacle_silence_policy"] == "keep":
-            silent = {}
+            # what must be heard and never was leaves nothing to keep to
+            silent, late = {}, {}
         return CycleInputs(
             measured=None if joints is None else self._place(joints),
             state_age=now - taken,
@@ -132,6 +137,8 @@ class PlannerInputs:
             goal_number=number,
             obstacles=obstacles,
             silent_sources=silent,
+            late_sources=late,
+            unheard_sources=unheard,
             hold=hold,
             task_frame=task_frame,
             goal_in_task_frame=relative,
@@ -143,12 +150,14 @@ class PlannerInputs:
         )
 
     def ages(self) -> dict[str, float]:
-        """Seconds since each input that has spoken was last heard; of joint states since they were taken."""
+        """Seconds since the newest of what each input has told was taken."""
         now = self._time.running()
         with self._lock:
             ages = self._tracker.ages(now)
             if self._joints is not None:
                 ages["joint_states"] = now - self._joints_taken
+            if self._task_frame_taken is not None:
+                ages["task_frame"] = now - self._task_frame_taken
         return ages
 
     def cloud_figures(self) -> CloudFigures:
@@ -189,7 +198,7 @@ class PlannerInputs:
         moment = self._time.read()
         if moment.now == 0.0:
             raise MessageRefused("use_sim_time is set, and nothing has been heard on /clock: its age cannot be told")
-        taken = moment.running - _transit(seconds(message.header.stamp), moment.now)
+        taken = moment.running - _transit(seconds(message.header.stamp), moment)
         self._plausible.check(joints, taken)
         with self._lock:
             self._joints, self._joints_taken = joints, taken
@@ -220,8 +229,10 @@ class PlannerInputs:
 
     def _on_task_frame(self, message: PoseStamped) -> None:
         frame = read_pose(message, self._frame, self.frames)
+        moment = self._time.read()
         with self._lock:
             self._task_frame = frame
+            self._task_frame_taken = moment.running - _transit(seconds(message.header.stamp), moment)
 
     def _on_obstacles(self, message: bytes) -> None:
         markers, updates = markers_in(message), []
@@ -229,43 +240,48 @@ class PlannerInputs:
             # one bad marker must not hide the good ones beside it
             with self.refusals.guard("obstacles"):
                 updates.append(read_marker(marker, self._frame, self.frames))
-        now = self._time.running()
+        moment = self._time.read()
+        # A marker without a stamp is as old as the newest one beside it: the DELETEALL that begins a message has none.
+        newest = max((update.stamp for update in updates), default=0.0)
         with self._lock:
             if len(updates) == len(markers):
-                self._tracker.hear("obstacles", now)
+                self._tracker.hear("obstacles", moment.running, _transit(newest, moment))
             for update in updates:
-                self._apply("obstacles", update, now)
+                self._apply("obstacles", update, moment.running, _transit(update.stamp or newest, moment))
         self._obstacles_changed()
 
     def _on_marker(self, message: bytes) -> None:
         update = read_marker(marker_in(message), self._frame, self.frames)
-        now = self._time.running()
+        moment = self._time.read()
         with self._lock:
-            self._apply("obstacle_marker", update, now)
+            self._apply("obstacle_marker", update, moment.running, _transit(update.stamp, moment))
         self._obstacles_changed()
 
-    def _apply(self, source: str, update: MarkerUpdate, now: float) -> None:
+    def _apply(self, source: str, update: MarkerUpdate, now: float, transit: float) -> None:
+        stamp = update.stamp
         if update.action == "put":
             self._tracker.put(
-                source, update.key, update.centre, update.radius, now, update.lifetime, update.stamp, update.solid
+                source, update.key, update.centre, update.radius, now, update.lifetime, stamp, update.solid, transit
             )
         elif update.action == "delete":
-            self._tracker.delete(source, update.key, now, update.stamp)
+            self._tracker.delete(source, update.key, now, stamp, transit)
         else:
-            self._tracker.delete_all(source, now, update.key[0], update.stamp)
+            self._tracker.delete_all(source, now, update.key[0], stamp, transit)
 
     def _on_point(self, message: PointStamped) -> None:
         centre = read_point(message, self._frame, self.frames)
         radius = self._parameters["obstacle_point_radius"]
-        stamp = seconds(message.header.stamp)
+        stamp, moment = seconds(message.header.stamp), self._time.read()
+        transit = _transit(stamp, moment)
         with self._lock:
-            self._tracker.put("obstacle_point", ("", 0), centre, radius, self._time.running(), 0.0, stamp)
+            self._tracker.put("obstacle_point", ("", 0), centre, radius, moment.running, stamp=stamp, transit=transit)
         self._obstacles_changed()
 
     def _on_cloud(self, message: PointCloud2) -> None:
         # one that is of no use must not take the place of one that waits
         frame_of(message.header, self._frame, self.frames)
-        self._cloud_thread.put(message)
+        moment = self._time.read()
+        self._cloud_thread.put(message, (moment.running, _transit(seconds(message.header.stamp), moment)))
 
     def _field_of(self, message: PointCloud2) -> tuple[DistanceField, CloudFigures] | None:
         """Read a cloud; None where it is refused."""
@@ -287,11 +303,12 @@ class PlannerInputs:
             return field, figures
         return None
 
-    def _take_field(self, made: tuple[DistanceField, CloudFigures], arrived: float) -> None:
+    def _take_field(self, made: tuple[DistanceField, CloudFigures], heard: tuple[float, float]) -> None:
+        """heard : when the cloud arrived, and its transit [s]."""
         field, figures = made
         with self._lock:
             self._cloud_figures = figures
-            self._tracker.replace_cloud("obstacle_cloud", field, arrived)
+            self._tracker.replace_cloud("obstacle_cloud", field, *heard)
         self._obstacles_changed()
 
     def _cloud_failed(self, error: BaseException) -> None:
@@ -299,6 +316,7 @@ class PlannerInputs:
         self._node.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
 
 
-def _transit(stamp: float, now: float) -> float:
+def _transit(stamp: float, arrival: Moment) -> float:
     """Seconds a message was under way by its stamp; 0 without a stamp or with one from the future."""
-    return 0.0 if stamp == 0.0 else max(0.0, now - stamp)
+    # On arrival and never again: what becomes of the clock later makes nothing older.
+    return 0.0 if stamp == 0.0 else max(0.0, arrival.now - stamp)

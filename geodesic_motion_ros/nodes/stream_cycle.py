@@ -52,8 +52,10 @@ class CycleInputs(Generic[Place]):
         before the first.
     goal_number : grows with every goal asked for.
     obstacles : those that exist now.
-    silent_sources : obstacle topics that have fallen silent, with their ages [s]; empty where that does
+    silent_sources : obstacle topics that have fallen silent, with for how long [s]; empty where that does
         not matter.
+    late_sources : obstacle topics that tell of what is too long ago, with how long [s]; likewise.
+    unheard_sources : obstacle topics that must have been heard, and were not yet.
     hold : whether a hold was asked for.
     task_frame : where the frame that the skill was shown in stands now, position (3,) [m] and quaternion (4,).
     goal_in_task_frame : whether the goal was given in that frame.
@@ -70,6 +72,8 @@ class CycleInputs(Generic[Place]):
     goal_number: int
     obstacles: ObstacleSet
     silent_sources: dict[str, float] = field(default_factory=dict)
+    late_sources: dict[str, float] = field(default_factory=dict)
+    unheard_sources: tuple[str, ...] = ()
     hold: bool = False
     task_frame: Pose | None = None
     goal_in_task_frame: bool = False
@@ -263,9 +267,9 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             return judged
         if inputs.hold:
             return Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
-        if inputs.silent_sources:
-            silent = ", ".join(f"{source} for {age:.2f} s" for source, age in inputs.silent_sources.items())
-            return Verdict(VerdictCode.STALE_OBSTACLES, f"silent: {silent}; tell them again, or delete them")
+        stale = _stale_obstacles(inputs)
+        if stale:
+            return Verdict(VerdictCode.STALE_OBSTACLES, stale)
         if not self._has_goal:
             return self._goal_verdict
         return Verdict(VerdictCode.OK)
@@ -337,3 +341,17 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         names, topic = " and ".join(inputs.publishers), self._command_topic
         self._drop_goal(f"{topic} had more than one publisher, {names}")
         return Verdict(VerdictCode.CONFLICT, f"{topic} is published by {names}: only one may command the arm")
+
+
+def _stale_obstacles(inputs: CycleInputs[Place]) -> str:
+    """Which obstacle topics are not to be trusted, why, and what would be right; '' when all are."""
+    said = []
+    if inputs.unheard_sources:
+        said.append(f"{', '.join(inputs.unheard_sources)}: nothing has been heard yet (required_obstacle_topics)")
+    if inputs.silent_sources:
+        silent = ", ".join(f"{source} for {age:.2f} s" for source, age in inputs.silent_sources.items())
+        said.append(f"silent: {silent}; tell them again, or delete them")
+    if inputs.late_sources:
+        late = ", ".join(f"{source} by {age:.2f} s" for source, age in inputs.late_sources.items())
+        said.append(f"stamps lag: {late}; synchronise the clocks, detect faster, or send stamp 0")
+    return "; ".join(said)

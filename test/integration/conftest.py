@@ -14,6 +14,7 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -191,9 +192,9 @@ class Bench:
 
         return self.repeat(0.02, send)
 
-    def send_spheres(self, *spheres: tuple[Sequence[float], float], frame: str = BASE) -> None:
-        """Publish obstacles (centre [m], radius [m]) once, as one MarkerArray."""
-        stamp = self.probe.get_clock().now().to_msg()
+    def send_spheres(self, *spheres: tuple[Sequence[float], float], frame: str = BASE, late: float = 0.0) -> None:
+        """Publish obstacles (centre [m], radius [m]) once, as one MarkerArray, by its stamp so late [s]."""
+        stamp = (self.probe.get_clock().now() - Duration(seconds=late)).to_msg()
         markers = [
             marker_messages.sphere_marker("test", number, np.array(centre), radius, (1.0, 0.0, 0.0, 1.0), frame, stamp)
             for number, (centre, radius) in enumerate(spheres)

@@ -61,6 +61,32 @@ class TestObstacles:
             bench.wait(lambda: float(bench.health().get("age_obstacles", "0")) > 1.0, "an obstacle topic gone silent")
             assert bench.status()["code"] == "OK"
 
+    def test_a_topic_whose_stamps_lag_is_not_believed(self, bench, planner_options, start_joints, skill):
+        bench.watch_planner()
+        bench.add(PlannerNode, **planner_options | {"obstacle_timeout": 1.0})
+        bench.send_joint_states(start_joints)
+        late = 2.0
+        bench.publisher(MarkerArray, "obstacles")
+        bench.repeat(0.02, lambda: bench.send_spheres(([2.0, 2.0, 2.0], 0.1), late=late))
+        bench.send_goal(skill.goal_pose)
+        bench.wait_for_code("STALE_OBSTACLES", "stamps lag: obstacles by 2.")
+        late = 0.0
+        bench.wait_for_code("OK")
+
+    def test_a_required_topic_is_waited_for(self, bench, planner_options, start_joints, skill):
+        bench.watch_planner()
+        node = bench.add(PlannerNode, **planner_options | {"required_obstacle_topics": ["obstacles"]})
+        bench.send_joint_states(start_joints)
+        bench.send_goal(skill.goal_pose)
+        unheard = "obstacles: nothing has been heard yet (required_obstacle_topics)"
+        bench.wait_for_code("STALE_OBSTACLES", unheard)
+        bench.publisher(MarkerArray, "obstacles").publish(MarkerArray())
+        bench.wait_for_code("OK")
+        bench.call(Trigger, "planner/clear_obstacles", Trigger.Request())
+        bench.wait_for_code("STALE_OBSTACLES", unheard)
+        refused = node.set_parameters([Parameter("required_obstacle_topics", value=["obstacle"])])[0]
+        assert not refused.successful
+
     def test_every_kind_of_obstacle_counts(self, moving, wall):
         """Each topic alone blocks the way, and its obstacle is gone when it is told to go."""
         grid = np.arange(-0.3, 0.3, 0.05)

@@ -66,12 +66,14 @@ MODE = Parameter("mode", "a", "which", choices=("a", "b"))
 FLAG = Parameter("flag", True, "whether")
 PAIR = Parameter("pair", [0.0, 0.0], "both", "m", -1.0, 1.0)
 ROWS = Parameter("rows", [0.0, 0.0], "pairs", "m", -1.0, 1.0, row=2)
+NAMES = Parameter("names", [""], "which", choices=("a", "b"))
 
 
 @pytest.mark.parametrize(
     ("parameter", "value"),
     [
         (REACH, 0.5), (REACH, 2.0), (COUNT, 5), (MODE, "b"), (FLAG, False), (PAIR, [1.0, -1.0]), (ROWS, [0.0] * 6),
+        (NAMES, [""]), (NAMES, ["b", "a"]),
     ],
 )  # fmt: skip
 def test_accepts(parameter, value):
@@ -84,7 +86,7 @@ def test_accepts(parameter, value):
         (REACH, 0.49), (REACH, 2.01), (REACH, math.nan), (REACH, math.inf), (REACH, 1), (REACH, "1.0"), (REACH, True),
         (COUNT, 0), (COUNT, 2.0), (COUNT, True), (MODE, "c"), (MODE, 1), (FLAG, 1), (FLAG, "true"),
         (PAIR, [0.0]), (PAIR, [0.0, 1.5]), (PAIR, [0.0, math.nan]), (PAIR, [0, 0]), (PAIR, "00"), (PAIR, None),
-        (ROWS, [0.0] * 3), (ROWS, []),
+        (ROWS, [0.0] * 3), (ROWS, []), (NAMES, ["c"]), (NAMES, ["a", 1]), (NAMES, "a"), (NAMES, None),
     ],
 )  # fmt: skip
 def test_refuses_and_says_what_is_allowed(parameter, value):
@@ -99,6 +101,7 @@ def test_words_for_what_is_allowed():
     assert COUNT.allowed == "an integer from 1 to 5"
     assert MODE.allowed == "one of a, b"
     assert ROWS.allowed == "rows of 2 floats from -1 to 1 [m]"
+    assert NAMES.allowed == 'a list of a, b; [""] for none'
 
 
 def test_descriptors_carry_range_and_meaning():

@@ -92,8 +92,14 @@ def test_goes_to_the_goal_in_steps_no_longer_than_speed_allows(cycle, inputs, st
         ({"state_age": 0.11}, VerdictCode.STALE_STATE, "joint_states"),
         ({"hold": True}, VerdictCode.HOLD_REQUESTED, "hold"),
         ({"silent_sources": {"obstacle_point": 0.7}}, VerdictCode.STALE_OBSTACLES, "obstacle_point for 0.70 s"),
+        ({"late_sources": {"obstacles": 2.0}}, VerdictCode.STALE_OBSTACLES, "stamps lag: obstacles by 2.00 s; sync"),
+        (
+            {"unheard_sources": ("obstacles",)},
+            VerdictCode.STALE_OBSTACLES,
+            "obstacles: nothing has been heard yet (required_obstacle_topics)",
+        ),
     ],
-    ids=["old state", "hold", "silent obstacles"],
+    ids=["old state", "hold", "silent obstacles", "late obstacles", "unheard obstacles"],
 )
 def test_a_reason_to_hold_brakes_and_its_end_resumes(cycle, inputs, change, code, reason):
     settings = cycle.planner.settings

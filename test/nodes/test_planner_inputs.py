@@ -1,0 +1,273 @@
+"""What the planner knows of obstacles by the stamps of their messages, at times of the test's own."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PointStamped, PoseStamped
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from geodesic_motion_ros.nodes.node_time import NodeTime
+from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
+from geodesic_motion_ros.robot.kinematics import Robot
+
+#: [m/s], [s].
+SPEED, PATIENCE = 0.5, 10.0
+BASE = "panda_link0"
+PARAMETERS = {parameter.name: parameter.default for parameter in PLANNER}
+
+
+class Bench:
+    """Inputs of a planner, and the clocks they look at: `go` lets time pass, `jump` sets the ROS clock [s]."""
+
+    def __init__(self, node: Any, **parameters: Any) -> None:
+        self.ros, self.steady = 1_000_000_000_000, 5_000_000_000
+        self.ros_time_is_active = False
+        self.changed = threading.Event()
+        self.parameters = PARAMETERS | parameters
+        self.inputs = PlannerInputs(node, self.parameters, Robot.panda(), lambda joints: joints, self.changed.set)
+        self.inputs._time = NodeTime(self, lambda: self.steady)
+
+    def now(self) -> Any:
+        return SimpleNamespace(nanoseconds=self.ros)
+
+    def go(self, seconds: float) -> None:
+        self.ros += round(1e9 * seconds)
+        self.steady += round(1e9 * seconds)
+
+    def jump(self, seconds: float) -> None:
+        self.ros += round(1e9 * seconds)
+
+    def header(self, late: float | None = 0.0) -> Header:
+        """late : how long ago its stamp is [s]; None: stamp 0."""
+        at = 0 if late is None else self.ros - round(1e9 * late)
+        return Header(frame_id=BASE, stamp=Time(sec=at // 10**9, nanosec=at % 10**9))
+
+    def sphere(self, x: float = 0.5, late: float | None = 0.0, **fields: Any) -> Marker:
+        marker = Marker(header=self.header(late), type=Marker.SPHERE, **fields)
+        marker.pose.position.x = x
+        marker.scale.x = marker.scale.y = marker.scale.z = 0.1
+        return marker
+
+    def tell(self, *markers: Marker) -> None:
+        self.inputs._on_obstacles(serialize_message(MarkerArray(markers=list(markers))))
+
+    def move(self, late: float | None, duration: float = 1.0, delay: float | None = None) -> None:
+        """Tell of a sphere along x, where it was `delay` ago, sixty times a second.
+
+        late : as of `header`.
+        """
+        for _ in range(round(60 * duration)):
+            self.go(1.0 / 60.0)
+            self.tell(self.sphere(SPEED * (self.true_time - ((late or 0.0) if delay is None else delay)), late))
+
+    @property
+    def true_time(self) -> float:
+        return 1e-9 * self.steady
+
+    def place_now(self) -> float:
+        """Where along x the first sphere is expected now [m]."""
+        snapshot = self.inputs.snapshot()
+        return float(snapshot.obstacles.moved_on(snapshot.heard, 1.6, 0.0).centres[0, 0])
+
+
+@pytest.fixture
+def node() -> Iterator[Any]:
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("listener", context=context)
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+@pytest.fixture
+def bench(node) -> Bench:
+    return Bench(node)
+
+
+def cloud(header: Header) -> PointCloud2:
+    fields = [PointField(name=name, offset=8 * i, datatype=PointField.FLOAT64, count=1) for i, name in enumerate("xyz")]
+    return PointCloud2(header=header, height=1, width=1, point_step=24, row_step=24, fields=fields, data=bytes(24))
+
+
+class TestLate:
+    def test_what_moves_is_where_it_has_moved_since_its_stamp(self, bench):
+        bench.move(late=0.4)
+        np.testing.assert_allclose(bench.place_now(), SPEED * bench.true_time, atol=1e-6)
+        np.testing.assert_allclose(bench.inputs.snapshot().obstacles.velocities, [[SPEED, 0.0, 0.0]], atol=1e-6)
+        snapshot = bench.inputs.snapshot()
+        assert not snapshot.silent_sources
+        assert not snapshot.late_sources
+        # a stop is kept free of all places since it was seen
+        assert snapshot.obstacles.moved_on(snapshot.heard, 1.6, 0.0).age == pytest.approx(0.4)
+
+    def test_without_a_stamp_it_lags_behind(self, bench):
+        bench.move(late=None, delay=0.4)
+        np.testing.assert_allclose(bench.place_now(), SPEED * (bench.true_time - 0.4), atol=1e-6)
+
+    def test_a_stamp_of_the_future_is_the_arrival(self, bench):
+        bench.move(late=-5.0, delay=0.0)
+        np.testing.assert_allclose(bench.place_now(), SPEED * bench.true_time, atol=1e-6)
+        assert bench.inputs.ages()["obstacles"] == pytest.approx(0.0)
+
+    def test_of_a_stamp_of_long_ago_nothing_is_foretold_and_the_topic_is_late(self, bench):
+        bench.move(late=2.0)
+        np.testing.assert_allclose(bench.place_now(), SPEED * (bench.true_time - 2.0), atol=1e-6)
+        snapshot = bench.inputs.snapshot()
+        assert snapshot.late_sources == {"obstacles": pytest.approx(2.0)}
+        assert not snapshot.silent_sources
+        assert bench.inputs.ages()["obstacles"] == pytest.approx(2.0)
+        bench.move(late=0.0, duration=0.1)
+        assert not bench.inputs.snapshot().late_sources
+        # it falls silent by how long nothing has been heard
+        bench.go(0.6)
+        assert bench.inputs.snapshot().silent_sources == {"obstacles": pytest.approx(0.6)}
+        assert not bench.inputs.snapshot().late_sources
+
+    def test_whoever_keeps_on_does_so_among_what_is_late_too(self, node):
+        bench = Bench(node, obstacle_silence_policy="keep")
+        bench.move(late=2.0)
+        assert not bench.inputs.snapshot().late_sources
+        assert len(bench.inputs.snapshot().obstacles) == 1
+
+    @pytest.mark.parametrize("topic", ["obstacle_marker", "obstacle_point", "obstacle_cloud"])
+    def test_every_topic_is_judged_by_its_stamps(self, bench, topic):
+        inputs = bench.inputs
+        if topic == "obstacle_marker":
+            inputs._on_marker(serialize_message(bench.sphere(late=2.0)))
+        elif topic == "obstacle_point":
+            inputs._on_point(PointStamped(header=bench.header(2.0)))
+        else:
+            inputs.start()
+            inputs._on_cloud(cloud(bench.header(2.0)))
+            assert bench.changed.wait(PATIENCE)
+            inputs.stop()
+        assert len(inputs.snapshot().obstacles) == 1
+        assert inputs.snapshot().late_sources == {topic: pytest.approx(2.0)}
+        bench.go(0.6)
+        assert inputs.snapshot().silent_sources == {topic: pytest.approx(0.6)}
+
+    def test_of_two_who_share_a_topic_the_late_one_is_told_by_what_moves(self, bench):
+        for _ in range(30):
+            bench.go(1.0 / 60.0)
+            bench.tell(bench.sphere(SPEED * bench.true_time, 2.0, ns="late"))
+            bench.tell(bench.sphere(ns="on time"))
+        assert bench.inputs.snapshot().late_sources == {"obstacles/late/0": pytest.approx(2.0)}
+
+    def test_what_has_no_stamp_is_as_old_as_what_stands_beside_it(self, bench):
+        everything = Marker(action=Marker.DELETEALL, ns="other")
+        bench.tell(everything, bench.sphere(late=2.0), bench.sphere(late=None, id=1))
+        assert bench.inputs.snapshot().late_sources == {"obstacles": pytest.approx(2.0)}
+        # with one newer marker in the message its topic is not late: what stands may have been seen long ago
+        bench.tell(bench.sphere(late=2.0), bench.sphere(late=0.1, id=1))
+        assert not bench.inputs.snapshot().late_sources
+        assert bench.inputs.ages()["obstacles"] == pytest.approx(0.1)
+
+    def test_what_was_overtaken_makes_nothing_older(self, bench):
+        bench.tell(bench.sphere(late=0.1))
+        bench.tell(bench.sphere(late=0.4))
+        assert bench.inputs.ages()["obstacles"] == pytest.approx(0.1)
+
+    def test_a_lifetime_counts_from_the_arrival(self, bench):
+        marker = bench.sphere(late=2.0)
+        marker.lifetime.sec = 1
+        bench.tell(marker)
+        bench.go(0.9)
+        assert len(bench.inputs.snapshot().obstacles) == 1
+        bench.go(0.2)
+        assert len(bench.inputs.snapshot().obstacles) == 0
+
+    def test_what_moved_and_is_not_told_again_may_stand_anywhere_since_its_stamp(self, bench):
+        bench.move(late=0.4)
+        bench.go(0.3)
+        obstacles = bench.inputs.snapshot().obstacles
+        assert not np.any(obstacles.velocities)
+        x = obstacles.centres[:, 0]
+        np.testing.assert_allclose([min(x), max(x)], SPEED * (bench.true_time - np.array([0.7, 0.0])), atol=1e-6)
+
+
+class TestClock:
+    @pytest.mark.parametrize("jump", [5.0, -5.0])
+    def test_that_is_set_makes_nothing_old(self, bench, jump):
+        bench.move(late=0.1)
+        bench.jump(jump)
+        assert not bench.inputs.snapshot().late_sources
+        # its sender's clock is set as well
+        bench.move(late=0.1)
+        snapshot = bench.inputs.snapshot()
+        assert not snapshot.late_sources
+        assert bench.inputs.ages()["obstacles"] == pytest.approx(0.1)
+        np.testing.assert_allclose(bench.place_now(), SPEED * bench.true_time, atol=1e-6)
+
+    def test_of_the_node_alone_that_is_set_makes_late_until_its_sender_agrees(self, bench):
+        bench.tell(bench.sphere())
+        bench.jump(5.0)
+        for _ in range(6):
+            bench.go(0.1)
+            bench.tell(bench.sphere(late=5.0))
+        assert bench.inputs.snapshot().late_sources == {"obstacles": pytest.approx(0.6)}
+        bench.tell(bench.sphere())
+        assert not bench.inputs.snapshot().late_sources
+
+    def test_that_is_not_there_yet_makes_nothing_late(self, bench):
+        bench.ros_time_is_active, stamp = True, bench.header()
+        bench.ros = 0
+        marker = bench.sphere()
+        marker.header = stamp
+        bench.tell(marker)
+        assert bench.inputs.ages()["obstacles"] == pytest.approx(0.0)
+        assert not bench.inputs.snapshot().late_sources
+
+
+class TestRequired:
+    @pytest.fixture(params=["hold", "keep"])
+    def bench(self, request, node) -> Bench:
+        required = ["", "obstacles", "obstacle_point"]
+        return Bench(node, required_obstacle_topics=required, obstacle_silence_policy=request.param)
+
+    def test_topics_are_unheard_until_each_has_spoken_and_after_all_was_cleared(self, bench):
+        assert bench.inputs.snapshot().unheard_sources == ("obstacles", "obstacle_point")
+        bench.tell()
+        assert bench.inputs.snapshot().unheard_sources == ("obstacle_point",)
+        bench.inputs._on_point(PointStamped(header=bench.header()))
+        assert bench.inputs.snapshot().unheard_sources == ()
+        bench.inputs.clear_obstacles()
+        assert bench.inputs.snapshot().unheard_sources == ("obstacles", "obstacle_point")
+
+    def test_one_that_deletes_its_last_obstacle_must_go_on(self, bench):
+        bench.inputs._on_point(PointStamped(header=bench.header()))
+        for markers in ([bench.sphere()], [Marker(action=Marker.DELETEALL)], []):
+            bench.tell(*markers)
+            bench.go(0.4)
+            assert "obstacles" not in bench.inputs.snapshot().silent_sources
+            assert bench.inputs.snapshot().unheard_sources == ()
+        bench.tell(Marker(action=Marker.DELETEALL))
+        bench.go(0.6)
+        silent = bench.parameters["obstacle_silence_policy"] == "hold"
+        assert ("obstacles" in bench.inputs.snapshot().silent_sources) is silent
+        assert bench.inputs.snapshot().unheard_sources == ()
+
+    def test_none_is_by_default(self, node):
+        assert Bench(node).inputs.snapshot().unheard_sources == ()
+
+
+def test_the_task_frame_has_an_age_once_it_was_heard_and_is_never_silent(bench):
+    assert "task_frame" not in bench.inputs.ages()
+    frame = PoseStamped(header=bench.header(0.2))
+    frame.pose.orientation.w = 1.0
+    bench.inputs._on_task_frame(frame)
+    bench.go(3.0)
+    assert bench.inputs.ages() == {"task_frame": pytest.approx(3.2)}
+    assert not bench.inputs.snapshot().silent_sources
