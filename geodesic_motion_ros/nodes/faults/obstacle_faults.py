@@ -224,7 +224,10 @@ class ObstacleTeleports(Fault):
         ticks, status = bench.ticks_until(receipt, answered, "an answer to the sphere")
         findings.at_most(f"{status.code} after", ticks, TICKS, "ticks")
         bench.spend(1.5)
-        braking = float(np.linalg.norm(bench.seen.tool - tool)) if bench.seen.status.code != "OK" else 0.0
+        stopped = bench.seen.status.code != "OK"
+        # Who never brakes must not be excused by how far that took it.
+        findings.require(not stopped or bench.seen.status.number("speed") == 0.0, "the arm has no way and still moves")
+        braking = float(np.linalg.norm(bench.seen.tool - tool)) if stopped else 0.0
         findings.note(
             f"room {room:.3f} m, {bench.seen.status.code} after {braking:.3f} m, contacts {bench.seen.contacts}"
         )
