@@ -28,8 +28,8 @@ TICKS = 3
 _AWAY, _RADIUS = (-0.6, 0.9, 1.2), 0.04
 #: A sphere appears so far ahead on the tool's way [m], and moves with this speed [m/s].
 _AHEAD, _SPEED = 0.30, 0.25
-#: Time between messages of a slow detector [s].
-_SLOW = 0.2
+#: Time between messages of a slow detector [s], and how long ago a late one saw what it tells of, in whole seconds.
+_SLOW, _LATE = 0.2, 2
 #: Room beyond the braking distance in which there must be no contact [m].
 _ROOM = 0.05
 #: A clearance that has changed by this [m] tells of another obstacle.
@@ -72,6 +72,31 @@ class ObstaclesSilent(Fault):
         bench.set_out(phase)
         relay.passing = False
         require_hold(bench, findings, "STALE_OBSTACLES", "obstacles", relay.last_passed + _TIMEOUT)
+        relay.release()
+        bench.finish(findings)
+
+
+class ObstaclesLag(Fault):
+    name = "obstacles_lag"
+    criterion = (
+        "an obstacle topic goes on, with stamps 2 s old: STALE_OBSTACLES, named, <= 100 ms after obstacle_timeout, "
+        "stop; resumes"
+    )
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        bench.asks.show_scene(static(_AWAY))
+        relay = bench.relays["obstacles"]
+        before = relay.last_passed
+        bench.wait(lambda: relay.last_passed > before, "an obstacle")
+        bench.set_out(phase)
+
+        def aged(message: MarkerArray) -> list[MarkerArray]:
+            for marker in message.markers:
+                marker.header.stamp.sec -= _LATE
+            return [message]
+
+        relay.change, since = aged, time.monotonic()
+        require_hold(bench, findings, "STALE_OBSTACLES", "stamps lag: obstacles", since + _TIMEOUT)
         relay.release()
         bench.finish(findings)
 
@@ -364,6 +389,6 @@ class ObstaclesDeleted(Fault):
 
 
 OBSTACLE_FAULTS = (
-    ObstaclesSilent, ObstaclesSilentKept, ObstacleForgotten, ObstaclesNotFinite, ObstaclesLossy, ObstaclesSlow,
-    ObstacleTeleports, ObstacleOnRobot, AllBlocked, ManyObstacles, ObstaclesDeleted,
+    ObstaclesSilent, ObstaclesLag, ObstaclesSilentKept, ObstacleForgotten, ObstaclesNotFinite, ObstaclesLossy,
+    ObstaclesSlow, ObstacleTeleports, ObstacleOnRobot, AllBlocked, ManyObstacles, ObstaclesDeleted,
 )  # fmt: skip
