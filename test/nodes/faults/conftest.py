@@ -82,15 +82,19 @@ class MadePlanner:
             except MessageRefused as error:
                 self._refuse("obstacles", str(error), now)
                 continue
-            self.tracker.hear("obstacles", now)
+            believed = update.stamp == 0.0 or "takes old for new" in self.flaws
+            transit = 0.0 if believed else max(0.0, now - update.stamp)
+            self.tracker.hear("obstacles", now, transit)
             if update.action == "put":
                 lifetime = 0.1 if "forgets early" in self.flaws else update.lifetime
-                self.tracker.put("obstacles", update.key, update.centre, update.radius, now, lifetime, update.stamp)
+                self.tracker.put(
+                    "obstacles", update.key, update.centre, update.radius, now, lifetime, update.stamp, transit=transit
+                )
             elif "never deletes" not in self.flaws:
                 if update.action == "delete":
-                    self.tracker.delete("obstacles", update.key, now, update.stamp)
+                    self.tracker.delete("obstacles", update.key, now, update.stamp, transit)
                 else:
-                    self.tracker.delete_all("obstacles", now, update.key[0], update.stamp)
+                    self.tracker.delete_all("obstacles", now, update.key[0], update.stamp, transit)
 
     def _refuse(self, topic: str, reason: str, now: float) -> None:
         self.refused_at = now
@@ -134,9 +138,10 @@ class MadePlanner:
         if "stops for nonsense" in self.flaws and now - self.refused_at < 0.1:
             return "BAD_INPUT", self.reason
         silent = self.tracker.silent(now, TIMEOUTS["obstacle_timeout"])
-        if silent and not deaf and (not self.keep or "always holds" in self.flaws):
-            names = "an obstacle" if "names nothing" in self.flaws else ", ".join(silent)
-            return "STALE_OBSTACLES", f"{names} not told"
+        late = self.tracker.late(now, TIMEOUTS["obstacle_timeout"])
+        if (silent or late) and not deaf and (not self.keep or "always holds" in self.flaws):
+            names = "an obstacle" if "names nothing" in self.flaws else ", ".join(silent | late)
+            return "STALE_OBSTACLES", f"{names} not told" if silent else f"stamps lag: {names}"
         here = round(80 * self.share)
         if self._gap(now, here, here + 1) <= 0.0:
             return "IN_COLLISION", "the tool overlaps an obstacle"

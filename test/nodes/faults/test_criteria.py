@@ -32,6 +32,10 @@ FLAWS: dict[str, dict[str, str]] = {
         "does not mind silence": "in vain for STALE_OBSTACLES", "reacts late": "STALE_OBSTACLES after",
         "names nothing": "in vain for STALE_OBSTACLES", "rolls on": "at rest after",
     },
+    "obstacles_lag": {
+        "takes old for new": "in vain for STALE_OBSTACLES", "reacts late": "STALE_OBSTACLES after",
+        "names nothing": "in vain for STALE_OBSTACLES", "rolls on": "at rest after",
+    },
     "obstacles_silent_kept": {"always holds": "in vain for arrival", "hesitates": "were not OK"},
     "obstacle_forgotten": {"does not mind silence": "in vain for", "names nothing": "in vain for"},
     "obstacles_not_finite": {
