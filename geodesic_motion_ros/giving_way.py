@@ -70,6 +70,24 @@ class GivingWay:
         else:
             self._looked = now if looks else self._looked
             return None
+        if moment.late.passed and (gone_on := self.gone_on(state.time, moment)) is not None:
+            return gone_on
         reason = f"{verdict.reason}; giving way to what is coming"
         plan = replace(plan, verdict=replace(verdict, clearance=plan.verdict.clearance, reason=reason))
         return stream.play(plan, replace(Followed.begun(query, plan, moment), gives_way=True), moment)
+
+    def gone_on(self, time: float, moment: Moment) -> JointPlan | None:
+        """The way aside being played, where there was no time to look for another: as long as that is free from a time
+        [s] on, and the arm can still stop on it. None where it is not, or nothing moves any more, or the arm does not
+        give way.
+        """
+        stream, certifier, prediction = self._stream, self._solver.certifier, self._settings.prediction
+        followed = stream.followed
+        if followed is None or not followed.gives_way or moment.obstacles.stand:
+            return None
+        assert stream.played is not None
+        obstacles = moment.obstacles.at(time, prediction)
+        certificate = certifier.certify_swept(stream.left(time), obstacles, prediction, beyond=False)
+        if certifier.objection(certificate) is not None or not stream.can_still_stop(stream.played, time, obstacles):
+            return None
+        return JointPlan(None, moment.now, replace(followed.verdict, clearance=float(np.min(certificate.clearance))))

@@ -269,7 +269,8 @@ class JointSpacePlanner:
 
         DEADLINE_MISSED where the deadline did not leave time for all that could be tried: then the arm stops along its
         way, and the next ticks go on trying. So too where `late` has passed by the time that a reference is found: it
-        would take over in the past. A way that is still free is gone on; without one, `stop` is to be asked for.
+        would take over in the past. A way that is still free, to the goal or aside, is gone on; without one, `stop` is
+        to be asked for.
         """
         self._ticked = now
         stream, moment = self._stream, Moment(now, self._obstacles, late)
@@ -308,6 +309,10 @@ class JointSpacePlanner:
         if plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH and obstacles.stand and now >= stream.played.end:
             tried = frozenset(attempts) if blocked is None else blocked.attempts.union(attempts)
             self._blocked = _Blocked(query, moment.obstacles, tried, plan.verdict)
+        out_of_time = late.passed or (plan.reference is None and deadline.passed)
+        gone_on = self._giving_way.gone_on(state.time, moment) if out_of_time else None
+        if gone_on is not None:
+            return gone_on
         if plan.reference is None:
             aside = None if deadline.passed else self._giving_way.plan(query, state, plan.verdict, moment, deadline)
             return aside or stream.stopped(plan.verdict, moment)

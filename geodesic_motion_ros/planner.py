@@ -218,7 +218,8 @@ class ReactivePlanner:
     ) -> Plan:
         """One step of the stream: reference from the present commanded pose to the goal, and the verdict.
 
-        DEADLINE_MISSED where the deadline left no time for all that could be tried, and nothing else is certified.
+        DEADLINE_MISSED where the deadline left no time for all that could be tried, and nothing else is certified: what
+        is being followed, to the goal or aside, is gone on as long as it is.
 
         Parameters
         ----------
@@ -270,7 +271,7 @@ class ReactivePlanner:
             plan = self._stop_first(plan, start, scene, speed)
         if plan.verdict.ok:
             return stream.begin(self._query, plan, scene)
-        gone_on = None if plan.turning else stream.gone_on(self._query, start, motion, scene)
+        gone_on = self._gone_on(plan, start, motion, scene)
         if gone_on is not None:
             return gone_on
         if plan.blocked or (plan.turning and stream.gives_way):
@@ -290,6 +291,15 @@ class ReactivePlanner:
             plan = trusting if trusting.trusting else plan
             self._distrusted = self._distrusted if trusting.trusting else now
         return self._stream.stoppable(plan, start, motion, scene)
+
+    def _gone_on(self, plan: Plan, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
+        """What is being followed, where no way was found or there was no time to: a way to the goal, or one aside."""
+        assert self._query is not None
+        going = None if plan.turning else self._stream.gone_on(self._query, start, motion, scene)
+        if going is not None or plan.verdict.code is not VerdictCode.DEADLINE_MISSED:
+            return going
+        aside = self._giving_way.gone_on(start, motion, scene)
+        return None if aside is None else self._stream.begin(self._query, aside, scene, gives_way=True)
 
     def _without_way(
         self, verdict: Verdict, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline

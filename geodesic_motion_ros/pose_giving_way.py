@@ -78,6 +78,19 @@ class PoseGivingWay:
         self._looked = obstacles.time if looks else self._looked
         return None
 
+    def gone_on(self, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
+        """The way aside being followed, where there was no time to look for another: as long as that is free and leaves
+        the tool a stop. None where it is not, or nothing moves any more, or the tool does not give way.
+        """
+        stream, going, obstacles = self._stream, motion.rest, scene.in_task
+        if going is None or not stream.gives_way or obstacles.stand:
+            return None
+        clearance = self._solver.clearance_until(going, start, obstacles, self._settings.prediction)
+        if clearance <= 0.0 or not stream.leaves_a_stop(going, start, obstacles):
+            return None
+        assert stream.followed is not None
+        return Plan(going, replace(stream.followed.verdict, clearance=clearance))
+
 
 def _aside(reference: TaskSpaceReference | None, verdict: Verdict, clearance: float) -> Plan:
     reason = f"{verdict.reason}; giving way to what is coming"

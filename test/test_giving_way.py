@@ -55,9 +55,16 @@ class Arm:
         self.giving_way = GivingWay(settings, self.solver, self.stream)
         self.stream.stand(JointReference.standing(ROBOT.ready, np.zeros(2)), 0.0)
 
-    def plan(self, now: float, obstacles: Obstacles, verdict: Verdict = NO_WAY) -> JointPlan | None:
-        state = self.stream.played.state_at_switch(now + SETTINGS.latency, self.stream.followed)
-        return self.giving_way.plan(QUERY, state, verdict, Moment(now, obstacles), NEVER)
+    def plan(
+        self, now: float, obstacles: Obstacles, verdict: Verdict = NO_WAY, late: Deadline = NEVER
+    ) -> JointPlan | None:
+        return self.giving_way.plan(QUERY, self.switch(now), verdict, Moment(now, obstacles, late), NEVER)
+
+    def gone_on(self, now: float, obstacles: Obstacles) -> JointPlan | None:
+        return self.giving_way.gone_on(self.switch(now).time, Moment(now, obstacles))
+
+    def switch(self, now: float) -> MotionState:
+        return self.stream.played.state_at_switch(now + SETTINGS.latency, self.stream.followed)
 
 
 def coming(after: float, time: float = 0.0) -> Obstacles:
@@ -120,3 +127,38 @@ def test_an_arm_that_gives_way_goes_on_doing_so_while_that_is_free() -> None:
     assert plan.reference is None
     assert plan.verdict is NO_WAY
     assert len(arm.solver.asked) == 1
+
+
+def test_out_of_time_an_arm_goes_on_giving_way_while_that_is_free_and_it_can_stop(monkeypatch) -> None:
+    """The controls: it does not give way, it is met where that leads, it could not stop, or nothing moves."""
+    arm, obstacles = Arm(), coming(0.9, 0.1)
+    assert arm.gone_on(0.1, obstacles) is None
+    arm.plan(0.0, coming(1.0))
+    told = arm.stream.followed.verdict.reason
+    plan = arm.gone_on(0.1, obstacles)
+    assert plan.reference is None
+    assert plan.verdict.reason == told
+    assert plan.verdict.clearance > 0.0
+    hand, _ = ROBOT.forward(arm.stream.commanded(arm.stream.played.end)[0])
+    meeting = replace(obstacles, centres=obstacles.centres + hand - ROBOT.forward(ROBOT.ready)[0])
+    assert arm.gone_on(0.1, meeting) is None
+    assert arm.gone_on(0.1, replace(obstacles, velocities=np.zeros((1, 3)))) is None
+    monkeypatch.setattr(arm.stream, "can_still_stop", lambda *_: False)
+    assert arm.gone_on(0.1, obstacles) is None
+    assert len(arm.solver.asked) == 1
+
+
+def test_another_way_aside_that_is_found_too_late_leaves_the_arm_on_the_one_it_goes() -> None:
+    arm = Arm()
+    arm.plan(0.0, coming(1.0))
+    # It comes to the end of the way aside, but later than after the prediction.
+    hand, _ = ROBOT.forward(arm.stream.commanded(arm.stream.played.end)[0])
+    velocity = np.array([[0.0, 0.0, 0.1]])
+    later = Obstacles.of_spheres(hand - 1.5 * SETTINGS.prediction * velocity, np.array([0.03]), velocity, 0.1)
+    told = arm.stream.followed.verdict.reason
+    late = arm.plan(0.1, later, late=Deadline(-np.inf))
+    assert late.reference is None
+    assert late.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+    assert late.verdict.reason == told
+    assert len(arm.solver.asked) == 2
+    assert arm.plan(0.2, later).reference is not None

@@ -47,6 +47,7 @@ class Gone:
 
     gives_way: bool = False
     leaving_a_stop: tuple[object, ...] = (ASIDE, LEFT)
+    followed: object = field(default_factory=lambda: SimpleNamespace(verdict=NO_WAY))
 
     def leaves_a_stop(self, reference: object, *_: object) -> bool:
         return reference in self.leaving_a_stop
@@ -142,3 +143,20 @@ def test_a_way_aside_that_leaves_no_stop_is_not_gone() -> None:
     giving_way, solver = tool(1.0, stream=Gone(leaving_a_stop=()))
     assert asked(giving_way) is None
     assert solver.asked
+
+
+def test_out_of_time_a_tool_goes_on_giving_way_while_that_is_free_and_leaves_it_a_stop() -> None:
+    """The controls: what it follows is met, leaves no stop, does not lead aside, or is not known; nothing moves."""
+    start = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    for going, stream, speed, goes_on in (
+        (ASIDE, Gone(True), 0.1, True), (LEFT, Gone(True), 0.1, False), (ASIDE, Gone(True, ()), 0.1, False),
+        (ASIDE, Gone(False), 0.1, False), (None, Gone(True), 0.1, False), (ASIDE, Gone(True), 0.0, False),
+    ):  # fmt: skip
+        giving_way, solver = tool(1.0, stream=stream)
+        sphere = Obstacles.of_spheres(np.ones((1, 3)), np.array([0.03]), np.array([[speed, 0.0, 0.0]]), 0.0)
+        scene = Scene.of(TaskFrame.identity(), sphere)
+        plan = giving_way.gone_on(start, replace(AT_REST, rest=going), scene)
+        assert (plan is not None) is goes_on
+        assert not solver.asked
+        if goes_on:
+            assert plan == Plan(ASIDE, replace(NO_WAY, clearance=0.02))

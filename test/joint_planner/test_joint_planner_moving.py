@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.joint_stream import JointStream
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.robot.swivel import elbow_position
@@ -130,11 +133,12 @@ def test_a_goal_that_is_about_to_be_passed_long_before_the_arm_is_there_is_gone_
     assert stream.off(goal) < 1e-9
 
 
+@pytest.mark.parametrize("in_time", [True, False], ids=["in time", "out of time once it gives way"])
 def test_an_arm_that_has_no_way_gives_way_to_what_comes_to_where_it_stands(
-    stream, goal, nominal, least_clearance
+    stream, goal, nominal, least_clearance, monkeypatch, in_time
 ) -> None:
     """The control: the arm as it stands would be hit. Afterwards it goes on."""
-    planner = stream.planner
+    planner, tick = stream.planner, stream.planner.tick
     stream.run(0.5 * nominal.duration)
     hand, _ = planner.robot.forward(goal)
     wall = hand, 0.05
@@ -154,11 +158,14 @@ def test_an_arm_that_has_no_way_gives_way_to_what_comes_to_where_it_stands(
         planner.set_obstacles(centres, np.array([wall[1], radius]), velocities, stream.now)
         plan = stream.run(stream.period)[0]
         assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+        if not in_time and plan.verdict.reason.endswith("; giving way to what is coming"):
+            monkeypatch.setattr(planner, "tick", partial(tick, deadline=Deadline(-np.inf)))
         sphere = passing(stream.now)[None], np.array([radius])
         least = min(least, least_clearance(stream.postures[-1:], sphere))
         hit = min(hit, least_clearance([stood], sphere))
     assert hit < 0.0 < least
     assert max(stream.jumps) < 1e-6
+    monkeypatch.undo()
     planner.take_obstacles(Obstacles.none())
     plan = stream.run(2.0 * nominal.duration)[-1]
     assert plan.verdict.ok, plan.verdict.reason

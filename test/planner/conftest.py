@@ -58,6 +58,7 @@ def shared_planner(fan_skill: Skill) -> DrivenPlanner:
 def planner(shared_planner: DrivenPlanner) -> DrivenPlanner:
     shared_planner.set_obstacles(*NOTHING)
     shared_planner.clear_goal()
+    shared_planner._stream.forget()
     return shared_planner
 
 

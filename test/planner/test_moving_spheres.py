@@ -98,8 +98,8 @@ def test_a_sphere_that_passes_the_goal_before_the_tool_comes_there_does_not_stop
     assert any(stopped)
 
 
-def test_a_tool_without_a_way_gives_way_to_what_comes_to_it_and_goes_on_later(planner, monkeypatch):
-    """The control stays, and is touched."""
+def come_to(planner):
+    """A pose (7,) on the way, and spheres of which the first comes there after 3 s; another is on the goal for 5 s."""
     direct = planner.nominal().reference
     place, quaternion = direct.sample(0.4 * direct.duration)
     along = direct.velocity(0.4 * direct.duration)[:3]
@@ -110,7 +110,12 @@ def test_a_tool_without_a_way_gives_way_to_what_comes_to_it_and_goes_on_later(pl
     def coming(now: float) -> Obstacles:
         return moving(place + (now - 3.0) * velocity, velocity, now, wall if now < 5.0 else NOTHING)
 
-    start = np.append(place, quaternion)
+    return np.append(place, quaternion), coming
+
+
+def test_a_tool_without_a_way_gives_way_to_what_comes_to_it_and_goes_on_later(planner, monkeypatch):
+    """The control stays, and is touched."""
+    start, coming = come_to(planner)
     codes, reasons, gaps = [], [], []
     for now, follower, plan, gap in played(planner, start, coming, 12.0):  # noqa: B007
         gaps.append(gap)
@@ -123,6 +128,25 @@ def test_a_tool_without_a_way_gives_way_to_what_comes_to_it_and_goes_on_later(pl
     np.testing.assert_allclose(follower.position, planner.skill.goal_pose[:3], atol=1e-6)
     monkeypatch.setattr(planner._giving_way, "plan", lambda *_: None)
     assert min(gap for *_, gap in played(planner, start, coming, 4.0)) < -0.03
+
+
+def test_a_tool_that_gives_way_goes_on_doing_so_where_there_is_no_time(planner, monkeypatch):
+    """As soon as it does, every tick is out of time. The control stops where it is, and is touched."""
+    start, coming = come_to(planner)
+    late = Plan(None, Verdict(VerdictCode.DEADLINE_MISSED, "out of time"))
+
+    def least() -> float:
+        gaps = []
+        with monkeypatch.context() as patch:
+            for *_, plan, gap in played(planner, start, coming, 4.5):
+                gaps.append(gap)
+                if plan.verdict.reason.endswith("; giving way to what is coming"):
+                    patch.setattr(planner._solver, "solve", lambda *_, **__: late)
+        return min(gaps)
+
+    assert least() > 0.0
+    monkeypatch.setattr(planner._giving_way, "gone_on", lambda *_: None)
+    assert least() < 0.0
 
 
 def test_a_tool_that_nothing_comes_to_stays_where_it_has_no_way(planner):
