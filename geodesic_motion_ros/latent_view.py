@@ -7,6 +7,8 @@ obstacles (latent points whose decoded tool would touch one) and the present pat
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 from PIL import Image, ImageDraw
 
@@ -25,29 +27,31 @@ _COLOUR_STOPS = np.array(
 )
 _COARSE = 110
 _BLOCK = 2048
-_FOOTPRINT = np.array([224.0, 72.0, 62.0])
+FOOTPRINT = np.array([224.0, 72.0, 62.0])
 _DEMONSTRATION, _PATH, _GOAL = (235, 235, 245), (255, 255, 255), (255, 196, 0)
 
 
-class LatentView:
-    """Draws one skill; what never changes is drawn once.
+class LatentPicture(ABC):
+    """A latent box of two dimensions with what is in it; what never changes is drawn once.
 
     Parameters
     ----------
-    graph : the skill's latent graph; its decoded nodes give the footprint of obstacles.
-    points, radii : spheres (K, 3), (K,) [m] fixed in the tool frame.
+    lower, upper : (2,) corners of the box.
+    background : (r, c) values, the first row at the top: dark where they are small.
+    codes : (demonstrations, samples, 2) latent points.
     size : edge of the square picture [pixels].
     """
 
-    def __init__(self, skill: Skill, graph: PoseGraph, points: np.ndarray, radii: np.ndarray, size: int = 320) -> None:
-        if len(skill.latent_lower) != 2:
-            raise PlanningError(f"a latent view shows two dimensions, this skill has {len(skill.latent_lower)}")
-        self._lower, self._upper, self._size = skill.latent_lower, skill.latent_upper, size
-        self._radii = radii
-        self._body = tool_points(graph.decoded.positions, graph.decoded.quaternions, points)
-        self._node_pixels = self._pixels(graph.latent)
-        self._cell = int(np.ceil(size / (min(graph.grid.shape) - 1))) + 1
-        self._background = self._draw_background(skill)
+    def __init__(
+        self, lower: np.ndarray, upper: np.ndarray, background: np.ndarray, codes: np.ndarray, size: int
+    ) -> None:
+        self._lower, self._upper, self._size = lower, upper, size
+        # what is drawn is smooth: a coarse picture, enlarged, shows the same
+        image = Image.fromarray(_colours(background)).resize((size, size), Image.Resampling.BICUBIC)
+        draw = ImageDraw.Draw(image)
+        for code in codes:
+            draw.line([tuple(point) for point in self._pixels(code).tolist()], fill=_DEMONSTRATION, width=1)
+        self._background = np.array(image)
 
     def render(self, obstacles: Obstacles, path: np.ndarray | None = None, caption: str = "") -> np.ndarray:
         """The picture (size, size, 3) uint8.
@@ -55,7 +59,7 @@ class LatentView:
         Parameters
         ----------
         obstacles : in the frame of the skill.
-        path : latent points (m, 2) of the present reference, None without one.
+        path : latent points (m, d) of the present reference, None without one.
         caption : a line of text.
         """
         pixels = self._with_footprint(obstacles)
@@ -77,14 +81,31 @@ class LatentView:
         share = np.stack([share[:, 0], 1.0 - share[:, 1]], axis=1)
         return np.clip(np.rint(share * (self._size - 1)), -self._size, 2 * self._size).astype(int)
 
-    def _draw_background(self, skill: Skill) -> np.ndarray:
-        # log det M is smooth on the scale of the kernels: a coarse picture, enlarged, shows the same
-        coarse = Image.fromarray(_colours(magnification_factor(skill, _COARSE)))
-        image = coarse.resize((self._size, self._size), Image.Resampling.BICUBIC)
-        draw = ImageDraw.Draw(image)
-        for code in skill.codes:
-            draw.line([tuple(point) for point in self._pixels(code).tolist()], fill=_DEMONSTRATION, width=1)
-        return np.array(image)
+    @abstractmethod
+    def _with_footprint(self, obstacles: Obstacles) -> np.ndarray:
+        """A copy of the background with what obstacles cover."""
+
+
+class LatentView(LatentPicture):
+    """Draws one skill of the tool.
+
+    Parameters
+    ----------
+    graph : the skill's latent graph; its decoded nodes give the footprint of obstacles.
+    points, radii : spheres (K, 3), (K,) [m] fixed in the tool frame.
+    size : as of `LatentPicture`.
+    """
+
+    def __init__(self, skill: Skill, graph: PoseGraph, points: np.ndarray, radii: np.ndarray, size: int = 320) -> None:
+        if len(skill.latent_lower) != 2:
+            raise PlanningError(f"a latent view shows two dimensions, this skill has {len(skill.latent_lower)}")
+        # log det M is smooth on the scale of the kernels
+        factor = magnification_factor(skill, _COARSE)
+        super().__init__(skill.latent_lower, skill.latent_upper, factor, skill.codes, size)
+        self._radii = radii
+        self._body = tool_points(graph.decoded.positions, graph.decoded.quaternions, points)
+        self._node_pixels = self._pixels(graph.latent)
+        self._cell = int(np.ceil(size / (min(graph.grid.shape) - 1))) + 1
 
     def _with_footprint(self, obstacles: Obstacles) -> np.ndarray:
         pixels = self._background.copy()
@@ -93,7 +114,7 @@ class LatentView:
         reach = np.arange(self._cell) - self._cell // 2
         columns, rows = (touched[:, :1] + reach), (touched[:, 1:] + reach)
         mask[np.clip(rows[:, :, None], 0, self._size - 1), np.clip(columns[:, None, :], 0, self._size - 1)] = True
-        pixels[mask] = (0.45 * pixels[mask] + 0.55 * _FOOTPRINT).astype(np.uint8)
+        pixels[mask] = (0.45 * pixels[mask] + 0.55 * FOOTPRINT).astype(np.uint8)
         return pixels
 
 

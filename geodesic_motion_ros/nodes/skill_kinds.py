@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.arm_view import ArmView
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.latent_view import LatentView
+from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
@@ -73,7 +74,7 @@ class SkillKind(ABC):
         """Tool poses of a way between two poses under the present obstacles, and the verdict."""
 
     @abstractmethod
-    def view(self, skill: Skill, size: int) -> LatentView | None:
+    def view(self, skill: Skill, size: int) -> LatentPicture | None:
         """What draws the latent space; None where it cannot be drawn."""
 
     @abstractmethod
@@ -126,7 +127,7 @@ class TaskSpaceKind(SkillKind):
         plan = self.planner.plan(*start, *goal)
         return None if plan.reference is None else self.tool_poses(plan.reference), plan.verdict
 
-    def view(self, skill: Skill, size: int) -> LatentView | None:
+    def view(self, skill: Skill, size: int) -> LatentPicture | None:
         if skill.decoder.latent_dimension != 2:
             return None
         return LatentView(skill, self.planner.graph, self._points, self._radii, size)
@@ -175,8 +176,10 @@ class JointSpaceKind(SkillKind):
         plan = self.planner.plan(*start, *goal)
         return None if plan.reference is None else self.tool_poses(plan.reference), plan.verdict
 
-    def view(self, skill: Skill, size: int) -> LatentView | None:
-        return None
+    def view(self, skill: Skill, size: int) -> LatentPicture | None:
+        if skill.decoder.latent_dimension != 3:
+            return None
+        return ArmView(skill, self.planner.graph, self.planner.collision, size)
 
     def update(self, values: Mapping[str, Value]) -> None:
         self.cycle.state_timeout = values["state_timeout"]
