@@ -265,7 +265,14 @@ PLANNER = (
         read_only=False,
     ),
     Parameter("path_rate", 5.0, "How often `path` and `~/markers` are published", "Hz", 0.1, 50.0),
-    Parameter("latent_view_rate", 2.0, "How often `~/latent_view` is drawn; 0.0 never", "Hz", 0.0, 10.0),
+    Parameter(
+        "latent_view_rate",
+        2.0,
+        "How often `~/latent_view` is drawn while somebody looks at it; 0.0 never",
+        "Hz",
+        0.0,
+        10.0,
+    ),
     Parameter("latent_view_size", 320, "Edge of the square picture `~/latent_view`", "pixels", 64, 360),
 )
 

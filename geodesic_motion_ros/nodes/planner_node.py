@@ -163,7 +163,8 @@ class PlannerNode(LoopingNode):
         return ViewThread(self._show_view, 1.0 / rate, self._view_died)
 
     def _show_view(self) -> None:
-        if self._newest is None:
+        # A picture takes tens of milliseconds of the interpreter that the ticks share.
+        if self._newest is None or not self._outputs.view_is_watched:
             return
         inputs, output = self._newest
         path = None if output.reference is None else output.reference.latent

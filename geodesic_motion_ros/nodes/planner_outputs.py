@@ -167,6 +167,10 @@ class PlannerOutputs:
     def markers_are_watched(self) -> bool:
         return bool(self._markers.get_subscription_count())
 
+    @property
+    def view_is_watched(self) -> bool:
+        return bool(self._view.get_subscription_count())
+
     def path(self, poses: Pose | None) -> None:
         """Tool positions (n, 3) and quaternions (n, 4) of the present way; an empty path when there is none."""
         positions, quaternions = (np.zeros((0, 3)), np.zeros((0, 4))) if poses is None else poses

@@ -214,14 +214,16 @@ class TestFaults:
 
 
 class TestPictures:
-    def test_late_listeners_get_the_latent_view(self, bench, planner_options, start_joints, skill):
+    def test_the_latent_view_is_drawn_for_whoever_looks(self, bench, planner_options, start_joints, skill, monkeypatch):
         node = bench.add(PlannerNode, **planner_options | {"latent_view_rate": 5.0, "latent_view_size": 128})
         bench.watch_planner()
         bench.send_joint_states(start_joints)
         bench.send_goal(skill.goal_pose)
         bench.wait_for_code("OK")
-        node._view_thread.stop()
+        drawn, render = [], node._view.render
+        monkeypatch.setattr(node._view, "render", lambda *of: drawn.append(render(*of)) or drawn[-1])
         node._show_view()
+        assert not drawn
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         bench.listen(Image, "planner/latent_view", latched)
         image = bench.wait(lambda: bench.heard["planner/latent_view"], "a latent view")[-1]
