@@ -26,21 +26,29 @@ class PoseSmoothing:
     def __init__(self) -> None:
         # Durations [s] of the newest poses (7,), the newest first; before them the stream stood at the oldest one.
         self._poses: deque[tuple[float, np.ndarray]] = deque()
+        self._mean = np.zeros(7)
 
     def reset(self, position: np.ndarray, quaternion: np.ndarray) -> None:
         """The stream stands at a pose, (3,) [m] and (4,)."""
-        self._poses = deque([(0.0, np.concatenate([position, quaternion]))])
+        self._mean = np.concatenate([position, quaternion])
+        self._poses = deque([(0.0, self._mean)])
 
     def add(self, period: float, position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The mean after the stream has been at one more pose for a period [s]: position (3,) [m], quaternion (4,).
 
+        period : where it is 0, a simulation stands, and so does the mean.
         quaternion : of the same sign as the one before.
         """
-        self._poses.appendleft((period, np.concatenate([position, quaternion])))
+        if period > 0.0:
+            self._poses.appendleft((period, np.concatenate([position, quaternion])))
+            self._mean = self._of_the_window()
+        return self._mean[:3], self._mean[3:]
+
+    def _of_the_window(self) -> np.ndarray:
         while sum(duration for duration, _ in self._poses) - self._poses[-1][0] >= SMOOTHING:
             self._poses.pop()
         durations, poses = map(np.array, zip(*self._poses, strict=True))
         durations[-1] = SMOOTHING - np.sum(durations[:-1])
         # Differences from the newest: a stream that stands is commanded to stand, to the last bit.
         mean = poses[0] + durations @ (poses - poses[0]) / SMOOTHING
-        return mean[:3], normalise(mean[3:])
+        return np.concatenate([mean[:3], normalise(mean[3:])])
