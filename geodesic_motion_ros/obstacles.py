@@ -165,15 +165,17 @@ class Obstacles:
         """
         if self.stand:
             return self
-        apart = (self.age + duration) / (count - 1)
-        half = 0.5 * apart * np.linalg.norm(self.velocities, axis=1)
-        solids = self.solids.copy()
-        solids[:, 6] += 0.5 * apart * np.linalg.norm(self.solid_velocities, axis=1)
-        seen = replace(
-            self, centres=self.centres - self.age * self.velocities, radii=np.hypot(self.radii, half),
-            solids=_shifted(solids, -self.age * self.solid_velocities),
-        )  # fmt: skip
-        return seen.swept(self.age + duration, count)
+        return self.as_seen((self.age + duration) / (count - 1)).swept(self.age + duration, count)
+
+    def as_seen(self, apart: float) -> Obstacles:
+        """Where they were when they were last seen, enlarged so that where they are at two times so far apart [s]
+        covers where they are between.
+        """
+        half = 0.5 * apart
+        solids = _shifted(self.solids, -self.age * self.solid_velocities)
+        solids[:, 6] += half * np.linalg.norm(self.solid_velocities, axis=1)
+        radii = np.hypot(self.radii, half * np.linalg.norm(self.velocities, axis=1))
+        return replace(self, centres=self.centres - self.age * self.velocities, radii=radii, solids=solids, age=0.0)
 
 
 def _shifted(solids: np.ndarray, by: np.ndarray) -> np.ndarray:

@@ -50,6 +50,8 @@ _SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
 MOST_STRAIN = 1.11
 #: Dense samples of the published curve per grid step.
 _SAMPLES_PER_STEP = 1.0
+#: No times are looked at that are nearer to each other [s].
+_SHORTEST_INTERVAL = 0.01
 #: Where to give way to is looked for so many grid steps around.
 _REFUGE_STEPS = 40
 
@@ -254,6 +256,32 @@ class PoseSolver:
             body, self._point_radii, allowance, still, still, obstacles, horizon, beyond=False
         )
         return float(np.min(clearance))
+
+    def clearance_wherever_they_stop(
+        self, reference: TaskSpaceReference, later: float, end: float, obstacles: Obstacles, count: int
+    ) -> float:
+        """Least clearance [m] of a reference that begins so much later [s] from what moves on as it did when it was
+        last seen, and comes to a stand at whatever time since.
+
+        end : so long after its beginning [s]; until then it stays where it comes to rest. count : its poses at so many
+            times are looked at, and what moves is enlarged so that nothing is left out between two of them.
+        """
+        standing = float(np.min(self.certified(reference, obstacles.at_rest()).clearance))
+        begins, times = obstacles.age + later, np.linspace(0.0, end, count)
+        positions, quaternions = map(np.array, zip(*map(reference.sample, times), strict=True))
+        # Obstacles come to a stand at one of the knots: within an interval they would be known less exactly.
+        apart = max(float(times[1]), _SHORTEST_INTERVAL)
+        before = np.linspace(0.0, begins, 1 + math.ceil(begins / apart))[:-1]
+        seen, limits = obstacles.in_motion().as_seen(apart), reference.limits
+        levers = np.linalg.norm(self._points, axis=1)
+        turning = reference.strain * limits.angular_acceleration + limits.angular_speed**2
+        bulges = (reference.strain * limits.acceleration + levers * turning) * apart**2 / 8.0
+        motion = (
+            tool_points(positions, quaternions, self._points), self._point_radii, np.tile(bulges, (count - 1, 1)),
+            begins + times, np.ones(count), seen,
+        )  # fmt: skip
+        stands = np.concatenate([before, begins + times])
+        return min(standing, *(float(np.min(motion_clearances(*motion, time))) for time in stands))
 
     def certified(
         self,

@@ -227,8 +227,12 @@ class PoseStream:
         """Least distance [m] of a stop that begins so much later [s], or of a tool that stands at a pose, from where
         obstacles come to until what is commanded rests.
         """
-        end = later + LAG if stop is None else later + stop.duration + LAG
-        return self._solver.clearance_until(stop, start, obstacles.stopping_places(end, STOPPING_PLACES), 0.0)
+        if stop is None:
+            standing = obstacles.stopping_places(later + LAG, STOPPING_PLACES)
+            return self._solver.clearance_until(None, start, standing, 0.0)
+        # The tool will have left where it is before what comes there late.
+        end = stop.duration + LAG
+        return self._solver.clearance_wherever_they_stop(stop, later, end, obstacles, STOPPING_PLACES)
 
     def braking(self, start: Pose, obstacles: Obstacles, speed: float) -> TaskSpaceReference | None:
         """Come to rest along the reference followed so far, whatever is in the way; None at rest.

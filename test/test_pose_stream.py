@@ -116,6 +116,43 @@ def test_a_tool_goes_on_only_as_long_as_it_could_stop_wherever_what_moves_comes_
     assert not stream.can_still_stop(going, start, motion, sphere(line + 0.02 * along, -0.05 * along))
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_room_is_that_from_what_comes_to_a_stand_at_any_time_and_no_less(solver, way, seed) -> None:
+    random = np.random.default_rng(seed)
+    stream, start, _, speed = gone(solver, way)
+    stop = stream.braking(start, Obstacles.none(), speed)
+    centres = start.position + random.normal(scale=0.12, size=(2, 3))
+    velocities = 0.4 * (stop.positions[-1] - centres) + random.normal(scale=0.1, size=(2, 3))
+    radii, later, age = random.uniform(0.01, 0.03, 2), 0.03, 0.1 * seed
+    obstacles = replace(Obstacles.of_spheres(centres, radii, velocities), age=age)
+    told = solver.clearance_wherever_they_stop(stop, later, stop.duration, obstacles, 12)
+
+    times = np.linspace(0.0, stop.duration, 60)
+    tool = np.array([stop.sample(time)[0] for time in times])
+    gaps = []
+    for stands in np.linspace(-age, later + stop.duration, 60):
+        moved = np.minimum(later + times, stands)
+        apart = tool[:, None] - (centres + moved[:, None, None] * velocities)
+        gaps.append(np.min(np.linalg.norm(apart, axis=2) - radii) - TOOL)
+    assert told <= min(gaps) + 1e-5
+    assert told == pytest.approx(min(gaps), abs=3e-3)
+
+
+def test_room_is_left_by_what_comes_where_the_tool_has_been(solver, way) -> None:
+    stream, start, _, speed = gone(solver, way)
+    stop = stream.braking(start, Obstacles.none(), speed)
+    line = stop.positions[-1] - start.position
+    along = line / np.linalg.norm(line)
+    side = np.cross(along, [0.0, 0.0, 1.0])
+    # Behind the tool it reaches the tool's line as the tool comes to rest.
+    place = start.position - 0.03 * along
+    late = sphere(place - (TOUCHING + 0.01) * side, (TOUCHING + 0.01) / stop.duration * side)
+    at_once = late.stopping_places(stop.duration, 12)
+    assert np.min(solver.certified(stop, at_once).clearance) < -0.02
+    room = solver.clearance_wherever_they_stop(stop, 0.0, stop.duration, late, 12)
+    assert room > np.min(solver.certified(stop, at_once).clearance) + 0.01
+
+
 def test_what_was_planned_is_taken_where_the_tool_could_stop(solver, way) -> None:
     stream, start, motion, _ = gone(solver, way)
     plan = Plan(motion.rest, Verdict(VerdictCode.OK))
