@@ -2,8 +2,9 @@
 
 Every topic is one source. Within a source an obstacle is identified by its key: (namespace, id) for
 markers, so that several publishers share a topic without disturbing each other. Time is passed in [s, any
-steady clock]: when a message arrived, and for how long what it tells had been under way then, its transit. What is
-told is as old as that makes it; lifetimes, and what must be told again and again, count from the arrival.
+steady clock]: when a message arrived, and for how long what it tells had been under way then, its transit: less than
+nothing by a stamp of the future. What is told is as old as that makes it; lifetimes, and what must be told again and
+again, count from the arrival.
 """
 
 from __future__ import annotations
@@ -21,15 +22,17 @@ from geodesic_motion_ros.solids import no_solids
 
 Key = tuple[str, int]
 
-# An older stamp within this window is a message that was overtaken; further back, the sender's clock was
-# set back.
-REORDER_WINDOW = 1.0
+# What was taken up to so long [s] before the newest was overtaken by it; further back, the sender's clock was set back,
+# and so it was where so many in a row go on behind the newest, one after the other.
+REORDER_WINDOW, _GOING_ON = 1.0, 3
 
 # What is faster [m/s] moves; of what is slower the velocity may be noise.
 MOVING = 0.02
-# What moves and is not told again for so long [s] may have come to a stand anywhere since: at so many places, each
-# enlarged so that nothing between them is left out, until it is told again.
-MOTION_LASTS, _PLACES = 0.3, 5
+# What moves and is not told again for so long [s] may have come to a stand anywhere since: at places that are so far
+# apart [m] at most, each enlarged so that nothing between them is left out, but no more than so many.
+MOTION_LASTS, _APART, _MOST_PLACES = 0.3, 0.05, 16
+# Until it is told again the stretch grows every so often [s], up to what it comes to in so long [s].
+_GROWS_EVERY, _GROWS_FOR = 0.05, 2.0
 # What was under way for longer [s] tells nothing of now, or two clocks do not agree: nothing is expected to have moved
 # on meanwhile. With clocks that do not agree, whoever keeps on would have obstacles where they never were.
 LONGEST_TRANSIT = 1.0
@@ -82,16 +85,36 @@ class ObstacleSet:
         )  # fmt: skip
 
 
+class _Order:
+    """Which of the messages about one thing were overtaken, by when they were taken [s]."""
+
+    def __init__(self) -> None:
+        self._newest = self._behind = -math.inf
+        self._count = 0
+
+    def overtaken(self, taken: float) -> bool:
+        """Whether what was taken then is to be ignored."""
+        if not 0.0 < self._newest - taken < REORDER_WINDOW:
+            self._newest, self._count = taken, 0
+            return False
+        self._count = self._count + 1 if taken > self._behind else 1
+        self._behind = taken
+        if self._count < _GOING_ON:
+            return True
+        self._newest, self._count = taken, 0
+        return False
+
+
 @dataclass
 class _Track:
     centre: tuple[float, float, float]
     radius: float
-    stamp: float
     arrival: float
     taken: float
     expires: float
     solid: np.ndarray | None = None
     motion: ObstacleVelocity = field(default_factory=ObstacleVelocity)
+    order: _Order = field(default_factory=_Order)
     deleted: bool = False
 
     @property
@@ -104,12 +127,26 @@ class _Track:
         return self.taken if self.arrival - self.taken <= LONGEST_TRANSIT else self.arrival
 
     def places(self, now: float) -> list[_Track]:
-        """Itself, or where it may have come to a stand since it was last seen."""
-        if now < self.arrival + MOTION_LASTS or not self.moves:
+        """Itself, and, once it is not told any more, where it may have come to a stand since it was last seen."""
+        if not self.doubted(now):
             return [self]
-        reach = (self.arrival + MOTION_LASTS - self.since) * np.array(self.motion.velocity)
-        half = 0.5 * float(np.linalg.norm(reach)) / (_PLACES - 1)
-        return [self._standing(share * reach, half) for share in np.linspace(0.0, 1.0, _PLACES)]
+        reach = min(now + _GROWS_EVERY - self.since, _GROWS_FOR) * np.array(self.motion.velocity)
+        length = float(np.linalg.norm(reach))
+        count = min(2 + int(length / _APART), _MOST_PLACES)
+        half = 0.5 * length / (count - 1)
+        return [self, *(self._standing(share * reach, half) for share in np.linspace(0.0, 1.0, count))]
+
+    def doubted(self, now: float) -> bool:
+        """Whether it moved and has not been told for too long."""
+        return now >= self.arrival + MOTION_LASTS and self.moves
+
+    def changes(self, now: float) -> float:
+        """When what is told of its places changes by itself [s], inf for never."""
+        if not self.moves:
+            return math.inf
+        if not self.doubted(now):
+            return self.arrival + MOTION_LASTS
+        return now + _GROWS_EVERY if now < self.since + _GROWS_FOR else math.inf
 
     def _standing(self, shift: np.ndarray, half: float) -> _Track:
         solid = None if self.solid is None else self.solid.copy()
@@ -144,11 +181,12 @@ class ObstacleTracker:
         self._version = 0
         self._set: ObstacleSet | None = None
         self._cloud = DistanceField.none()
+        self._cloud_order = _Order()
 
     def hear(self, source: str, now: float, transit: float = 0.0) -> None:
         """Note that a valid message of a source arrived, even one without obstacles, after a transit [s]."""
         _, newest = self._heard.get(source, (now, -math.inf))
-        self._heard[source] = now, max(newest, now - transit)
+        self._heard[source] = now, max(newest, now - max(0.0, transit))
 
     def put(
         self,
@@ -158,7 +196,6 @@ class ObstacleTracker:
         radius: float,
         now: float,
         lifetime: float = 0.0,
-        stamp: float = 0.0,
         solid: np.ndarray | None = None,
         transit: float = 0.0,
     ) -> bool:
@@ -169,68 +206,72 @@ class ObstacleTracker:
         centre, radius : [m]; must be finite and positive (checked where messages are read).
         lifetime : [s] the sphere vanishes by itself this long after its last update; 0 keeps it until
             deleted.
-        stamp : time [s] the sender gave, on the sender's clock; 0 when there is none. The velocity is worked out
-            with it, and with times of arrival where there is none.
         solid : (16,) row of a solid around the centre, see `solids.py`; its radius counts, and not `radius`.
         transit : [s] so long before `now` it was there. However long that is, the obstacle counts: one too many does
             less harm than one of which nothing is known.
 
         Returns
         -------
-        False when a newer stamp of the same key was seen before: the message was overtaken and is ignored.
+        False when what is known of the same key was taken later: the message was overtaken and is ignored.
         """
-        self.hear(source, now, transit)
         tracks = self._tracks.setdefault(source, {})
         before = tracks.get(key)
-        if _overtaken(before, stamp):
+        order = _Order() if before is None else before.order
+        if order.overtaken(now - transit):
             return False
+        self.hear(source, now, transit)
         expires = now + lifetime if lifetime > 0.0 else math.inf
         place = tuple(float(c) for c in centre)
-        track = tracks[key] = _Track(place, float(radius), stamp, now, now - transit, expires, solid)
-        # Times of arrival and stamps are of two clocks: a motion is told from times of one.
-        if before is not None and not before.deleted and (before.stamp > 0.0) == (stamp > 0.0):
+        taken = now - max(0.0, transit)
+        track = tracks[key] = _Track(place, float(radius), now, taken, expires, solid, order=order)
+        if before is not None and not before.deleted:
             track.motion = before.motion
-        track.motion.see(track.centre, stamp if stamp > 0.0 else now)
+        track.motion.see(track.centre, now - transit)
         # Whether it moves is worked out then: here it would be for every message.
         doubted = now + MOTION_LASTS if track.motion.known else math.inf
         self._next_expiry = min(self._next_expiry, expires, doubted)
         self._changed()
         return True
 
-    def delete(self, source: str, key: Key, now: float, stamp: float = 0.0, transit: float = 0.0) -> bool:
+    def delete(self, source: str, key: Key, now: float, transit: float = 0.0) -> bool:
         """Remove one sphere; False when there is none or the message was overtaken."""
         self.hear(source, now, transit)
         track = self._tracks.get(source, {}).get(key)
-        deleted = track is not None and not track.deleted and not _overtaken(track, stamp)
+        deleted = track is not None and not track.deleted and not track.order.overtaken(now - transit)
         if deleted:
-            self._bury(track, now, stamp)
+            self._bury(track, now)
         self._say_goodbye_when_empty(source)
         return deleted
 
-    def delete_all(self, source: str, now: float, namespace: str = "", stamp: float = 0.0, transit: float = 0.0) -> int:
+    def delete_all(self, source: str, now: float, namespace: str = "", transit: float = 0.0) -> int:
         """Remove every sphere of a source, or of one namespace when it is not empty; returns how many."""
         self.hear(source, now, transit)
         doomed = [
             track
             for key, track in self._tracks.get(source, {}).items()
-            if not track.deleted and (not namespace or key[0] == namespace) and not _overtaken(track, stamp)
+            if not track.deleted
+            and (not namespace or key[0] == namespace)
+            and not track.order.overtaken(now - transit)
         ]
         for track in doomed:
-            self._bury(track, now, stamp)
+            self._bury(track, now)
         self._say_goodbye_when_empty(source)
         return len(doomed)
 
-    def replace_cloud(self, source: str, cloud: DistanceField, now: float, transit: float = 0.0) -> None:
-        """Exchange the cloud for a newer one, which arrived at `now` [s]."""
+    def replace_cloud(self, source: str, cloud: DistanceField, now: float, transit: float = 0.0) -> bool:
+        """Exchange the cloud for one that arrived at `now` [s]; False when that was overtaken and is ignored."""
+        if self._cloud_order.overtaken(now - transit):
+            return False
         self.hear(source, now, transit)
         self._cloud = cloud
         self._changed()
+        return True
 
     def clear(self) -> None:
         """Forget every obstacle and that any source was heard."""
         self._tracks.clear()
         self._heard.clear()
-        self._cloud = DistanceField.none()
+        self._cloud, self._cloud_order = DistanceField.none(), _Order()
         self._next_expiry = math.inf
         self._changed()
 
@@ -264,7 +305,9 @@ class ObstacleTracker:
             _, newest = self._heard.get(source, (now, now))
             if now - newest <= timeout:
                 for key, track in tracks.items():
-                    if now - track.taken > timeout and track.moves:
+                    moved = track.moves and now - track.taken > timeout
+                    told_late = not track.deleted and track.arrival - track.taken > timeout >= now - track.arrival
+                    if moved or told_late:
                         yield _label(source, key), track.arrival, track.taken
 
     def current(self, now: float) -> ObstacleSet:
@@ -280,15 +323,12 @@ class ObstacleTracker:
             for key in [key for key, track in tracks.items() if now >= track.expires]:
                 del tracks[key]
         tracks = [track for tracks in self._tracks.values() for track in tracks.values()]
-        doubted = (track.arrival + MOTION_LASTS for track in tracks if track.moves)
-        expiries = [track.expires for track in tracks] + [time for time in doubted if time > now]
-        self._next_expiry = min(expiries, default=math.inf)
+        self._next_expiry = min((min(track.expires, track.changes(now)) for track in tracks), default=math.inf)
         self._changed()
 
-    def _bury(self, track: _Track, now: float, stamp: float) -> None:
+    def _bury(self, track: _Track, now: float) -> None:
         # A deleted key is remembered for a while, so that an overtaken ADD does not bring the obstacle back.
         track.deleted = True
-        track.stamp = max(track.stamp, stamp)
         track.expires = now + REORDER_WINDOW
         self._next_expiry = min(self._next_expiry, track.expires)
         self._changed()
@@ -331,7 +371,3 @@ def _label(source: str, key: Key) -> str:
 
 def _velocities(tracks: list[_Track]) -> np.ndarray:
     return np.array([track.motion.velocity for track in tracks], dtype=float).reshape(-1, 3)
-
-
-def _overtaken(track: _Track | None, stamp: float) -> bool:
-    return track is not None and stamp > 0.0 and 0.0 < track.stamp - stamp < REORDER_WINDOW

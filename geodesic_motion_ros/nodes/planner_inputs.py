@@ -198,7 +198,7 @@ class PlannerInputs:
         moment = self._time.read()
         if moment.now == 0.0:
             raise MessageRefused("use_sim_time is set, and nothing has been heard on /clock: its age cannot be told")
-        taken = moment.running - _transit(seconds(message.header.stamp), moment)
+        taken = moment.running - max(0.0, _transit(seconds(message.header.stamp), moment))
         self._plausible.check(joints, taken)
         with self._lock:
             self._joints, self._joints_taken = joints, taken
@@ -232,7 +232,7 @@ class PlannerInputs:
         moment = self._time.read()
         with self._lock:
             self._task_frame = frame
-            self._task_frame_taken = moment.running - _transit(seconds(message.header.stamp), moment)
+            self._task_frame_taken = moment.running - max(0.0, _transit(seconds(message.header.stamp), moment))
 
     def _on_obstacles(self, message: bytes) -> None:
         markers, updates = markers_in(message), []
@@ -246,35 +246,45 @@ class PlannerInputs:
         with self._lock:
             if len(updates) == len(markers):
                 self._tracker.hear("obstacles", moment.running, _transit(newest, moment))
-            for update in updates:
+            taken = [
                 self._apply("obstacles", update, moment.running, _transit(update.stamp or newest, moment))
+                for update in updates
+            ]
+        self._count_overtaken("obstacles", all(taken))
         self._obstacles_changed()
 
     def _on_marker(self, message: bytes) -> None:
         update = read_marker(marker_in(message), self._frame, self.frames)
         moment = self._time.read()
         with self._lock:
-            self._apply("obstacle_marker", update, moment.running, _transit(update.stamp, moment))
+            taken = self._apply("obstacle_marker", update, moment.running, _transit(update.stamp, moment))
+        self._count_overtaken("obstacle_marker", taken)
         self._obstacles_changed()
 
-    def _apply(self, source: str, update: MarkerUpdate, now: float, transit: float) -> None:
-        stamp = update.stamp
+    def _apply(self, source: str, update: MarkerUpdate, now: float, transit: float) -> bool:
+        """False where what was to be put was overtaken."""
         if update.action == "put":
-            self._tracker.put(
-                source, update.key, update.centre, update.radius, now, update.lifetime, stamp, update.solid, transit
+            return self._tracker.put(
+                source, update.key, update.centre, update.radius, now, update.lifetime, update.solid, transit
             )
-        elif update.action == "delete":
-            self._tracker.delete(source, update.key, now, stamp, transit)
+        if update.action == "delete":
+            self._tracker.delete(source, update.key, now, transit)
         else:
-            self._tracker.delete_all(source, now, update.key[0], stamp, transit)
+            self._tracker.delete_all(source, now, update.key[0], transit)
+        return True
+
+    def _count_overtaken(self, source: str, taken: bool) -> None:
+        if not taken:
+            self.refusals.add(source, "overtaken: its stamp is older than that of what was heard before")
 
     def _on_point(self, message: PointStamped) -> None:
         centre = read_point(message, self._frame, self.frames)
         radius = self._parameters["obstacle_point_radius"]
-        stamp, moment = seconds(message.header.stamp), self._time.read()
-        transit = _transit(stamp, moment)
+        moment = self._time.read()
+        transit = _transit(seconds(message.header.stamp), moment)
         with self._lock:
-            self._tracker.put("obstacle_point", ("", 0), centre, radius, moment.running, stamp=stamp, transit=transit)
+            taken = self._tracker.put("obstacle_point", ("", 0), centre, radius, moment.running, transit=transit)
+        self._count_overtaken("obstacle_point", taken)
         self._obstacles_changed()
 
     def _on_cloud(self, message: PointCloud2) -> None:
@@ -307,8 +317,10 @@ class PlannerInputs:
         """heard : when the cloud arrived, and its transit [s]."""
         field, figures = made
         with self._lock:
-            self._cloud_figures = figures
-            self._tracker.replace_cloud("obstacle_cloud", field, *heard)
+            taken = self._tracker.replace_cloud("obstacle_cloud", field, *heard)
+            if taken:
+                self._cloud_figures = figures
+        self._count_overtaken("obstacle_cloud", taken)
         self._obstacles_changed()
 
     def _cloud_failed(self, error: BaseException) -> None:
@@ -317,6 +329,6 @@ class PlannerInputs:
 
 
 def _transit(stamp: float, arrival: Moment) -> float:
-    """Seconds a message was under way by its stamp; 0 without a stamp or with one from the future."""
+    """Seconds a message was under way by its stamp; 0 without a stamp, less with one of the future."""
     # On arrival and never again: what becomes of the clock later makes nothing older.
-    return 0.0 if stamp == 0.0 else max(0.0, arrival.now - stamp)
+    return 0.0 if stamp == 0.0 else arrival.now - stamp

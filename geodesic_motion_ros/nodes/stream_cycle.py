@@ -353,5 +353,5 @@ def _stale_obstacles(inputs: CycleInputs[Place]) -> str:
         said.append(f"silent: {silent}; tell them again, or delete them")
     if inputs.late_sources:
         late = ", ".join(f"{source} by {age:.2f} s" for source, age in inputs.late_sources.items())
-        said.append(f"stamps lag: {late}; synchronise the clocks, detect faster, or send stamp 0")
+        said.append(f"stamps lag: {late}; synchronise the clocks, or detect faster")
     return "; ".join(said)

@@ -68,29 +68,68 @@ def test_lifetime_counts_from_the_last_update():
 
 def test_overtaken_messages_are_ignored_until_the_window_closes():
     tracker = ObstacleTracker()
-    assert tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0, stamp=10.0)
-    assert not tracker.put("obstacles", ("", 0), THERE, 0.05, now=0.01, stamp=9.99)
+    assert tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0)
+    assert not tracker.put("obstacles", ("", 0), THERE, 0.05, now=0.01, transit=0.02)
     np.testing.assert_array_equal(tracker.current(0.01).centres, [HERE])
     # a clock that was set back further than any message is late
-    assert tracker.put("obstacles", ("", 0), THERE, 0.05, now=0.02, stamp=10.0 - 5.0)
+    assert tracker.put("obstacles", ("", 0), THERE, 0.05, now=0.02, transit=5.0)
     np.testing.assert_array_equal(tracker.current(0.02).centres, [THERE])
+
+
+@pytest.mark.parametrize("set_back", [0.1, 0.4, 0.9])
+def test_a_clock_that_was_set_back_a_little_silences_nobody(set_back):
+    tracker = ObstacleTracker()
+    moved(tracker, 0.5)
+    for time in (0.5, 0.52, 0.54, 0.56, 0.58):
+        place = np.array([0.4 * time, 0.0, 0.0])
+        taken = tracker.put("obstacles", ("", 0), place, 0.05, now=time, transit=set_back)
+        assert taken == (time > 0.53)
+    seen = tracker.current(0.6)
+    np.testing.assert_allclose(seen.centres, [place])
+    np.testing.assert_allclose(seen.velocities, [[0.4, 0.0, 0.0]], atol=1e-6)
+
+
+def test_one_stamp_of_the_future_silences_nobody():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0)
+    assert tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.02, transit=-0.95)
+    taken = [tracker.put("obstacles", ("", 0), THERE, 0.05, now=time) for time in (0.04, 0.06, 0.08, 0.10)]
+    assert taken == [False, False, True, True]
+    np.testing.assert_array_equal(tracker.current(0.1).centres, [THERE])
+    assert tracker.ages(0.1) == {"obstacles": 0.0}
+
+
+def test_what_is_overtaken_is_no_sign_of_life():
+    tracker = ObstacleTracker()
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0)
+    assert not tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.6, transit=0.7)
+    assert tracker.silent(0.6, timeout=0.5) == {"obstacles": 0.6}
+
+
+def test_an_overtaken_cloud_is_ignored():
+    tracker, cloud = ObstacleTracker(), DistanceField.of(np.array([HERE]), 0.02, 0.02, 0.05)
+    assert tracker.replace_cloud("obstacle_cloud", cloud, 1.0)
+    assert not tracker.replace_cloud("obstacle_cloud", DistanceField.none(), 1.01, transit=0.1)
+    assert len(tracker.current(1.01)) == 1
+    assert tracker.replace_cloud("obstacle_cloud", DistanceField.none(), 1.1, transit=0.01)
+    assert len(tracker.current(1.1)) == 0
 
 
 def test_an_overtaken_add_does_not_revive_a_deleted_obstacle():
     tracker = ObstacleTracker()
-    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0, stamp=10.0)
-    tracker.delete("obstacles", ("", 0), now=0.02, stamp=10.02)
-    assert not tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.03, stamp=10.01)
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0)
+    tracker.delete("obstacles", ("", 0), now=0.02)
+    assert not tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.03, transit=0.02)
     assert len(tracker.current(0.03).radii) == 0
-    assert tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.04, stamp=10.03)
+    assert tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.04, transit=0.01)
     assert len(tracker.current(0.04).radii) == 1
 
 
 def test_deleted_keys_are_forgotten_after_the_window():
     tracker = ObstacleTracker()
     for number in range(100):
-        tracker.put("obstacles", ("", number), HERE, 0.05, now=0.0, stamp=10.0)
-    tracker.delete_all("obstacles", now=0.1, stamp=10.1)
+        tracker.put("obstacles", ("", number), HERE, 0.05, now=0.0)
+    tracker.delete_all("obstacles", now=0.1)
     tracker.current(0.1 + 1.01 * REORDER_WINDOW)
     assert not any(tracker._tracks.values())
 
@@ -240,8 +279,7 @@ def moved(tracker: ObstacleTracker, until: float, stamped: bool = False, key: tu
     for time in np.arange(0.0, until, 1.0 / 60.0).tolist():
         # stamped messages arrive late, each differently
         late = 0.02 + 0.015 * np.sin(40.0 * time) if stamped else 0.0
-        stamp = 1000.0 + time if stamped else 0.0
-        tracker.put("obstacles", key, np.array([0.4 * time, 0.0, 0.0]), 0.05, now=time + late, stamp=stamp)
+        tracker.put("obstacles", key, np.array([0.4 * time, 0.0, 0.0]), 0.05, now=time + late, transit=late)
 
 
 def test_what_moves_has_its_velocity_and_the_time_of_its_newest_update():
@@ -259,11 +297,13 @@ def test_velocities_are_told_by_stamps_where_there_are_any():
     np.testing.assert_allclose(tracker.current(0.6).velocities, [[0.4, 0.0, 0.0]], atol=1e-6)
 
 
-def test_stamps_and_times_of_arrival_are_not_mixed():
+def test_a_sender_that_stamps_now_and_then_has_a_velocity_all_the_same():
     tracker = ObstacleTracker()
-    moved(tracker, 0.5)
-    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.51, stamp=1000.0)
-    np.testing.assert_array_equal(tracker.current(0.6).velocities, np.zeros((1, 3)))
+    for number in range(30):
+        taken = number / 30.0
+        transit = 0.005 if number % 2 else 0.0
+        tracker.put("obstacles", ("", 0), np.array([0.4 * taken, 0.0, 0.0]), 0.05, now=taken + 0.005, transit=transit)
+    np.testing.assert_allclose(tracker.current(1.0).velocities, [[0.4, 0.0, 0.0]], atol=0.03)
 
 
 def test_what_was_deleted_and_comes_again_starts_at_rest():
@@ -301,12 +341,15 @@ def test_what_moved_and_is_not_told_again_may_have_stopped_anywhere_since():
             np.testing.assert_allclose(obstacles.centres[0], last + [0.4 * (now - 0.2), 0.0, 0.0], atol=1e-9)
             assert obstacles.age == pytest.approx(now - 0.2)
     obstacles = seen.moved_on(now, 1.6, now)
-    assert obstacles.stand
+    # It may as well move on.
+    np.testing.assert_allclose(obstacles.velocities[0], [0.4, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(obstacles.centres[0], last + [0.4 * (now - 0.2), 0.0, 0.0], atol=1e-9)
+    standing = ~np.any(obstacles.velocities, axis=1)
     random = np.random.default_rng(0)
-    for passed in np.linspace(0.0, MOTION_LASTS, 50):
+    for passed in np.linspace(0.0, now - 0.2, 50):
         on = random.normal(size=(50, 1, 3))
         on = last + [0.4 * passed, 0.0, 0.0] + 0.05 * on / np.linalg.norm(on, axis=2, keepdims=True)
-        gaps = np.linalg.norm(on - obstacles.centres, axis=2) - obstacles.radii
+        gaps = np.linalg.norm(on - obstacles.centres[standing], axis=2) - obstacles.radii[standing]
         assert np.max(np.min(gaps, axis=1)) < 1e-9
     assert set(seen.labels) == {"obstacles/a/1", "obstacles/b/2"}
     # Told again, it moves on.
@@ -320,8 +363,10 @@ def test_that_comes_by_itself_without_another_message():
     before = tracker.current(0.4)
     after = tracker.current(0.2 + MOTION_LASTS)
     assert after.version > before.version
-    assert not np.any(after.velocities)
-    assert tracker.current(1.0).version == after.version
+    assert len(after.radii) > len(before.radii) == 1
+    # Where it may have come to grows, up to a limit.
+    last = [tracker.current(now).centres[:, 0].max() for now in (1.0, 1.5, 2.5, 9.0)]
+    assert last[0] < last[1] < last[2] == last[3]
 
 
 def test_a_solid_that_moved_and_is_not_told_again_likewise():

@@ -83,18 +83,18 @@ class MadePlanner:
                 self._refuse("obstacles", str(error), now)
                 continue
             believed = update.stamp == 0.0 or "takes old for new" in self.flaws
-            transit = 0.0 if believed else max(0.0, now - update.stamp)
+            transit = 0.0 if believed else now - update.stamp
             self.tracker.hear("obstacles", now, transit)
             if update.action == "put":
                 lifetime = 0.1 if "forgets early" in self.flaws else update.lifetime
                 self.tracker.put(
-                    "obstacles", update.key, update.centre, update.radius, now, lifetime, update.stamp, transit=transit
+                    "obstacles", update.key, update.centre, update.radius, now, lifetime, transit=transit
                 )
             elif "never deletes" not in self.flaws:
                 if update.action == "delete":
-                    self.tracker.delete("obstacles", update.key, now, update.stamp, transit)
+                    self.tracker.delete("obstacles", update.key, now, transit)
                 else:
-                    self.tracker.delete_all("obstacles", now, update.key[0], update.stamp, transit)
+                    self.tracker.delete_all("obstacles", now, update.key[0], transit)
 
     def _refuse(self, topic: str, reason: str, now: float) -> None:
         self.refused_at = now
