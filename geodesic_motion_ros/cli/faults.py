@@ -42,7 +42,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     )  # fmt: skip
     parser.add_argument("--list", action="store_true", help="name all faults and when they pass, run nothing")
     parser.add_argument("--only", type=_names, metavar="NAME,NAME", help="these faults, long ones too")
-    parser.add_argument("--phases", type=_phases, default=PHASES, metavar="PHASE,PHASE", help=f"of {', '.join(PHASES)}")
+    parser.add_argument(
+        "--phases", type=_phases, default=",".join(PHASES), metavar="PHASE,PHASE", help="in these phases only"
+    )
     parser.add_argument("--seeds", type=indices, default="0", metavar="SEED,SEED", help="when exactly, where, how much")
     parser.add_argument("--soak-minutes", type=float, default=30.0, metavar="MIN", help="how long the fault soak takes")
     parser.add_argument("--all", action="store_true", help="the faults that take minutes as well")
@@ -90,10 +92,11 @@ def run(arguments: argparse.Namespace) -> int:
         with termination_as_interrupt():
             _run_all(arguments, todo, rows)
     finally:
-        _write(arguments.json, rows)
-        if arguments.markdown is not None:
-            arguments.markdown.write_text(markdown(rows))
+        # Where none has run, figures of before are not written over.
         if rows:
+            _write(arguments.json, rows)
+            if arguments.markdown is not None:
+                arguments.markdown.write_text(markdown(rows))
             print(f"{table(rows)}\nload of the machine at the end: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     return 1 if any(row.passed is False for row in rows) else 0
 

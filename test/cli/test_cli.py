@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import os
+import re
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +57,33 @@ def test_help_of_a_command_gives_an_example_that_its_parser_understands(command,
         # Some examples say behind the command what it does.
         words = example[:2] if command == "inspect" and "by" in example else example
         assert build_parser().parse_args(words).command == command
+
+
+def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    """A parser, and those of all its commands."""
+    yield parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                yield from parsers(below)
+
+
+def test_help_shows_defaults_as_they_are_typed() -> None:
+    said = [" ".join(parser.format_help().split()) for parser in parsers(build_parser())]
+    assert any("(default: start,motion,goal)" in text for text in said)
+    assert any("(default: 0.0 0.0 0.0)" in text for text in said)
+    assert not [text for text in said if re.search(r"default: [(\[{]", text)]
+
+
+def test_faults_that_do_not_begin_leave_the_figures_of_before(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr("geodesic_motion_ros.nodes.running.go_first", lambda: None)
+    files = {"--json": tmp_path / "faults.json", "--markdown": tmp_path / "faults.md"}
+    for file in files.values():
+        file.write_text("of before")
+    given = [str(word) for option in files.items() for word in option]
+    assert main(["faults", "--skill", "no_such_skill", "--out", str(tmp_path), *given]) == 2
+    assert "no skill 'no_such_skill'" in capsys.readouterr().err
+    assert [file.read_text() for file in files.values()] == ["of before", "of before"]
 
 
 def test_help_loads_no_heavy_library() -> None:
