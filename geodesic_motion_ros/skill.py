@@ -227,7 +227,6 @@ class Skill:
             if not (isinstance(value, float) and value > 0.0):
                 raise SkillError(f"{name} is {value!r}, must be a positive number")
 
-
     def _check_joints(self) -> None:
         joints = len(Robot.named(self.robot).joint_names)
         counted = {"the decoder": self.decoder.joints}
@@ -280,8 +279,17 @@ def _resolve(folder: str | os.PathLike[str]) -> Path:
         try:
             return find_shared(f"models/{path.name}")
         except GeodesicMotionError as error:
-            raise SkillError(f"no skill {str(folder)!r}: not a folder, and not shipped ({error})") from error
+            shipped = _shipped()
+            said = f"not one that is shipped ({', '.join(shipped)})" if shipped else f"not shipped ({error})"
+            raise SkillError(f"no skill {str(folder)!r}: not a folder, and {said}") from error
     raise SkillError(f"no skill folder {str(folder)!r}: give a folder with skill.yaml, or the name of a shipped skill")
+
+
+def _shipped() -> list[str]:
+    try:
+        return sorted(file.parent.name for file in find_shared("models").glob("*/skill.yaml"))
+    except GeodesicMotionError:
+        return []
 
 
 def _read_description(path: Path) -> dict[str, Any]:

@@ -202,6 +202,11 @@ def test_a_foreign_yaml_is_refused(folder, content):
         Skill.load(folder)
 
 
+def test_who_mistypes_a_skill_is_told_the_shipped_ones():
+    with pytest.raises(SkillError, match=r"\(panda_bottle2shelf, panda_pouring, panda_reach_to_grasp\)$"):
+        Skill.load("bottle2shelf")
+
+
 @pytest.mark.parametrize("name", ["no_such_skill", "no/such/folder"])
 def test_a_skill_that_does_not_exist_is_named(name):
     with pytest.raises(SkillError, match=name):
