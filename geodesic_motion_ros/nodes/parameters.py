@@ -67,8 +67,15 @@ class Parameter:
         return isinstance(self.default, list) and isinstance(self.default[0], str)
 
     def _check_texts(self, value: object) -> None:
-        if not isinstance(value, list) or not all(text in ("", *self.choices) for text in value):
+        if value is None or value == []:
+            self._refuse(value, '; an empty list has no type in ROS, write [""]')
+        if not isinstance(value, list):
             self._refuse(value)
+        for text in value:
+            if text not in ("", *self.choices):
+                # A topic is named as the node does, whatever it resolves to in the graph.
+                plain = str(text).rpartition("/")[2]
+                self._refuse(value, f"; write {plain}, without a slash" if plain in self.choices else "")
 
     def _check_list(self, value: object) -> None:
         value = _plain(value)
@@ -94,8 +101,9 @@ class Parameter:
         if not (math.isfinite(number) and low <= number <= high):
             self._refuse(value)
 
-    def _refuse(self, value: object) -> None:
-        raise ParameterError(f"parameter {self.name} = {value!r}: expected {self.allowed}")
+    def _refuse(self, value: object, hint: str = "") -> None:
+        shown = "[]" if value is None else repr(value)  # rclpy's value of an empty list
+        raise ParameterError(f"parameter {self.name} = {shown}: expected {self.allowed}{hint}")
 
     @property
     def allowed(self) -> str:

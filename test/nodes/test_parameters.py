@@ -85,8 +85,8 @@ def test_accepts(parameter, value):
     [
         (REACH, 0.49), (REACH, 2.01), (REACH, math.nan), (REACH, math.inf), (REACH, 1), (REACH, "1.0"), (REACH, True),
         (COUNT, 0), (COUNT, 2.0), (COUNT, True), (MODE, "c"), (MODE, 1), (FLAG, 1), (FLAG, "true"),
-        (PAIR, [0.0]), (PAIR, [0.0, 1.5]), (PAIR, [0.0, math.nan]), (PAIR, [0, 0]), (PAIR, "00"), (PAIR, None),
-        (ROWS, [0.0] * 3), (ROWS, []), (NAMES, ["c"]), (NAMES, ["a", 1]), (NAMES, "a"), (NAMES, None),
+        (PAIR, [0.0]), (PAIR, [0.0, 1.5]), (PAIR, [0.0, math.nan]), (PAIR, [0, 0]), (PAIR, "00"),
+        (ROWS, [0.0] * 3), (ROWS, []), (NAMES, ["c"]), (NAMES, ["a", 1]), (NAMES, "a"),
     ],
 )  # fmt: skip
 def test_refuses_and_says_what_is_allowed(parameter, value):
@@ -94,6 +94,23 @@ def test_refuses_and_says_what_is_allowed(parameter, value):
         parameter.check(value)
     message = str(caught.value)
     assert message == f"parameter {parameter.name} = {value!r}: expected {parameter.allowed}"
+
+
+@pytest.mark.parametrize("value", [None, []])
+def test_an_empty_list_of_texts_is_refused_as_what_was_written(value):
+    with pytest.raises(ParameterError, match=r'names = \[\]: .*an empty list has no type in ROS, write \[""\]'):
+        NAMES.check(value)
+
+
+def test_an_empty_list_of_numbers_is_shown_as_it_was_written():
+    with pytest.raises(ParameterError, match=r"pair = \[\]: expected 2 floats"):
+        PAIR.check(None)
+
+
+@pytest.mark.parametrize("name", ["/b", "/robot/b", "~/b"])
+def test_a_text_with_a_slash_too_many_is_told(name):
+    with pytest.raises(ParameterError, match=r"expected a list of a, b; .*; write b, without a slash$"):
+        NAMES.check(["a", name])
 
 
 def test_words_for_what_is_allowed():
