@@ -160,11 +160,11 @@ class PlannerNode(LoopingNode):
         if view is None:
             return None
         self._view = view
-        return ViewThread(self._show_view, 1.0 / rate, self._view_died)
+        # A picture takes tens of milliseconds of the interpreter that the ticks share: none is drawn for nobody.
+        return ViewThread(self._show_view, lambda: self._outputs.view_is_watched, 1.0 / rate, self._view_died)
 
     def _show_view(self) -> None:
-        # A picture takes tens of milliseconds of the interpreter that the ticks share.
-        if self._newest is None or not self._outputs.view_is_watched:
+        if self._newest is None:
             return
         inputs, output = self._newest
         path = None if output.reference is None else output.reference.latent

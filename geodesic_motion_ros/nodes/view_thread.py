@@ -5,17 +5,27 @@ It must not have a lower priority than the loop: preempted while it holds the in
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 
+#: How soon somebody who begins to look is seen [s].
+_GLANCE = 0.2
+
 
 class ViewThread:
-    """Calls `draw` every `period` seconds until stopped; an exception goes to
-    `failed`, once.
+    """While `watched` says so, calls `draw` every `period` seconds, and at once when it begins to: the picture that is
+    latched may be of long ago. An exception goes to `failed`, once, and ends it.
     """
 
-    def __init__(self, draw: Callable[[], None], period: float, failed: Callable[[BaseException], None]) -> None:
-        self._draw, self._period, self._failed = draw, period, failed
+    def __init__(
+        self,
+        draw: Callable[[], None],
+        watched: Callable[[], bool],
+        period: float,
+        failed: Callable[[BaseException], None],
+    ) -> None:
+        self._draw, self._watched, self._period, self._failed = draw, watched, period, failed
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="latent_view", daemon=True)
 
@@ -29,7 +39,12 @@ class ViewThread:
 
     def _run(self) -> None:
         try:
-            while not self._stopping.wait(self._period):
-                self._draw()
+            glances = math.ceil(self._period / _GLANCE)
+            count = 0
+            while not self._stopping.wait(self._period / glances):
+                watched = self._watched()
+                if watched and count % glances == 0:
+                    self._draw()
+                count = count + 1 if watched else 0
         except Exception as error:
             self._failed(error)

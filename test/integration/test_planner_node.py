@@ -222,7 +222,7 @@ class TestPictures:
         bench.wait_for_code("OK")
         drawn, render = [], node._view.render
         monkeypatch.setattr(node._view, "render", lambda *of: drawn.append(render(*of)) or drawn[-1])
-        node._show_view()
+        assert not node._view_thread._watched()
         assert not drawn
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         bench.listen(Image, "planner/latent_view", latched)
