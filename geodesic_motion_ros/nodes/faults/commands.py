@@ -24,12 +24,12 @@ from geodesic_motion_ros.skill import Skill
 
 #: A status that explains a command is heard this long [s] after it at most.
 _TOLD_AFTER = 0.1
+_DEFAULTS = {parameter.name: parameter.default for parameter in PLANNER}
 #: What the planner takes for the place of the arm is no older than this [s].
-_STATE_TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == "state_timeout")
-_SCALES = tuple(
-    next(parameter.default for parameter in PLANNER if parameter.name == name)
-    for name in ("speed_scale", "acceleration_scale")
-)
+_STATE_TIMEOUT = _DEFAULTS["state_timeout"]
+_SCALES = _DEFAULTS["speed_scale"], _DEFAULTS["acceleration_scale"]
+#: No tool is accelerated by more [m/s^2]: giving way to what moves exceeds the planner's limit, by a fifth and more.
+_MOST_ACCELERATION = 2.0 * _DEFAULTS["acceleration"]
 #: So many sentences on what is wrong are enough.
 _MOST_SENTENCES = 3
 
@@ -57,7 +57,13 @@ class Commands:
 
     def begin(self) -> None:
         """Another run begins: what was heard so far is forgotten."""
-        self._judge = TrajectoryJudge(self.limits) if self.kind is JointTrajectory else TargetJudge()
+        # By a simulated clock poses move on as it arrives, which is not evenly.
+        most = math.inf if self._clock.simulated else _MOST_ACCELERATION
+        self._judge: TrajectoryJudge | TargetJudge
+        if self.kind is JointTrajectory:
+            self._judge = TrajectoryJudge(self.limits)
+        else:
+            self._judge = TargetJudge(most, 1.0 / _DEFAULTS["rate"])
         self._anew: list[float] = []
         self._began = time.monotonic()
         self._ear.take()
@@ -82,6 +88,8 @@ class Commands:
         findings.require(len(wrong) <= _MOST_SENTENCES, f"and {len(wrong) - _MOST_SENTENCES} more")
         findings.note(f"{self._judge.count} commands")
         findings.figure("largest step", self._judge.largest_step, LARGEST_STEP, "rad")
+        if isinstance(self._judge, TargetJudge) and not self._clock.simulated:
+            findings.figure("largest acceleration", self._judge.largest_acceleration, _MOST_ACCELERATION, "m/s^2")
 
     def _judged(self, command: Command, anew: bool) -> list[str]:
         message = deserialize_message(command.message, self.kind)

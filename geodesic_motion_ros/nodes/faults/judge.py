@@ -1,7 +1,7 @@
 """Judges of commands: what every command must be, whatever happens. Know nothing of ROS.
 
 The first promise: every reference is finite, inside limits with a margin, starts within 0.02 rad of what was last
-commanded, ends at rest; and its stamp is not old.
+commanded, ends at rest; and its stamp is not old. What is streamed neither stops nor sets out at once.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.nodes.faults.stream_acceleration import StreamAcceleration
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.quintic import quintic_samples
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
@@ -138,9 +139,11 @@ class TrajectoryJudge:
 class TargetJudge:
     """Judges a stream of tool poses."""
 
-    def __init__(self) -> None:
+    def __init__(self, most_acceleration: float, period: float) -> None:
+        """most_acceleration : that is not objected to [m/s^2]. period : of the stream [s]."""
+        self._most, self._acceleration = most_acceleration, StreamAcceleration(period)
         self._before: Target | None = None
-        self.largest_step = 0.0
+        self.largest_step = self.largest_acceleration = 0.0
         self.count = 0
 
     def hear(self, command: Target, places: Sequence[Pose] | None = None) -> list[str]:
@@ -167,6 +170,12 @@ class TargetJudge:
         before, self._before = self._before, command
         if before is not None and places is None and float(before.quaternion @ command.quaternion) < 0.0:
             wrong.append("has the other sign of the quaternion than the one before")
+        if places is not None:
+            self._acceleration.begin_anew()
+        acceleration = self._acceleration.hear(command.stamp, command.position)
+        self.largest_acceleration = max(self.largest_acceleration, acceleration)
+        if acceleration > self._most:
+            wrong.append(f"ends an acceleration of {acceleration:.2f} m/s^2, allowed are {self._most:g}")
         return wrong
 
     def _starts(self, places: Sequence[Pose] | None) -> Sequence[Pose]:

@@ -124,6 +124,8 @@ def _since(points: JointWaypoints, first: int) -> JointWaypoints:
 
 
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])
+#: Of the stream of poses [s].
+PERIOD = 0.01
 
 
 def pose(x: float = 0.0, angle: float = 0.0, at: float = NOW) -> Target:
@@ -133,32 +135,82 @@ def pose(x: float = 0.0, angle: float = 0.0, at: float = NOW) -> Target:
 
 class TestTargets:
     def test_small_steps_are_not_objected_to(self) -> None:
-        judge = TargetJudge()
+        judge = TargetJudge(1.0, PERIOD)
         assert judge.hear(pose()) == judge.hear(pose(0.002, 0.008)) == []
         assert judge.largest_step == pytest.approx(0.008, abs=1e-6)
 
     @pytest.mark.parametrize("second", [pose(0.011), pose(angle=0.021)])
     def test_large_ones_are(self, second: Target) -> None:
-        judge = TargetJudge()
+        judge = TargetJudge(1.0, PERIOD)
         judge.hear(pose())
         assert any("from the one before" in sentence for sentence in judge.hear(second))
 
     def test_a_first_one_is_where_the_arm_is(self) -> None:
         arm = np.array([0.52, 0.0, 0.4]), DOWN
-        assert any("20.0 mm" in sentence for sentence in TargetJudge().hear(pose(), [arm]))
-        assert TargetJudge().hear(pose(), [arm, (np.array([0.501, 0.0, 0.4]), DOWN)]) == []
+        assert any("20.0 mm" in sentence for sentence in TargetJudge(1.0, PERIOD).hear(pose(), [arm]))
+        assert TargetJudge(1.0, PERIOD).hear(pose(), [arm, (np.array([0.501, 0.0, 0.4]), DOWN)]) == []
 
     def test_what_is_not_finite_is_told(self) -> None:
         spoiled = replace(pose(), position=np.array([np.nan, 0.0, 0.0]))
-        assert TargetJudge().hear(spoiled) == ["is not finite"]
+        assert TargetJudge(1.0, PERIOD).hear(spoiled) == ["is not finite"]
 
     def test_the_other_sign_is_told(self) -> None:
-        judge = TargetJudge()
+        judge = TargetJudge(1.0, PERIOD)
         judge.hear(pose())
         assert any("sign" in sentence for sentence in judge.hear(replace(pose(), quaternion=-DOWN)))
 
     def test_an_old_stamp_is_told(self) -> None:
-        assert any("stamp" in sentence for sentence in TargetJudge().hear(replace(pose(), heard=NOW + 0.3)))
+        assert any("stamp" in sentence for sentence in TargetJudge(1.0, PERIOD).hear(replace(pose(), heard=NOW + 0.3)))
 
     def test_norms_are_one(self) -> None:
-        assert any("norm" in sentence for sentence in TargetJudge().hear(replace(pose(), quaternion=1.1 * DOWN)))
+        assert any(
+            "norm" in sentence for sentence in TargetJudge(1.0, PERIOD).hear(replace(pose(), quaternion=1.1 * DOWN))
+        )
+
+
+def stream(speeds: np.ndarray, jitter: float = 0.0, lost: int = 0, late: int | None = None) -> list[Target]:
+    """Poses that move on by a speed [m/s] in each period, stamps wrong by up to `jitter` [s]; one of `lost` is missing,
+    and from `late` on they come 60 ms later.
+    """
+    random = np.random.default_rng(0)
+    ways = PERIOD * np.cumsum(speeds)
+    stamps = NOW + PERIOD * np.arange(len(speeds)) + random.uniform(-jitter, jitter, len(speeds))
+    if late is not None:
+        stamps[late:] += 0.06
+    poses = [pose(way, at=stamp) for way, stamp in zip(ways, stamps, strict=True)]
+    return [target for number, target in enumerate(poses) if not lost or number % lost != lost // 2]
+
+
+def objections(poses: list[Target], judge: TargetJudge | None = None) -> list[str]:
+    judge = judge or TargetJudge(1.0, PERIOD)
+    return [sentence for target in poses for sentence in judge.hear(target)]
+
+
+#: At 0.5 m/s^2 to 0.2 m/s, a while so, and to rest: every period's speed [m/s].
+AT_THE_LIMIT = np.concatenate([np.zeros(20), np.linspace(0.0, 0.2, 41), np.full(60, 0.2), np.linspace(0.2, 0.0, 41)])
+
+
+class TestAccelerationOfTargets:
+    @pytest.mark.parametrize("jitter", [0.0, 0.002])
+    @pytest.mark.parametrize("lost", [0, 20])
+    def test_a_stream_at_the_limit_is_not_objected_to(self, jitter: float, lost: int) -> None:
+        assert objections(stream(AT_THE_LIMIT, jitter, lost)) == []
+
+    @pytest.mark.parametrize("jitter", [0.0, 0.002])
+    @pytest.mark.parametrize("lost", [0, 20])
+    def test_a_stop_within_one_period_is_found(self, jitter: float, lost: int) -> None:
+        frozen = np.append(AT_THE_LIMIT[:90], np.zeros(30))
+        assert any("an acceleration of" in sentence for sentence in objections(stream(frozen, jitter, lost)))
+
+    def test_so_is_to_set_out_within_one(self) -> None:
+        assert any("acceleration" in sentence for sentence in objections(stream(np.repeat([0.0, 0.1], 20))))
+
+    def test_a_stream_that_comes_late_and_goes_on_is_not_objected_to(self) -> None:
+        assert objections(stream(AT_THE_LIMIT, late=90)) == []
+
+    def test_what_begins_anew_is_not_compared_with_what_was_before(self) -> None:
+        judge = TargetJudge(1.0, PERIOD)
+        assert objections(stream(AT_THE_LIMIT[:90]), judge) == []
+        still = stream(np.zeros(20))
+        arm = still[0].position, still[0].quaternion
+        assert judge.hear(still[0], [arm]) == objections(still[1:], judge) == []
