@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geodesic_motion_ros.aim import Aim, to_task
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.latent_way import load_search
@@ -50,15 +51,13 @@ class _Turned:
 
 @dataclass(frozen=True)
 class PreparedGoal:
-    """A goal that is not refused, as it was given, and the graph carried to it in a task frame.
+    """A goal that is not refused, in the task frame as it stood, and the graph carried to it.
 
-    No query where it was not known where the stream is, or no way begins there.
+    No query where it was not known where the stream is, or no way begins there, or the goal was told already.
     """
 
-    pose: Pose
-    in_task_frame: bool
+    aim: Aim
     verdict: Verdict
-    frame: TaskFrame
     query: Query | None
 
 
@@ -78,8 +77,9 @@ class ReactivePlanner:
         self.robot = Robot.named(skill.robot)
         self._solver = PoseSolver(skill, self.graph, self.settings, self.robot)
         self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
-        # The goal as it was given, and whether that was in the task frame, with which it moves.
-        self._goal: tuple[Pose, bool] | None = None
+        # What ticks plan to; what was told last, which differs by little at most, and the query prepared for it.
+        self._aim = self._told = Aim.none()
+        self._prepared: Query | None = None
         self._query: Query | None = None
         self._stream = PoseStream(self.settings, self._solver)
         self._giving_way = PoseGivingWay(self.settings, self._solver, self._stream)
@@ -98,7 +98,7 @@ class ReactivePlanner:
         self.set_goal(*goal)
         follower = ReferenceFollower(self.settings.speed)
         follower.reset(*start)
-        for shift, velocity in ((0.0, 0.0), (0.0, 0.0), (0.001, 1e-3), (0.001, 1e-3)):
+        for shift, velocity in ((0.0, 0.0), (0.0, 0.0), (0.003, 1e-3), (0.003, 1e-3)):
             self.take_obstacles(Obstacles.one_of_each(start[0] + [0.0, 0.0, 1.0], np.full(3, velocity), 0.0))
             self.set_goal(goal[0] + shift, goal[1])
             plan = self.tick(follower.position, follower.quaternion, follower.speed)
@@ -108,8 +108,9 @@ class ReactivePlanner:
         if self._query is not None:
             load_search(self.graph, self._query, self.settings)
         self.stop(follower.position, follower.quaternion, follower.speed)
-        self._scene = Scene.of(TaskFrame.identity(), Obstacles.none())
-        self._goal = self._query = self._turned = None
+        self._aim = self._told = Aim.none()
+        self._scene = Scene.of(self._aim.frame, Obstacles.none())
+        self._prepared = self._query = self._turned = None
         self._stream.forget()
         self._distrusted = -np.inf
         self._giving_way.forget()
@@ -141,44 +142,59 @@ class ReactivePlanner:
         if pose is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
         # Whoever ticks may replace it meanwhile.
-        frame = self._scene.frame
-        goal = pose if in_task_frame else _to_task(frame, pose)
-        verdict = self._goal_verdict(goal, frame)
+        told = self._told
+        aim = Aim(pose, in_task_frame, told.frame)
+        verdict = self._goal_verdict(aim.in_task(), aim.frame)
         if not verdict.ok:
             return verdict
         query = None
-        if present is not None:
-            query = self._next_query(_to_task(frame, Pose(*present[:2])), goal, present[2])
-        return PreparedGoal(pose, in_task_frame, verdict, frame, query if isinstance(query, Query) else None)
+        if present is not None and not aim.is_same(told):
+            query = self._next_query(to_task(aim.frame, Pose(*present[:2])), aim.in_task(), present[2])
+        return PreparedGoal(aim, verdict, query if isinstance(query, Query) else None)
 
     def take_goal(self, prepared: PreparedGoal | Verdict) -> Verdict:
-        """Make a prepared goal the one that ticks plan to. Where it was refused the old goal stays, and the refusal is
-        returned.
+        """Make a prepared goal the one that ticks plan to: where it is hardly elsewhere (`aim`), once the tool rests.
+        Where it was refused the old goal stays, and the refusal is returned.
         """
         if isinstance(prepared, Verdict):
             return prepared
-        self._goal = prepared.pose, prepared.in_task_frame
-        self._query = prepared.query if prepared.frame is self._scene.frame else None
+        query = prepared.query if prepared.aim.frame is self._told.frame else None
+        self._tell(replace(prepared.aim, frame=self._told.frame), query)
         return prepared.verdict
 
     def set_task_frame(self, position: np.ndarray, quaternion: np.ndarray) -> Verdict:
         """Say where the frame that the skill was shown in stands now: (3,) [m] and (4,) in the base frame.
 
-        Goals and obstacles that were given in the base frame stay where they are. BAD_INPUT for a pose that is none;
-        then the old frame stays.
+        Goals and obstacles that were given in the base frame stay where they are. A frame that takes the goal hardly
+        elsewhere (`aim`) moves it when the tool rests. BAD_INPUT for a pose that is none; then the old frame stays.
         """
         pose, reason = checked_pose("task frame", position, quaternion)
         if pose is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
-        before, frame = self._scene.frame, TaskFrame(pose.position, pose.quaternion)
-        self._scene = Scene.of(frame, self._scene.in_base)
-        self._query = None
-        self._stream.move_frame(before, frame)
+        self._tell(replace(self._told, frame=TaskFrame(pose.position, pose.quaternion)), None)
         return Verdict(VerdictCode.OK)
+
+    def _tell(self, told: Aim, prepared: Query | None) -> None:
+        if told.is_same(self._told):
+            return
+        self._told, self._prepared = told, prepared
+        if self._query is None or not told.is_near(self._aim):
+            self._take_told()
+
+    def _take_told(self) -> None:
+        """Plan to what was told last from now on."""
+        told, before = self._told, self._aim
+        if told is before:
+            return
+        if told.frame is not before.frame:
+            self._scene = Scene.of(told.frame, self._scene.in_base)
+            self._stream.move_frame(before.frame, told.frame)
+        self._aim, self._query, self._prepared = told, self._prepared, None
 
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
-        self._goal = self._query = None
+        self._told, self._prepared = replace(self._told, goal=None), None
+        self._take_told()
         self._distrusted = -np.inf
         self._giving_way.forget()
 
@@ -229,11 +245,12 @@ class ReactivePlanner:
         start, reason = checked_pose("state", position, quaternion)
         if start is None:
             return refusal(VerdictCode.BAD_INPUT, reason)
-        if self._goal is None:
+        if speed <= 0.0 and not self._told.ends_with(self._aim):
+            self._take_told()
+        if self._aim.goal is None:
             return refusal(VerdictCode.NO_GOAL, "no goal has been given")
         scene = self._scene_at(now)
-        here, goal = _to_task(scene.frame, start), self._goal_in_task(scene.frame)
-        plan = self._tick_in_task(here, goal, scene, speed, deadline)
+        plan = self._tick_in_task(to_task(scene.frame, start), self._aim.in_task(), scene, speed, deadline)
         return plan.in_base(scene.frame)
 
     def _scene_at(self, now: float) -> Scene:
@@ -242,11 +259,6 @@ class ReactivePlanner:
         if scene.in_task.stand:
             return scene
         return replace(scene, in_task=scene.in_task.at(now + LAG, self.settings.prediction))
-
-    def _goal_in_task(self, frame: TaskFrame) -> Pose:
-        assert self._goal is not None
-        pose, in_task_frame = self._goal
-        return pose if in_task_frame else _to_task(frame, pose)
 
     def _tick_in_task(self, start: Pose, goal: Pose, scene: Scene, speed: float, deadline: Deadline) -> Plan:
         stream = self._stream
@@ -350,7 +362,7 @@ class ReactivePlanner:
         if start is None:
             return None
         scene = self._scene_at(now)
-        reference = self._stream.braking(_to_task(scene.frame, start), scene.in_task, speed)
+        reference = self._stream.braking(to_task(scene.frame, start), scene.in_task, speed)
         return None if reference is None else reference.moved(scene.frame.to_base)
 
     def plan(
@@ -366,7 +378,7 @@ class ReactivePlanner:
         if start is None or goal is None:
             return refusal(VerdictCode.BAD_INPUT, start_reason or goal_reason)
         scene = self._scene
-        start, goal = _to_task(scene.frame, start), _to_task(scene.frame, goal)
+        start, goal = to_task(scene.frame, start), to_task(scene.frame, goal)
         verdict = self._goal_verdict(goal, scene.frame)
         if not verdict.ok:
             return Plan(None, verdict)
@@ -427,7 +439,3 @@ class ReactivePlanner:
             return nowhere
         here, there = (self._stream.latent_on(followed.reference, pose) for pose in (begin, end))
         return nowhere if here is None or there is None else there - here
-
-
-def _to_task(frame: TaskFrame, pose: Pose) -> Pose:
-    return Pose(*frame.to_task(pose.position, pose.quaternion))

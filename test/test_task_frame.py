@@ -102,7 +102,15 @@ def test_a_frame_that_moves_in_motion_bends_the_reference_from_where_the_arm_is(
         follower.advance(0.01)
         assert np.linalg.norm(follower.position - before) <= 1.01 * 0.01 * planner.settings.speed
         planner.set_task_frame(np.array([0.0002 * step, 0.0, 0.0]), IDENTITY[1])
-    np.testing.assert_allclose(plan.reference.positions[-1], fan_skill.goal_pose[:3] + [0.0296, 0.0, 0.0], atol=1e-9)
+    # In motion the last of the frames, which took the goal hardly further, is not followed yet.
+    goal = fan_skill.goal_pose[:3] + [0.0298, 0.0, 0.0]
+    np.testing.assert_allclose(plan.reference.positions[-1], goal, atol=2.3e-3)
+    for _ in range(600):
+        plan = planner.tick(follower.position, follower.quaternion, follower.speed)
+        assert plan.reference is not None, plan.verdict
+        follower.accept(plan.reference)
+        follower.advance(0.01)
+    np.testing.assert_allclose(follower.position, goal, atol=1e-6)
 
 
 @pytest.mark.parametrize("frame", [(np.zeros(3), np.zeros(4)), (np.full(3, np.nan), IDENTITY[1])])
