@@ -27,7 +27,7 @@ def planner() -> ReactivePlanner:
     return ReactivePlanner(SKILL)
 
 
-def arrival(planner: ReactivePlanner, told=lambda cycle: {}, count: int = 600) -> float:
+def arrival(planner: ReactivePlanner, told=lambda cycle: {}, count: int = 500) -> float:
     """When the tool has come within 1 mm of the goal to stay [s]; fails where a cycle says anything but OK.
 
     told : from the number of a cycle, what is new of its inputs.
@@ -78,7 +78,7 @@ def test_a_small_move_is_made_exactly_once_the_tool_rests(planner: ReactivePlann
         measured=tuple(START), state_age=0.0, goal=tuple(GOAL), goal_number=1, obstacles=NOTHING,
         goal_in_task_frame=True,
     )  # fmt: skip
-    for number in range(700):
+    for number in range(600):
         if number == 200:
             inputs = dataclasses.replace(inputs, goal_number=2, **{moved: new})
         output = cycle.run(inputs, PERIOD)
