@@ -73,7 +73,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self._horizon.forget()
         return super().run(inputs, period)
 
-    def stop(self, verdict: Verdict, period: float) -> CycleOutput:
+    def stop(self, verdict: Verdict) -> CycleOutput:
         return self._output(self.planner.stop(self._now, verdict, self._late()))
 
     def _late(self) -> Deadline:

@@ -107,7 +107,7 @@ class PlannerNode(LoopingNode):
         except Exception as error:  # a fault in the planner must stop the arm, not the node
             self._log(error)
             verdict = Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}")
-            output = self._cycle.stop(verdict, self._period)
+            output = self._cycle.stop(verdict)
         self._kind.send(self._outputs, output)
         self._outputs.status(output, self._inputs.refusals, self._loop)
         if inputs is None:

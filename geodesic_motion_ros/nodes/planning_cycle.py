@@ -48,11 +48,17 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
         self.tracking_tolerance_angle = tracking_tolerance_angle
         self._task_frame: Pose | None = None
 
-    def stop(self, verdict: Verdict, period: float) -> CycleOutput:
-        # Nothing can be planned: what was certified last is followed to a rest.
-        settings = self.planner.settings
-        self.follower.slow_down(settings.speed / settings.acceleration)
-        return self._output(verdict, None, period)
+    def stop(self, verdict: Verdict) -> CycleOutput:
+        try:
+            return self._move(verdict, self._braking(), self._step)
+        except Exception:
+            # What failed is said already. What was certified last is followed to a rest, less gently.
+            settings = self.planner.settings
+            self.follower.slow_down(settings.speed / settings.acceleration)
+            return self._output(verdict, None, self._step)
+
+    def _braking(self) -> TaskSpaceReference | None:
+        return self.planner.stop(self.follower.position, self.follower.quaternion, self.follower.speed, self._heard)
 
     def _command(self, verdict: Verdict, inputs: CycleInputs[Pose], advance: float, deadline: Deadline) -> CycleOutput:
         now = self.follower.position, self.follower.quaternion, self.follower.speed
@@ -60,7 +66,7 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
             plan = self.planner.tick(*now, deadline, inputs.heard)
             verdict, reference = plan.verdict, plan.reference
         else:
-            reference = self.planner.stop(*now, inputs.heard)
+            reference = self._braking()
         return self._move(verdict, reference, advance)
 
     def _move(self, verdict: Verdict, reference: TaskSpaceReference | None, advance: float) -> CycleOutput:

@@ -153,13 +153,14 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._jump = 0.0  # of the clock [s], since the arm last was where it was sent
         self._set_by = 0.0
         self._began = self._heard = 0.0
+        self._step = 0.0  # by which what is commanded moves on in the newest cycle whose inputs are known [s]
         self._lost: _Lost | None = None
         self._obstacles_version = -1
 
     def run(self, inputs: CycleInputs[Place], period: float) -> CycleOutput:
         """One cycle of a period [s]; what is commanded moves on by that, or by what has passed of a simulation."""
         self._began = self._clock()
-        advance = self._advance(inputs, period)
+        advance = self._step = self._advance(inputs, period)
         self._take_task_frame(inputs.task_frame)
         self._take_goal(inputs)
         obstacles_taken = self._take_obstacles(inputs)
@@ -178,8 +179,8 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
     # ------------------------------------------- what differs between the kinds of skill
 
     @abstractmethod
-    def stop(self, verdict: Verdict, period: float) -> CycleOutput:
-        """A cycle of a period [s] in which nothing new may be trusted: come to rest, and say why."""
+    def stop(self, verdict: Verdict) -> CycleOutput:
+        """The end of a cycle that failed, in `run` or before: come to rest at the pace of a simulation, and say why."""
 
     @abstractmethod
     def _command(self, verdict: Verdict, inputs: CycleInputs[Place], advance: float, deadline: Deadline) -> CycleOutput:

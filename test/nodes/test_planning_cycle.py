@@ -352,11 +352,14 @@ def test_obstacles_are_known_to_the_planner_even_while_it_holds(cycle, inputs, p
     assert planner.plan(*poses).verdict.clearance != np.inf
 
 
-def test_a_fault_in_the_tick_stops_along_the_certified_way(cycle, inputs, goal):
+@pytest.mark.parametrize("braking_fails", [False, True])
+def test_a_fault_in_the_tick_stops_along_the_certified_way(cycle, inputs, goal, monkeypatch, braking_fails):
     positions = follow(cycle, inputs, 60)
+    if braking_fails:
+        monkeypatch.setattr(cycle.planner, "stop", failing)
     here = cycle.follower.position
     for _ in range(60):
-        output = cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"), PERIOD)
+        output = cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"))
         positions.append(output.commanded[0])
     assert output.speed == 0.0
     settings = cycle.planner.settings
@@ -367,10 +370,48 @@ def test_a_fault_in_the_tick_stops_along_the_certified_way(cycle, inputs, goal):
     np.testing.assert_allclose(resumed[-1], goal[0], atol=1e-3)
 
 
+def failing(*_: object) -> None:
+    raise RuntimeError("a fault")
+
+
+def test_faults_while_the_reference_brakes_do_not_brake_twice(cycle, inputs):
+    follow(cycle, inputs, 60)
+    held = dataclasses.replace(inputs, hold=True, measured=(cycle.follower.position, cycle.follower.quaternion))
+    speeds = [cycle.follower.speed]
+    for _ in range(20):
+        cycle.run(held, PERIOD)
+        speeds.append(cycle.follower.speed)
+        cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"))
+        speeds.append(cycle.follower.speed)
+        held = dataclasses.replace(held, measured=(cycle.follower.position, cycle.follower.quaternion))
+    assert speeds[-1] == 0.0
+    assert np.abs(np.diff(speeds)).max() <= 1.02 * cycle.planner.settings.acceleration * PERIOD
+
+
+def test_a_fault_while_a_simulation_stands_moves_nothing_and_stops_as_it_goes_on(cycle, inputs, monkeypatch):
+    simulated, heard = dataclasses.replace(inputs, simulated=True), 50.0
+    for _ in range(60):
+        heard += PERIOD
+        output = cycle.run(dataclasses.replace(simulated, heard=heard), PERIOD)
+        simulated = dataclasses.replace(simulated, measured=output.commanded)
+    here, speed = output.commanded[0].copy(), output.speed
+    monkeypatch.setattr(cycle, "_ready", failing)
+    for number in range(100):
+        heard += 0.0 if number < 20 else PERIOD
+        with pytest.raises(RuntimeError):
+            cycle.run(dataclasses.replace(simulated, heard=heard), PERIOD)
+        output = cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"))
+        if number < 20:
+            np.testing.assert_array_equal(output.commanded[0], here)
+            assert output.speed == speed
+    assert output.speed == 0.0
+    assert np.linalg.norm(output.commanded[0] - here) > 0.01
+
+
 def test_a_fault_at_rest_moves_nothing(cycle, inputs, start):
     cycle.run(dataclasses.replace(inputs, goal=None, goal_number=0), PERIOD)
     for _ in range(20):
-        output = cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"), PERIOD)
+        output = cycle.stop(Verdict(VerdictCode.BAD_INPUT, "internal error"))
         np.testing.assert_array_equal(output.commanded[0], start[0])
 
 
