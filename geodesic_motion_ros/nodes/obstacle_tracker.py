@@ -217,12 +217,12 @@ class ObstacleTracker:
         tracks = self._tracks.setdefault(source, {})
         before = tracks.get(key)
         order = _Order() if before is None else before.order
-        if order.overtaken(now - transit):
+        taken = now - max(0.0, transit)
+        if order.overtaken(taken):
             return False
         self.hear(source, now, transit)
         expires = now + lifetime if lifetime > 0.0 else math.inf
         place = tuple(float(c) for c in centre)
-        taken = now - max(0.0, transit)
         track = tracks[key] = _Track(place, float(radius), now, taken, expires, solid, order=order)
         if before is not None and not before.deleted:
             track.motion = before.motion
@@ -237,7 +237,7 @@ class ObstacleTracker:
         """Remove one sphere; False when there is none or the message was overtaken."""
         self.hear(source, now, transit)
         track = self._tracks.get(source, {}).get(key)
-        deleted = track is not None and not track.deleted and not track.order.overtaken(now - transit)
+        deleted = track is not None and not track.deleted and not track.order.overtaken(now - max(0.0, transit))
         if deleted:
             self._bury(track, now)
         self._say_goodbye_when_empty(source)
@@ -251,7 +251,7 @@ class ObstacleTracker:
             for key, track in self._tracks.get(source, {}).items()
             if not track.deleted
             and (not namespace or key[0] == namespace)
-            and not track.order.overtaken(now - transit)
+            and not track.order.overtaken(now - max(0.0, transit))
         ]
         for track in doomed:
             self._bury(track, now)
@@ -260,7 +260,7 @@ class ObstacleTracker:
 
     def replace_cloud(self, source: str, cloud: DistanceField, now: float, transit: float = 0.0) -> bool:
         """Exchange the cloud for one that arrived at `now` [s]; False when that was overtaken and is ignored."""
-        if self._cloud_order.overtaken(now - transit):
+        if self._cloud_order.overtaken(now - max(0.0, transit)):
             return False
         self.hear(source, now, transit)
         self._cloud = cloud

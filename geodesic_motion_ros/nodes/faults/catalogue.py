@@ -9,6 +9,7 @@ from geodesic_motion_ros.nodes.faults.clock_faults import CLOCK_FAULTS
 from geodesic_motion_ros.nodes.faults.fault import Fault
 from geodesic_motion_ros.nodes.faults.goal_faults import GOAL_FAULTS
 from geodesic_motion_ros.nodes.faults.long_faults import LONG_FAULTS
+from geodesic_motion_ros.nodes.faults.message_faults import MESSAGE_FAULTS
 from geodesic_motion_ros.nodes.faults.obstacle_faults import OBSTACLE_FAULTS
 from geodesic_motion_ros.nodes.faults.process_faults import PROCESS_FAULTS
 from geodesic_motion_ros.nodes.faults.start_faults import START_FAULTS
@@ -18,6 +19,7 @@ FAULTS: tuple[type[Fault], ...] = (
     *STATE_FAULTS,
     *GOAL_FAULTS,
     *OBSTACLE_FAULTS,
+    *MESSAGE_FAULTS,
     *PROCESS_FAULTS,
     *START_FAULTS,
     *CLOCK_FAULTS,

@@ -1,4 +1,4 @@
-"""Faults of obstacles: their topic falls silent or loses messages, they come and go where they should not."""
+"""Faults of obstacles: their topic falls silent, they come and go where they should not."""
 
 from __future__ import annotations
 
@@ -25,11 +25,9 @@ _TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == 
 #: The planner answers within so many ticks of hearing.
 TICKS = 3
 #: A place where nothing is in the way [m]; the radius of spheres [m].
-_AWAY, _RADIUS = (-0.6, 0.9, 1.2), 0.04
+AWAY, _RADIUS = (-0.6, 0.9, 1.2), 0.04
 #: A sphere appears so far ahead on the tool's way [m], and moves with this speed [m/s].
-_AHEAD, _SPEED = 0.30, 0.25
-#: Time between messages of a slow detector [s], and how long ago a late one saw what it tells of, in whole seconds.
-_SLOW, _LATE = 0.2, 2
+AHEAD, _SPEED = 0.30, 0.25
 #: Room beyond the braking distance in which there must be no contact [m].
 _ROOM = 0.05
 #: A clearance that has changed by this [m] tells of another obstacle.
@@ -45,7 +43,7 @@ def static(centre: Iterable[float], radius: float = _RADIUS) -> dict[str, dict[s
 
 def coming_to(place: np.ndarray) -> dict[str, dict[str, Any]]:
     """A scene of the twin with one sphere that comes to a place (3,) [m] from outside, and stays there."""
-    begin = place + _AHEAD * outwards(place)
+    begin = place + AHEAD * outwards(place)
     line = {"kind": "line", "start": begin.tolist(), "end": place.tolist(), "speed": _SPEED, "radius": _RADIUS}
     return {"ball": line}
 
@@ -65,37 +63,13 @@ class ObstaclesSilent(Fault):
     criterion = "an obstacle topic is silent: STALE_OBSTACLES, named, <= 100 ms after obstacle_timeout, stop; resumes"
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        bench.asks.show_scene(static(_AWAY))
+        bench.asks.show_scene(static(AWAY))
         relay = bench.relays["obstacles"]
         before = relay.last_passed
         bench.wait(lambda: relay.last_passed > before, "an obstacle")
         bench.set_out(phase)
         relay.passing = False
         require_hold(bench, findings, "STALE_OBSTACLES", "obstacles", relay.last_passed + _TIMEOUT)
-        relay.release()
-        bench.finish(findings)
-
-
-class ObstaclesLag(Fault):
-    name = "obstacles_lag"
-    criterion = (
-        "an obstacle topic goes on, with stamps 2 s old: STALE_OBSTACLES, named, <= 100 ms, stop; resumes"
-    )
-
-    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        bench.asks.show_scene(static(_AWAY))
-        relay = bench.relays["obstacles"]
-        before = relay.last_passed
-        bench.wait(lambda: relay.last_passed > before, "an obstacle")
-        bench.set_out(phase)
-
-        def aged(message: MarkerArray) -> list[MarkerArray]:
-            for marker in message.markers:
-                marker.header.stamp.sec -= _LATE
-            return [message]
-
-        relay.change, since = aged, time.monotonic()
-        require_hold(bench, findings, "STALE_OBSTACLES", "stamps lag: obstacles", since)
         relay.release()
         bench.finish(findings)
 
@@ -108,7 +82,7 @@ class ObstaclesSilentKept(Fault):
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         bench.asks.set_parameters("planner", obstacle_silence_policy="keep")
         try:
-            bench.asks.show_scene(static(_AWAY))
+            bench.asks.show_scene(static(AWAY))
             bench.spend(0.1)
             bench.relays["obstacles"].passing = False
             since = time.monotonic()
@@ -128,8 +102,8 @@ class ObstacleForgotten(Fault):
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         bench.relays["obstacle_point"].passing = False
-        bench.asks.tell_spheres([(np.array(_AWAY), _RADIUS)])
-        begin, end = ([_AWAY[0], side * _AWAY[1], _AWAY[2]] for side in (0.9, -0.9))
+        bench.asks.tell_spheres([(np.array(AWAY), _RADIUS)])
+        begin, end = ([AWAY[0], side * AWAY[1], AWAY[2]] for side in (0.9, -0.9))
         bench.asks.show_scene({"ball": {"kind": "line", "start": begin, "end": end, "speed": 0.1, "radius": _RADIUS}})
         relay, since = bench.relays["obstacles"], time.monotonic()
         bench.wait(lambda: relay.last_passed > since + 0.3, "an obstacle that moves")
@@ -163,56 +137,6 @@ class ObstaclesNotFinite(Fault):
         bench.finish(findings)
 
 
-class ObstaclesLossy(Fault):
-    name = "obstacles_lossy"
-    criterion = "30 % of obstacle messages lost, others overtaking each other: no contact with a sphere that comes"
-
-    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        relay = bench.relays["obstacles"]
-        bench.relays["obstacle_point"].passing = False
-        relay.delay = lambda: float(random.uniform(0.0, 0.06))
-        relay.overtaking = True
-        relay.change = lambda message: [message] if random.uniform() > 0.3 else []
-        bench.set_out(phase)
-        # Near the goal it stays beside it: what runs into an arm that stands is not evaded.
-        place = bench.seen.ahead(_AHEAD) if phase != GOAL else bench.goal[:3] + 0.25 * outwards(bench.goal[:3])
-        bench.asks.show_scene(coming_to(place))
-        bench.spend(3.0)
-        findings.note(f"smallest clearance {1000.0 * bench.seen.least_clearance:.0f} mm")
-        require_no_contact(bench, findings)
-        relay.release()
-        bench.asks.show_scene({})
-        bench.finish(findings)
-
-
-class ObstaclesSlow(Fault):
-    name = "obstacles_five_a_second"
-    criterion = "obstacles are told five times a second alone: no contact with a sphere that comes to the way and stops"
-    phases = (MOTION,)
-
-    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        relay, last = bench.relays["obstacles"], -np.inf
-
-        def thinned(message: Any) -> list[Any]:
-            nonlocal last
-            now = time.monotonic()
-            if now < last + _SLOW:
-                return []
-            last = now
-            return [message]
-
-        bench.relays["obstacle_point"].passing = False
-        relay.change = thinned
-        bench.set_out(phase)
-        bench.asks.show_scene(coming_to(bench.seen.ahead(_AHEAD)))
-        bench.spend(3.0)
-        findings.note(f"smallest clearance {1000.0 * bench.seen.least_clearance:.0f} mm")
-        require_no_contact(bench, findings)
-        relay.release()
-        bench.asks.show_scene({})
-        bench.finish(findings)
-
-
 class ObstacleTeleports(Fault):
     name = "obstacle_teleports"
     criterion = (
@@ -222,9 +146,9 @@ class ObstacleTeleports(Fault):
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         bench.relays["obstacle_point"].passing = False
-        bench.asks.show_scene(static(_AWAY))
+        bench.asks.show_scene(static(AWAY))
         bench.set_out(phase)
-        place = bench.seen.ahead(_AHEAD + float(random.uniform(0.0, 0.05)))
+        place = bench.seen.ahead(AHEAD + float(random.uniform(0.0, 0.05)))
         relay, heard = bench.relays["obstacles"], []
 
         def watched(message: MarkerArray) -> Iterable[MarkerArray]:
@@ -323,8 +247,8 @@ class AllBlocked(PlannersObstacle):
 
 
 def wall(way: np.ndarray, tool: np.ndarray) -> np.ndarray:
-    """Centres (n, 3) [m] of the spheres of a wall across a way (k, 3) of the tool, `_AHEAD` of where the tool is."""
-    place = ahead(way, tool, _AHEAD)
+    """Centres (n, 3) [m] of the spheres of a wall across a way (k, 3) of the tool, `AHEAD` of where the tool is."""
+    place = ahead(way, tool, AHEAD)
     passed = int(np.argmin(np.linalg.norm(way - place, axis=1)))
     direction = way[min(passed + 2, len(way) - 1)] - way[max(passed - 2, 0)]
     # Two directions across that of the way, and each other.
@@ -388,6 +312,6 @@ class ObstaclesDeleted(Fault):
 
 
 OBSTACLE_FAULTS = (
-    ObstaclesSilent, ObstaclesLag, ObstaclesSilentKept, ObstacleForgotten, ObstaclesNotFinite, ObstaclesLossy,
-    ObstaclesSlow, ObstacleTeleports, ObstacleOnRobot, AllBlocked, ManyObstacles, ObstaclesDeleted,
+    ObstaclesSilent, ObstaclesSilentKept, ObstacleForgotten, ObstaclesNotFinite, ObstacleTeleports, ObstacleOnRobot,
+    AllBlocked, ManyObstacles, ObstaclesDeleted,
 )  # fmt: skip

@@ -16,7 +16,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from geodesic_motion_ros.nodes.faults import asking, bench, goal_faults, obstacle_faults, record, relay, state_faults
+from geodesic_motion_ros.nodes.faults import (
+    asking,
+    bench,
+    goal_faults,
+    message_faults,
+    obstacle_faults,
+    record,
+    relay,
+    state_faults,
+)
 from geodesic_motion_ros.nodes.faults.fault import Findings
 from geodesic_motion_ros.nodes.marker_messages import read_marker, sphere_marker
 from geodesic_motion_ros.nodes.messages import MessageRefused, read_joint_positions, seconds
@@ -293,6 +302,6 @@ def made_bench(monkeypatch: pytest.MonkeyPatch) -> Callable[..., MadeBench]:
     """made_bench(*flaws) is a bench with a planner that has these flaws."""
 
     clock = MadeTime()
-    for module in (asking, bench, goal_faults, obstacle_faults, record, relay, state_faults):
+    for module in (asking, bench, goal_faults, message_faults, obstacle_faults, record, relay, state_faults):
         monkeypatch.setattr(module, "time", clock)
     return lambda *flaws: MadeBench(clock, flaws)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from geodesic_motion_ros.nodes.faults.catalogue import chosen
+from geodesic_motion_ros.nodes.faults.message_faults import MESSAGE_FAULTS
 from geodesic_motion_ros.nodes.faults.obstacle_faults import OBSTACLE_FAULTS
 from geodesic_motion_ros.nodes.faults.state_faults import STATE_FAULTS
 from geodesic_motion_ros.nodes.faults.suite import Case, run_case
@@ -32,18 +33,12 @@ FLAWS: dict[str, dict[str, str]] = {
         "does not mind silence": "in vain for STALE_OBSTACLES", "reacts late": "STALE_OBSTACLES after",
         "names nothing": "in vain for STALE_OBSTACLES", "rolls on": "at rest after",
     },
-    "obstacles_lag": {
-        "takes old for new": "in vain for STALE_OBSTACLES", "reacts late": "STALE_OBSTACLES after",
-        "names nothing": "in vain for STALE_OBSTACLES", "rolls on": "at rest after",
-    },
     "obstacles_silent_kept": {"always holds": "in vain for arrival", "hesitates": "were not OK"},
     "obstacle_forgotten": {"does not mind silence": "in vain for", "names nothing": "in vain for"},
     "obstacles_not_finite": {
         "does not count": "messages of obstacles refused", "does not say why": "does not name",
         "stops for nonsense": "were not OK",
     },
-    "obstacles_lossy": {"is blind": "contact in", "rolls on": "contact in"},
-    "obstacles_five_a_second": {"is blind": "contact in", "forgets early": "contact in", "rolls on": "contact in"},
     "obstacle_teleports": {"is blind": "in vain for an answer", "answers late": "ticks", "rolls on": "still moves"},
     "obstacle_on_robot": {
         "is blind": "in vain for IN_COLLISION", "answers late": "IN_COLLISION after", "rolls on": "at rest after",
@@ -55,11 +50,18 @@ FLAWS: dict[str, dict[str, str]] = {
     },
     "many_obstacles": {"plans otherwise": "plan afterwards"},
     "obstacles_deleted": {"is blind": "in vain for NO_FEASIBLE_PATH", "never deletes": "in vain for OK"},
+    "obstacles_lag": {
+        "takes old for new": "in vain for STALE_OBSTACLES", "reacts late": "STALE_OBSTACLES after",
+        "names nothing": "in vain for STALE_OBSTACLES", "rolls on": "at rest after",
+    },
+    "obstacles_lossy": {"is blind": "contact in", "rolls on": "contact in"},
+    "obstacles_five_a_second": {"is blind": "contact in", "forgets early": "contact in", "rolls on": "contact in"},
+    "obstacles_misstamped": {"is blind": "contact in", "rolls on": "contact in"},
 }  # fmt: skip
 
 
 def test_all_rows_on_states_and_obstacles_are_looked_at() -> None:
-    assert list(FLAWS) == [fault.name for fault in (*STATE_FAULTS, *OBSTACLE_FAULTS)]
+    assert list(FLAWS) == [fault.name for fault in (*STATE_FAULTS, *OBSTACLE_FAULTS, *MESSAGE_FAULTS)]
 
 
 @pytest.mark.parametrize("name", FLAWS)
