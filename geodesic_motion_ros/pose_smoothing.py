@@ -13,11 +13,20 @@ from collections import deque
 
 import numpy as np
 
+from geodesic_motion_ros.motion_curve import MotionLimits
 from geodesic_motion_ros.quaternions import normalise
 
 #: T, and by how much a commanded pose comes later than the reference's [s].
 SMOOTHING = 0.05
 LAG = 0.5 * SMOOTHING
+
+
+def corners_cut(limits: MotionLimits, strain: float, levers: np.ndarray) -> np.ndarray:
+    """How far the mean may take points at distances (K,) [m] from the tool's origin off the way itself, (K,) [m].
+
+    strain : accelerations in multiples of the limits.
+    """
+    return strain * (limits.acceleration + levers * limits.angular_acceleration) * SMOOTHING**2 / 24.0
 
 
 class PoseSmoothing:

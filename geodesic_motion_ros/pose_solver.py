@@ -23,6 +23,7 @@ from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
 from geodesic_motion_ros.motion_curve import MotionCurve, distinct
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
+from geodesic_motion_ros.pose_smoothing import corners_cut
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.query import Pose, Query
 from geodesic_motion_ros.reference import (
@@ -125,6 +126,7 @@ class PoseSolver:
         self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
         self._points = np.array(settings.tool_points, dtype=float)
         self._point_radii = np.array(settings.tool_radii, dtype=float)
+        self._levers = np.linalg.norm(self._points, axis=1)
 
     def beyond_reach(self, positions: np.ndarray, frame: TaskFrame) -> str:
         """How far tool positions (n, 3) of the task frame lie from the shoulder where the arm cannot reach, or ''."""
@@ -273,9 +275,9 @@ class PoseSolver:
         apart = max(float(times[1]), _SHORTEST_INTERVAL)
         before = np.linspace(0.0, begins, 1 + math.ceil(begins / apart))[:-1]
         seen, limits = obstacles.in_motion().as_seen(apart), reference.limits
-        levers = np.linalg.norm(self._points, axis=1)
         turning = reference.strain * limits.angular_acceleration + limits.angular_speed**2
-        bulges = (reference.strain * limits.acceleration + levers * turning) * apart**2 / 8.0
+        bulges = (reference.strain * limits.acceleration + self._levers * turning) * apart**2 / 8.0
+        bulges += corners_cut(limits, reference.strain, self._levers)
         motion = (
             tool_points(positions, quaternions, self._points), self._point_radii, np.tile(bulges, (count - 1, 1)),
             begins + times, np.ones(count), seen,
@@ -296,7 +298,8 @@ class PoseSolver:
         """
         curve = reference.curve
         points = tool_points(curve.positions, curve.quaternions, self._points)
-        allowance = curve_allowance(curve, self._points)
+        # What is commanded is a mean over the reference.
+        allowance = curve_allowance(curve, self._points) + corners_cut(reference.limits, reference.strain, self._levers)
         if obstacles.stand:
             return replace(reference, clearance=curve_clearances(points, self._point_radii, allowance, obstacles))
         clearance = motion_clearances(

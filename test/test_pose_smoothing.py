@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.pose_smoothing import LAG, SMOOTHING, PoseSmoothing
-from geodesic_motion_ros.quaternions import normalise
+from geodesic_motion_ros.motion_curve import MotionLimits
+from geodesic_motion_ros.pose_smoothing import LAG, SMOOTHING, PoseSmoothing, corners_cut
+from geodesic_motion_ros.quaternions import normalise, rotate
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 PERIOD = 0.01
@@ -90,3 +91,24 @@ def test_quaternions_stay_of_unit_length_and_follow():
         _, given = smoothing.add(PERIOD, np.zeros(3), turned)
         assert np.linalg.norm(given) == pytest.approx(1.0, abs=1e-12)
     assert 2.0 * np.arccos(given @ turned) == pytest.approx(2.0 / 59.0, rel=1e-3)  # two periods late
+
+
+@pytest.mark.parametrize("acceleration", [0.5, 10.0])
+def test_no_tool_point_is_taken_further_off_the_way_than_the_certificate_allows_for(acceleration):
+    """Full acceleration along x and full angular acceleration about z: both take a point on -y the same way."""
+    period, lever, angular = 0.002, 0.15, 4.0 * acceleration
+    limits = MotionLimits(1.0, 1.0, acceleration, angular)
+    smoothing, points, late = PoseSmoothing(), np.array([[0.0, -lever, 0.0]]), LAG - 0.5 * period
+
+    def pose(time: float) -> tuple[np.ndarray, np.ndarray]:
+        half = 0.25 * angular * time**2
+        return np.array([0.5 * acceleration * time**2, 0.0, 0.0]), np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+
+    smoothing.reset(*pose(-0.05))
+    for time in period * np.arange(-25, 26):
+        given = smoothing.add(period, *pose(time))
+        if abs(time - late) < 0.5 * period:
+            at, on_the_way = given, pose(time - late)
+    off = np.linalg.norm(at[0] + rotate(at[1], points) - on_the_way[0] - rotate(on_the_way[1], points))
+    allowed = float(corners_cut(limits, 1.0, np.array([lever]))[0])
+    assert 0.95 * allowed <= off <= allowed

@@ -14,6 +14,7 @@ import pytest
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.pose_smoothing import corners_cut
 from geodesic_motion_ros.pose_solver import Plan, PoseSolver, Scene
 from geodesic_motion_ros.pose_stream import PoseStream
 from geodesic_motion_ros.query import Pose
@@ -159,3 +160,11 @@ def test_what_was_planned_is_taken_where_the_tool_could_stop(solver, way) -> Non
     assert stream.stoppable(plan, start, motion, scene(Obstacles.none())) is plan
     nothing = Plan(None, Verdict(VerdictCode.NO_FEASIBLE_PATH))
     assert stream.stoppable(nothing, start, motion, scene(Obstacles.none())) is nothing
+
+
+@pytest.mark.parametrize("velocity", [np.zeros(3), np.array([0.0, 0.0, 0.01])])
+def test_the_certificate_leaves_room_for_what_smoothing_cuts_off_corners(solver, way, velocity):
+    obstacles = sphere(way.sample(0.5 * way.duration)[0] + [0.0, 0.0, 0.1], velocity)
+    gentle, hard = (np.min(solver.certified(replace(way, strain=strain), obstacles).clearance) for strain in (0.0, 2.0))
+    assert gentle - hard == pytest.approx(corners_cut(way.limits, 2.0, np.zeros(1))[0], rel=1e-6)
+    assert gentle - hard > 5e-5
