@@ -93,7 +93,8 @@ class Fault(ABC):
     name : as the command line knows it. criterion : when it passes, one sentence.
     phases : in which it makes sense. spaces : of skills, likewise.
     in_motion : how much of its time a motion still needs in that phase, share of the whole. near_goal : likewise [s].
-    long : whether it takes minutes. fresh : whether it needs nodes that have just started.
+    long : whether it takes minutes. fresh : whether it needs nodes that have just started, and
+        leaves none that another could use.
     planner, twin : parameters that the nodes are started with, besides those of the bench.
     """
 

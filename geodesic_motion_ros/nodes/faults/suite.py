@@ -58,6 +58,8 @@ def run_case(bench: Bench, case: Case) -> Row:
         bench.reach(case.phase, fault, random)
         fault.run(bench, case.phase, random, findings)
         bench.judge(findings)
+        if fault.fresh:
+            bench.stop_nodes()
         passed = not findings.failures
     except FaultSkipped as skipped:
         findings.note(f"skipped: {skipped}")
