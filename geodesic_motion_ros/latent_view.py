@@ -28,7 +28,7 @@ _COLOUR_STOPS = np.array(
 _COARSE = 110
 _BLOCK = 2048
 FOOTPRINT = np.array([224.0, 72.0, 62.0])
-_DEMONSTRATION, _PATH, _GOAL = (235, 235, 245), (255, 255, 255), (255, 196, 0)
+_DEMONSTRATION, _PATH, _GOAL = (120, 130, 165), (255, 255, 255), (255, 196, 0)
 
 
 class LatentPicture(ABC):

@@ -45,6 +45,8 @@ DISTANCE, DISTANCE_AT_REST = 0.4, 0.02
 OFF, VANISHING, CHASE_FROM, CHASE_FOR = 0.04, 3.0, 0.5, 5.0
 #: A scene ends at the goal, or after so long [s].
 LONGEST = 25.0
+#: In pictures what is farther off counts as so far [mm].
+_FARTHEST = 100.0
 #: Added to what braking needs [m].
 ROOM = 0.01
 
@@ -255,9 +257,13 @@ def moving_figures(scenes: Sequence[MovingScene]) -> dict[str, float | int]:
 
 def draw_clearances(axes: Axes, clearances: Mapping[str, Sequence[float]]) -> None:
     """How often which least clearance [m] was, one line for each label, whose {} becomes their number."""
+    least = min((min(values) for values in clearances.values() if len(values)), default=0.0)
+    edges = np.linspace(min(0.0, 1e3 * least), _FARTHEST, 31)
     for label, values in clearances.items():
         if len(values):
-            axes.hist(1e3 * np.array(values), bins=20, histtype="step", label=label.format(len(values)))
+            drawn = np.minimum(1e3 * np.array(values), _FARTHEST)
+            axes.hist(drawn, bins=edges, histtype="step", label=label.format(len(values)))
+    axes.set_xticks([0.0, 0.5 * _FARTHEST, _FARTHEST], ["0", f"{0.5 * _FARTHEST:g}", f"{_FARTHEST:g} or more"])
     axes.axvline(0.0, color="tab:red", label="contact")
     axes.legend()
 

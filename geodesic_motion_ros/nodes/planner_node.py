@@ -72,9 +72,9 @@ class PlannerNode(LoopingNode):
         self._period = 1.0 / values["rate"]
         self._loop = SteadyLoop(self._tick, values["rate"], self._died, name="planner")
         self._view_thread = self._make_view(skill)
-        self._every(1.0 / values["path_rate"], self._show_path)
-        self._every(1.0, self._show_health)
-        self._every(1.0, self._look_for_rivals)
+        self._every(1.0 / values["path_rate"], self._show_path, "path and ~/markers")
+        self._every(1.0, self._show_health, "/diagnostics")
+        self._every(1.0, self._look_for_rivals, "the search for other commanders")
         # A plan takes longer than a joint state may be old.
         self._plans = BackgroundService(self, GetPlan, "plan", self._on_plan)
         self.create_service(SetBool, "~/hold", self._on_hold)
@@ -143,14 +143,12 @@ class PlannerNode(LoopingNode):
 
     # ---------------------------------------------------------------- pictures
 
-    def _every(self, period: float, work: Callable[[], None]) -> None:
+    def _every(self, period: float, work: Callable[[], None], name: str) -> None:
         """Do something every so many seconds; an error in it must not end the node."""
 
         def guarded() -> None:
-            try:
+            with self._inputs.refusals.guard(name):
                 work()
-            except Exception as error:
-                self._log(error)
 
         self.create_timer(period, guarded, clock=STEADY)
 

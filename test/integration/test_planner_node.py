@@ -184,6 +184,7 @@ class TestFaults:
 
         monkeypatch.setattr(moving.planner._outputs, "diagnostics", fail)
         moving.wait(lambda: len(failed) > 1, "the timer to fail twice")
+        assert moving.planner._inputs.refusals.counts["/diagnostics"] > 0
         assert moving.status()["code"] == "OK"
 
     @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ _DEFAULTS = {parameter.name: parameter.default for parameter in PLANNER}
 #: What the planner takes for the place of the arm is no older than this [s].
 _STATE_TIMEOUT = _DEFAULTS["state_timeout"]
 _SCALES = _DEFAULTS["speed_scale"], _DEFAULTS["acceleration_scale"]
-#: No tool is accelerated by more [m/s^2]: giving way to what moves exceeds the planner's limit, by a fifth and more.
+#: No tool is accelerated by more [m/s^2]: a way entered in motion exceeds the planner's limit by a tenth.
 _MOST_ACCELERATION = 2.0 * _DEFAULTS["acceleration"]
 #: So many sentences on what is wrong are enough.
 _MOST_SENTENCES = 3

@@ -13,11 +13,10 @@ from geodesic_motion_ros.nodes.faults.bench import Bench
 from geodesic_motion_ros.nodes.faults.fault import GOAL, MOTION, Fault, Findings
 from geodesic_motion_ros.nodes.faults.obstacle_faults import (
     AHEAD,
-    AWAY,
     coming_to,
     outwards,
     require_no_contact,
-    static,
+    set_out_beside_an_obstacle,
 )
 from geodesic_motion_ros.nodes.faults.relay import Relay
 from geodesic_motion_ros.nodes.faults.state_faults import require_hold
@@ -42,11 +41,7 @@ class ObstaclesLag(Fault):
     criterion = "an obstacle topic goes on, with stamps 2 s old: STALE_OBSTACLES, named, <= 100 ms, stop; resumes"
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        bench.asks.show_scene(static(AWAY))
-        relay = bench.relays["obstacles"]
-        before = relay.last_passed
-        bench.wait(lambda: relay.last_passed > before, "an obstacle")
-        bench.set_out(phase)
+        relay = set_out_beside_an_obstacle(bench, phase)
         relay.change, since = lambda message: [_later(message, -_LATE)], time.monotonic()
         require_hold(bench, findings, "STALE_OBSTACLES", "stamps lag: obstacles", since)
         relay.release()

@@ -17,6 +17,7 @@ from geodesic_motion_ros.nodes.faults.bench import Bench
 from geodesic_motion_ros.nodes.faults.fault import GOAL, MOTION, START, Fault, FaultSkipped, Findings
 from geodesic_motion_ros.nodes.faults.goal_faults import require_unchanged
 from geodesic_motion_ros.nodes.faults.record import Status, ahead
+from geodesic_motion_ros.nodes.faults.relay import Relay
 from geodesic_motion_ros.nodes.faults.state_faults import STOP, refused, require_hold, require_only_ok, require_refused
 from geodesic_motion_ros.nodes.marker_messages import sphere_marker
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
@@ -58,16 +59,22 @@ def outwards(place: np.ndarray) -> np.ndarray:
     return np.array([place[0], place[1], 0.0]) / np.hypot(place[0], place[1])
 
 
+def set_out_beside_an_obstacle(bench: Bench, phase: str) -> Relay:
+    """Set out while a topic tells of a sphere where nothing is in the way; its relay."""
+    bench.asks.show_scene(static(AWAY))
+    relay = bench.relays["obstacles"]
+    before = relay.last_passed
+    bench.wait(lambda: relay.last_passed > before, "an obstacle")
+    bench.set_out(phase)
+    return relay
+
+
 class ObstaclesSilent(Fault):
     name = "obstacles_silent"
     criterion = "an obstacle topic is silent: STALE_OBSTACLES, named, <= 100 ms after obstacle_timeout, stop; resumes"
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        bench.asks.show_scene(static(AWAY))
-        relay = bench.relays["obstacles"]
-        before = relay.last_passed
-        bench.wait(lambda: relay.last_passed > before, "an obstacle")
-        bench.set_out(phase)
+        relay = set_out_beside_an_obstacle(bench, phase)
         relay.passing = False
         require_hold(bench, findings, "STALE_OBSTACLES", "obstacles", relay.last_passed + _TIMEOUT)
         relay.release()

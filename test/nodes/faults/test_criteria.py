@@ -75,6 +75,15 @@ def test_a_row_passes_a_planner_that_is_right_and_fails_one_with_a_flaw(made_ben
         assert any(said in failure for failure in row.measured.split("; ") if failure.startswith("NOT: ")), row.measured
 
 
+@pytest.mark.parametrize(("fresh", "ended"), [(True, 1), (False, 0)])
+def test_nodes_that_had_to_be_fresh_serve_no_other_row(made_bench, monkeypatch, fresh: bool, ended: int) -> None:
+    (fault,) = chosen(["goal_sign_flipped"], False)
+    fault.fresh, stopped, made = fresh, [], made_bench()
+    monkeypatch.setattr(made, "stop_nodes", lambda: stopped.append(0))
+    run_case(made, Case(fault, "start", 0))
+    assert len(stopped) == ended
+
+
 @pytest.mark.parametrize("name", ["state_stops", "obstacles_silent", "obstacle_on_robot", "all_blocked"])
 @pytest.mark.parametrize("phase", ["start", "goal"])
 def test_in_other_phases_a_planner_that_is_right_passes_too(made_bench, name: str, phase: str) -> None:
