@@ -307,7 +307,7 @@ class ReactivePlanner:
     def _gone_on(self, plan: Plan, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
         """What is being followed, where no way was found or there was no time to: a way to the goal, or one aside."""
         assert self._query is not None
-        going = None if plan.turning else self._stream.gone_on(self._query, start, motion, scene)
+        going = self._stream.gone_on(self._query, start, motion, scene, plan.turning)
         if going is not None or plan.verdict.code is not VerdictCode.DEADLINE_MISSED:
             return going
         aside = self._giving_way.gone_on(start, motion, scene)

@@ -15,6 +15,9 @@ from geodesic_motion_ros.motion_curve import MotionLimits
 #: Ways among obstacles that move are certified with this multiple of the obstacle margin: nothing moves exactly as
 #: expected.
 MOVING_MULTIPLE = 2.0
+#: A stop on them keeps no more than this multiple where the tool would be touched as it stood: it is short of a margin
+#: rather than in the way.
+CORNERED_MULTIPLE = 0.5
 #: What sets out or goes on among them is to be able to stop so long later [s]: by then it has been looked at again.
 LOOKED_AT_AGAIN = 0.03
 #: Where they may come to a stand meanwhile is told by so many places each, the first where they were last seen.
@@ -92,7 +95,7 @@ class PlannerSettings(SearchSettings):
     reanchor_angle: float = 0.1
     speed: float = 0.2
     angular_speed: float = 0.8
-    acceleration: float = 0.5
+    acceleration: float = 1.5
 
     may_be_zero: ClassVar[tuple[str, ...]] = (*SearchSettings.may_be_zero, "reanchor_distance", "reanchor_angle")
 

@@ -4,7 +4,7 @@ References keep limits of speed and acceleration, and their acceleration may ste
 T seconds is a filter with a finite impulse response, constant over T, as in L. Biagiotti and C. Melchiorri, "FIR
 filters for online trajectory planning with time- and frequency-domain specifications", Control Engineering Practice,
 2012: what passes it keeps these limits, and its jerk is at most 2 a / T. It comes T / 2 later, to rest where the
-reference does, and cuts corners by a T^2 / 24 at most: 0.05 mm at 0.5 m/s^2.
+reference does, and cuts corners by a T^2 / 24 at most: 0.16 mm at 1.5 m/s^2.
 """
 
 from __future__ import annotations

@@ -13,12 +13,19 @@ import numpy as np
 
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import LOOKED_AT_AGAIN, MOVING_MULTIPLE, STOPPING_PLACES, PlannerSettings
+from geodesic_motion_ros.planner_settings import (
+    CORNERED_MULTIPLE,
+    LOOKED_AT_AGAIN,
+    MOVING_MULTIPLE,
+    STOPPING_PLACES,
+    PlannerSettings,
+)
 from geodesic_motion_ros.pose_smoothing import LAG
 from geodesic_motion_ros.pose_solver import MARGIN_MULTIPLES, MOST_STRAIN, Motion, Plan, PoseSolver, Scene
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.query import Pose, Query
 from geodesic_motion_ros.reference import TaskSpaceReference, initial_rate, timed_reference
+from geodesic_motion_ros.refuge import AHEAD
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.time_law import braking_law
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -174,16 +181,25 @@ class PoseStream:
             return plan
         return self._keep(rest, scene, replace(followed, searched=scene.in_task.time, trusting=trusting))
 
-    def gone_on(self, query: Query, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
+    def gone_on(
+        self, query: Query, start: Pose, motion: Motion, scene: Scene, turning: bool = False
+    ) -> Plan | None:
         """The way being followed where no way was found, or there was no time to, and what moves is less far from where
         the tool would stop than from that way; None where the stop is the better.
+
+        Where something would come to where it stopped, to stand at the goal when something comes there is no worse.
+        turning : there is another way, but the tool must stop for it; it does where nothing comes to where it stops.
         """
         followed, rest, obstacles = self.followed, motion.rest, scene.in_task
         if rest is None or followed is None or not followed.leads_to(query) or obstacles.stand:
             return None
-        rest = self._solver.certified(rest, obstacles, trusting=True)
+        prediction = self._settings.prediction
         stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
-        stopped = self._solver.clearance_until(stop, start, obstacles, self._settings.prediction)
+        stopped = self._solver.clearance_until(stop, start, obstacles, AHEAD * prediction)
+        if turning and stopped > 0.0:
+            return None
+        horizon = prediction if stopped > 0.0 else min(prediction, rest.duration + LAG)
+        rest = self._solver.certified(rest, obstacles, horizon, trusting=True)
         if np.min(rest.clearance) <= max(stopped, 0.0):
             return None
         if not self.can_still_stop(rest, start, motion, obstacles):
@@ -209,19 +225,30 @@ class PoseStream:
         lines obstacles come to a stand meanwhile, or has none now either.
 
         A certificate takes for granted that they move on as they did; one that stops or turns must not be met either.
-        That it would come to where the tool then stood is no reason to go on: what stands is touched less hard.
+        That one would come to where the tool then stood is no reason to go on without a stop: what stands is touched
+        less hard. But it is one to go on with less room than the margin.
         """
-        if obstacles.stand or not self._settings.avoidance or self.leaves_a_stop(going, start, obstacles):
+        if obstacles.stand or not self._settings.avoidance:
+            return True
+        room, margin = self._room_of_a_stop_on(going, start, obstacles), self._settings.obstacle_margin
+        if room > MOVING_MULTIPLE * margin:
             return True
         stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
-        return self._room_of(stop, start, 0.0, obstacles) <= 0.0
+        if self._room_of(stop, start, 0.0, obstacles) <= 0.0:
+            return True
+        if room <= CORNERED_MULTIPLE * margin:
+            return False
+        return self._solver.clearance_until(stop, start, obstacles, self._settings.prediction) <= 0.0
 
     def leaves_a_stop(self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles) -> bool:
-        """Whether a tool that goes on along a reference has a free stop as of `can_still_stop`."""
+        """Whether a tool that goes on along a reference has a stop as of `can_still_stop` that keeps the margin."""
+        return self._room_of_a_stop_on(going, start, obstacles) > MOVING_MULTIPLE * self._settings.obstacle_margin
+
+    def _room_of_a_stop_on(self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles) -> float:
+        """`_room_of` the soonest stop on a reference that begins now, once it has been looked at again."""
         rest = going.rest(*going.locate(LOOKED_AT_AGAIN))
         stop = self._soonest_rest(rest.curve, rest.latent, float(rest.rates[0]), going.strain) or rest
-        margin = MOVING_MULTIPLE * self._settings.obstacle_margin
-        return self._room_of(stop, start, LOOKED_AT_AGAIN, obstacles) > margin
+        return self._room_of(stop, start, LOOKED_AT_AGAIN, obstacles)
 
     def _room_of(self, stop: TaskSpaceReference | None, start: Pose, later: float, obstacles: Obstacles) -> float:
         """Least distance [m] of a stop that begins so much later [s], or of a tool that stands at a pose, from where

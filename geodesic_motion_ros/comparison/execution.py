@@ -36,8 +36,9 @@ from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.simulation.world import PandaWorld
 
-#: The goal is reached within so much [m], [rad]; an arm rests whose joints are all slower than this [rad/s].
-REACHED, REACHED_ANGLE, RESTING = 0.01, 0.1, 0.02
+#: The goal is reached within so much [m], [rad]; an arm rests whose joints are all slower than this [rad/s], a tool all
+#: of whose spheres are slower than this [m/s].
+REACHED, REACHED_ANGLE, RESTING, TOOL_RESTING = 0.01, 0.1, 0.02, 0.005
 #: A scene ends after so long [s], or where the arm has stood for so long while nothing will change.
 LONGEST, GIVEN_UP = 15.0, 2.0
 #: Distances are looked for up to this [m].
@@ -128,7 +129,7 @@ class _Run:
     def play(self) -> tuple[Outcome, np.ndarray]:
         world, pending = self._world, Answer()
         self._method.reset(self._scene)
-        stood, reached, step = 0.0, False, 0
+        stood, reached, step, posture = 0.0, False, 0, world.joint_positions
         while step < LONGEST * STEP_HZ:
             now = step / STEP_HZ
             if step % STEPS_PER_TICK == 0:
@@ -138,10 +139,10 @@ class _Run:
             world.step()
             self._spheres.move(step / STEP_HZ)
             self._commanded.append(world.commanded_positions)
-            posture = world.joint_positions
+            before, posture = posture, world.joint_positions
             if step % _KEPT == 0:
                 self._postures.append(posture)
-            moves = bool(np.max(np.abs(world.joint_velocities)) > RESTING)
+            moves = self._moves(before, posture)
             self._geometry.place(posture)
             self._spheres.judge(step / STEP_HZ, moves, self._clearance)
             if self._spheres.contacts:
@@ -152,6 +153,15 @@ class _Run:
                 break
         self._postures.append(world.joint_positions)
         return self._outcome(reached, step / STEP_HZ), np.array(self._postures)
+
+    def _moves(self, before: np.ndarray, posture: np.ndarray) -> bool:
+        """Whether what is guarded moved in the last step, between two postures (eta,) [rad]: a hand may rest while the
+        elbow swings.
+        """
+        if self._arena.whole_arm:
+            return bool(np.max(np.abs(self._world.joint_velocities)) > RESTING)
+        ways = np.diff(self._arena.body(np.stack([before, posture])), axis=0)
+        return bool(np.max(np.linalg.norm(ways, axis=-1)) > TOOL_RESTING * self._world.dt)
 
     def _tick(self, now: float) -> Answer:
         obstacles = Obstacles.of_spheres(*self._spheres.seen(now, self._has_room), now)

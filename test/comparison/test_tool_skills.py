@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.execution import Stage
+from geodesic_motion_ros.comparison.execution import RESTING, Stage
 from geodesic_motion_ros.comparison.families import families_of
+from geodesic_motion_ros.comparison.method import Answer, JointState
 from geodesic_motion_ros.comparison.methods.replay import Replay
 from geodesic_motion_ros.comparison.methods.tool_geodesics import ToolGeodesics
 from geodesic_motion_ros.comparison.run import BenchmarkSettings, play_benchmark
@@ -17,8 +19,9 @@ from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.comparison.tool_demonstrations import followed
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import angle_between
-from geodesic_motion_ros.robot.swivel import elbow_position
+from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle
 from geodesic_motion_ros.skill import Skill
 
 
@@ -121,6 +124,32 @@ def test_the_elbow_may_be_touched_and_that_is_said_and_the_hand_may_not(arena, s
     assert outcome.arm_touched
     outcome, _ = stage.play(among(blocked, standing(arena.robot.forward(start)[0], 0.05)), replay)
     assert outcome.contact
+
+
+class Holding:
+    """Holds the hand where it is. The arm comes back to its ready posture meanwhile, elbow alone."""
+
+    settings: ClassVar[dict[str, object]] = {}
+
+    def __init__(self, arena: Arena) -> None:
+        self._robot = arena.robot
+
+    def reset(self, scene: Scene) -> None:
+        self._pose = self._robot.forward(scene.start)
+
+    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
+        return Answer(pose=self._pose, refusal="it holds")
+
+
+def test_a_hand_that_rests_while_the_elbow_swings_is_touched_as_it_stands(arena, stage, blocked) -> None:
+    robot, start = arena.robot, blocked.start
+    aside = solve_with_swivel(robot, *robot.forward(start), swivel_angle(robot, start) + 0.4, start)
+    towards = np.array([0.2, 0.0, 0.0])
+    coming = MovingSphere(0.04, 0.0, 10.0, robot.forward(start)[0] - 1.5 * towards, towards, False)
+    outcome, postures = stage.play(replace(among(blocked, coming), start=aside), Holding(arena))
+    # 50 postures a second: as it is touched, joints are faster than those of an arm that rests.
+    assert np.max(np.abs(postures[-2] - postures[-3])) * 50.0 > 2.0 * RESTING
+    assert outcome.contact == "standing"
 
 
 def test_without_the_hard_part_ours_goes_into_what_it_cannot_avoid(arena, stage, ours, blocked) -> None:
