@@ -76,8 +76,8 @@ def test_spheres_begin_clear_of_the_tool(stage) -> None:
 def test_who_is_to_blame_for_a_contact_is_told(stage) -> None:
     start, goal, reference = draw_ends(stage.planner, np.random.default_rng(0))
     ends = stage.planner, stage.world, start, goal
-    # Into a tool that cannot leave, for its goal is covered.
-    driven = MovingSphere(0.04, 0.0, NEVER, start[0] + [0.0, 0.0, 0.3], np.array([0.0, 0.0, -0.4]), False)
+    # Into a tool that has nowhere to go, for its goal is covered, and no time to give way.
+    driven = MovingSphere(0.04, 0.0, NEVER, start[0] + [0.0, 0.0, 0.4], np.array([0.0, 0.0, -1.0]), False)
     scene = MovingToolRun(*ends, [standing(0.06, 0.0, goal[0]), driven]).play(0, 0, longest=1.2)
     assert scene.contacts == ("standing",)
     assert not scene.reached
