@@ -105,7 +105,7 @@ PLANNER = (
     Parameter("angular_speed", 0.8, "Largest angular speed of the tool", "rad/s", 0.001, 6.0),
     Parameter(
         "acceleration",
-        0.5,
+        1.5,
         "Largest acceleration of the tool, along and across its path together; its angular acceleration is kept in "
         "proportion, acceleration * angular_speed / speed",
         "m/s^2",
