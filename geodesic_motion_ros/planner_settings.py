@@ -15,9 +15,6 @@ from geodesic_motion_ros.motion_curve import MotionLimits
 #: Ways among obstacles that move are certified with this multiple of the obstacle margin: nothing moves exactly as
 #: expected.
 MOVING_MULTIPLE = 2.0
-#: A stop on them keeps no more than this multiple where the tool would be touched as it stood: it is short of a margin
-#: rather than in the way.
-CORNERED_MULTIPLE = 0.5
 #: What sets out or goes on among them is to be able to stop so long later [s]: by then it has been looked at again.
 LOOKED_AT_AGAIN = 0.03
 #: Where they may come to a stand meanwhile is told by so many places each, the first where they were last seen.

@@ -13,13 +13,7 @@ import numpy as np
 
 from geodesic_motion_ros.motion_curve import MotionCurve
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import (
-    CORNERED_MULTIPLE,
-    LOOKED_AT_AGAIN,
-    MOVING_MULTIPLE,
-    STOPPING_PLACES,
-    PlannerSettings,
-)
+from geodesic_motion_ros.planner_settings import LOOKED_AT_AGAIN, MOVING_MULTIPLE, STOPPING_PLACES, PlannerSettings
 from geodesic_motion_ros.pose_smoothing import LAG
 from geodesic_motion_ros.pose_solver import MARGIN_MULTIPLES, MOST_STRAIN, Motion, Plan, PoseSolver, Scene
 from geodesic_motion_ros.quaternions import continuous_signs
@@ -225,30 +219,19 @@ class PoseStream:
         lines obstacles come to a stand meanwhile, or has none now either.
 
         A certificate takes for granted that they move on as they did; one that stops or turns must not be met either.
-        That one would come to where the tool then stood is no reason to go on without a stop: what stands is touched
-        less hard. But it is one to go on with less room than the margin.
+        That it would come to where the tool then stood is no reason to go on: what stands is touched less hard.
         """
-        if obstacles.stand or not self._settings.avoidance:
-            return True
-        room, margin = self._room_of_a_stop_on(going, start, obstacles), self._settings.obstacle_margin
-        if room > MOVING_MULTIPLE * margin:
+        if obstacles.stand or not self._settings.avoidance or self.leaves_a_stop(going, start, obstacles):
             return True
         stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
-        if self._room_of(stop, start, 0.0, obstacles) <= 0.0:
-            return True
-        if room <= CORNERED_MULTIPLE * margin:
-            return False
-        return self._solver.clearance_until(stop, start, obstacles, self._settings.prediction) <= 0.0
+        return self._room_of(stop, start, 0.0, obstacles) <= 0.0
 
     def leaves_a_stop(self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles) -> bool:
-        """Whether a tool that goes on along a reference has a stop as of `can_still_stop` that keeps the margin."""
-        return self._room_of_a_stop_on(going, start, obstacles) > MOVING_MULTIPLE * self._settings.obstacle_margin
-
-    def _room_of_a_stop_on(self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles) -> float:
-        """`_room_of` the soonest stop on a reference that begins now, once it has been looked at again."""
+        """Whether a tool that goes on along a reference has a free stop as of `can_still_stop`."""
         rest = going.rest(*going.locate(LOOKED_AT_AGAIN))
         stop = self._soonest_rest(rest.curve, rest.latent, float(rest.rates[0]), going.strain) or rest
-        return self._room_of(stop, start, LOOKED_AT_AGAIN, obstacles)
+        margin = MOVING_MULTIPLE * self._settings.obstacle_margin
+        return self._room_of(stop, start, LOOKED_AT_AGAIN, obstacles) > margin
 
     def _room_of(self, stop: TaskSpaceReference | None, start: Pose, later: float, obstacles: Obstacles) -> float:
         """Least distance [m] of a stop that begins so much later [s], or of a tool that stands at a pose, from where
