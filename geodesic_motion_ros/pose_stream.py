@@ -175,9 +175,7 @@ class PoseStream:
             return plan
         return self._keep(rest, scene, replace(followed, searched=scene.in_task.time, trusting=trusting))
 
-    def gone_on(
-        self, query: Query, start: Pose, motion: Motion, scene: Scene, turning: bool = False
-    ) -> Plan | None:
+    def gone_on(self, query: Query, start: Pose, motion: Motion, scene: Scene, turning: bool = False) -> Plan | None:
         """The way being followed where no way was found, or there was no time to, and what moves is less far from where
         the tool would stop than from that way; None where the stop is the better.
 

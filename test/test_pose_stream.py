@@ -128,6 +128,11 @@ def test_a_way_is_gone_on_to_a_goal_that_something_comes_to_where_it_comes_to_th
     assert np.min(solver.certified(near, covers, trusting=True).clearance) < 0.0
     assert stream.gone_on(QUERY, start, motion, scene(covers)) is not None
     assert stream.gone_on(QUERY, start, motion, scene(covers), turning=True) is not None
+    # Where nothing comes to the stop, the tool stops for another way, and goes on where there is none.
+    along = near.velocity(0.0)[:3] / np.linalg.norm(near.velocity(0.0)[:3])
+    behind = scene(sphere(start.position - (TOUCHING + 0.1) * along, 0.02 * along))
+    assert stream.gone_on(QUERY, start, motion, behind, turning=True) is None
+    assert stream.gone_on(QUERY, start, motion, behind) is not None
     # The controls: it comes before the tool is there, and to the goal alone.
     sooner = sphere(goal + (TOUCHING + 0.08) * side, -0.4 * side)
     assert stream.gone_on(QUERY, start, motion, scene(sooner)) is None

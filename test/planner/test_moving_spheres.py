@@ -179,11 +179,11 @@ def stopping_sphere(planner, meeting: float) -> float:
     return min(gap for *_, gap in played(planner, planner.skill.start_pose, coming, stops + 1.0))
 
 
-@pytest.mark.parametrize("meeting", [0.25, 0.35, 0.45])
+@pytest.mark.parametrize("meeting", [0.25, 0.35, 0.42, 0.45])
 def test_what_stops_before_it_has_passed_is_kept_off(planner, meeting):
     assert stopping_sphere(planner, meeting) > 0.01
 
 
 def test_a_tool_that_counts_on_what_moves_to_move_on_all_but_touches_what_stops(planner, monkeypatch):
     monkeypatch.setattr(PoseStream, "can_still_stop", lambda *_: True)
-    assert stopping_sphere(planner, 0.35) < 0.004
+    assert stopping_sphere(planner, 0.42) < 0.002
