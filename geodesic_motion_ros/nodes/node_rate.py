@@ -8,6 +8,7 @@ way; ten times a second comes a point cloud of all that is under the arm.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
@@ -37,7 +38,10 @@ POINTS, TABLE, UNDER, SHIFT = 10_000, 0.8, 0.08, 0.003
 
 @dataclass(frozen=True)
 class RateRow:
-    """What one stretch of the stream has shown: rates in Hz, durations in ms; stolen_percent as of `StolenTime`."""
+    """What one stretch of the stream has shown: rates in Hz, durations in ms; stolen_percent as of `StolenTime`.
+
+    verdicts : how many ticks had which, the most frequent first.
+    """
 
     asked: float
     name: str
@@ -46,8 +50,8 @@ class RateRow:
     tick_p99: float
     misses: int
     goals: int
-    ok_percent: float
     stolen_percent: float
+    verdicts: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -119,9 +123,15 @@ def measure_rates(
 
 def table(rows: list[RateRow]) -> str:
     """The rows as plain text."""
-    head = ["asked Hz", "", "rate Hz", "tick p50 ms", "p99 ms", "misses", "goals", "OK %", "stolen %"]
-    cells = [list(astuple(row)) for row in rows]
+    head = ["asked Hz", "", "rate Hz", "tick p50 ms", "p99 ms", "misses", "goals", "stolen %", "verdicts %"]
+    cells = [[*astuple(row)[:-1], _percent(row.verdicts)] for row in rows]
     return text_table(head, cells, digits=1)
+
+
+def _percent(verdicts: dict[str, int]) -> str:
+    """For example OK 98.4, STALE_STATE 1.6."""
+    total = sum(verdicts.values())
+    return ", ".join(f"{name} {100.0 * count / total:.1f}" for name, count in verdicts.items())
 
 
 def _stretch(stream: PlannerStream, asked: float, name: str, seconds: float, goals_hz: float) -> RateRow:
@@ -146,8 +156,8 @@ def _stretch(stream: PlannerStream, asked: float, name: str, seconds: float, goa
     first, last = stream.ticks[0], stream.ticks[-1]
     p50, p99 = np.percentile([tick.duration for tick in stream.ticks], [50.0, 99.0])
     rate = (last.number - first.number) / (last.time - first.time)
-    fine = 100.0 * float(np.mean([tick.code == "OK" for tick in stream.ticks]))
-    return RateRow(asked, name, rate, float(p50), float(p99), last.misses - first.misses, goals, fine, taken)
+    verdicts = dict(Counter(tick.code for tick in stream.ticks).most_common())
+    return RateRow(asked, name, rate, float(p50), float(p99), last.misses - first.misses, goals, taken, verdicts)
 
 
 def _beside(way: _Way, count: int) -> Spheres:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import asdict
 
 import pytest
 
@@ -20,11 +21,14 @@ def test_every_stretch_is_measured_and_goals_and_spheres_really_move(tmp_path):
     for row in rows:
         assert 0.0 < row.rate < 60.0
         assert 0.0 < row.tick_p50 <= row.tick_p99
-    # Beside the way obstacles are felt and block nothing; a sphere that goes through the middle of it does.
-    assert stays.ok_percent == 100.0
-    assert cloud.ok_percent == 100.0
-    assert sphere.ok_percent < 100.0
+    # Beside the way obstacles are felt and block nothing; a sphere that goes through the middle of it does. A busy
+    # machine may keep the twin from telling where the arm is, and says so.
+    for row in stays, cloud:
+        assert set(row.verdicts) <= {"OK", "STALE_STATE"}
+        assert row.verdicts["OK"] > 0.5 * sum(row.verdicts.values())
+    assert set(sphere.verdicts) - {"OK", "STALE_STATE"}
     assert stays.name in node_rate.table(rows)
+    assert asdict(stays)["verdicts"] == stays.verdicts
 
 
 @pytest.mark.realtime
