@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from importlib import import_module
 from pathlib import Path
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, needing, seed, writable
@@ -27,6 +28,11 @@ columns   success: the goal within 10 mm and 0.1 rad, no contact; hits: scenes t
           scenes, ended or not, in which a part of the arm touched a sphere that is not guarded.
           Clearance, similarity, jerk and time are those of successes. Intervals: Wilson, bootstrap of the median
 tables    scenes in which at least half of the demonstrations stay free, and the rest
+held out  with --held-out every method is given two thirds of the demonstrations, a skill trained on these alone; a
+          scene goes from where one of the others began to where it ended, and dtw and orient are distance and angle
+          from this one, which no method has seen: the control is no distance from what it replays, but it is from
+          what another person, or the same one another time, does. Three skills are trained first and kept beside the
+          results (minutes; with the settings that the skill was trained with, on what it keeps of its demonstrations)
 
 A slow method is flattered: however long it thinks, its answer reaches the arm one tick later. What was played is kept
 in the output folder and not played again.
@@ -36,6 +42,7 @@ examples:
   geodesic-motion benchmark
   geodesic-motion benchmark --scenes 100 --processes 2 --json out/benchmark.json
   geodesic-motion benchmark --skill panda_pouring
+  geodesic-motion benchmark --skill panda_pouring --held-out
   geodesic-motion benchmark --methods 'ours; replay' --families crossing,gate --scenes 20
 """
 
@@ -54,6 +61,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--families", type=_names(","), metavar="NAME,NAME", help="all without it")
     parser.add_argument("--seed", type=seed, default=0, help="of the scenes")
     parser.add_argument(
+        "--held-out", action="store_true", help="scenes of demonstrations that no method was given; trains three skills"
+    )
+    parser.add_argument(
         "--strip", type=_scene, metavar="FAMILY:NUMBER", help="draw this scene as every method plays it: strip.png"
     )
     parser.add_argument("--processes", type=int, default=1, help="that play scenes")
@@ -67,14 +77,11 @@ def run(arguments: argparse.Namespace) -> None:
     """Play what has not been played, print the tables, write the files."""
     with needing("the benchmark needs", "pip install 'geodesic_motion_ros[simulation]'"):
         from geodesic_motion_ros.comparison.catalogue import ROWS, chosen
-        from geodesic_motion_ros.comparison.execution import Stage
         from geodesic_motion_ros.comparison.families import check_families, families_of
         from geodesic_motion_ros.comparison.figures import draw_clearances, draw_strip, draw_success
         from geodesic_motion_ros.comparison.report import Report
         from geodesic_motion_ros.comparison.results import Results
-        from geodesic_motion_ros.comparison.run import BenchmarkSettings, play_benchmark
-        from geodesic_motion_ros.comparison.scene import draw_scene
-    from geodesic_motion_ros.comparison.arena import Arena
+        from geodesic_motion_ros.comparison.run import Bench, BenchmarkSettings, play_benchmark
     from geodesic_motion_ros.skill import Skill
     from geodesic_motion_ros.tables import write_json
 
@@ -82,19 +89,24 @@ def run(arguments: argparse.Namespace) -> None:
     left_out = [f"{name} ({row.missing} is not installed)" for name, row in ROWS.items() if row.missing]
     skill = Skill.load(arguments.skill)
     families = arguments.families or families_of(skill)
-    settings = BenchmarkSettings(methods, families, arguments.scenes, arguments.seed, arguments.processes)
+    settings = BenchmarkSettings(
+        methods, families, arguments.scenes, arguments.seed, arguments.processes, arguments.held_out
+    )
     check_families(skill, families if arguments.strip is None else (*families, arguments.strip[0]))
+    if settings.held_out:
+        with needing("--held-out trains skills, which needs", "pip install 'geodesic_motion_ros[learn]'"):
+            import_module("geodesic_motion_ros.manifold.training")
     for path in (arguments.out / "table.txt", arguments.json):
         writable(path)
     if arguments.methods is None and left_out:
         print(f"left out: {', '.join(left_out)}")
     if arguments.kept:
-        results = Results(arguments.out, skill.name, settings.seed)
+        results = Results(arguments.out, skill.name, settings.seed, settings.held_out)
         played = results.complete(methods, settings.families, settings.scenes)
     else:
         played = list(play_benchmark(skill, settings, arguments.out))
     told = {name: ROWS[name].told for name in methods}
-    report = Report(skill.name, settings.seed, played, told)
+    report = Report(skill.name, settings.seed, played, told, settings.held_out)
     print(report.table())
     (arguments.out / "table.txt").write_text(report.table() + "\n")
     write_json(arguments.out / "figures.json", report.as_dict())
@@ -103,9 +115,10 @@ def run(arguments: argparse.Namespace) -> None:
     draw_success(report, arguments.out / "success.png")
     draw_clearances(report, arguments.out / "clearance.png")
     if arguments.strip is not None:
-        arena = Arena.of(skill)
-        scene = draw_scene(arena, *arguments.strip, settings.seed)
-        draw_strip(Stage(arena), scene, {name: ROWS[name].make(arena) for name in methods}, arguments.out / "strip.png")
+        bench = Bench(skill, settings, arguments.out)
+        arena = bench.arena(*arguments.strip)
+        strip = arguments.out / "strip.png"
+        draw_strip(bench.stage, bench.draw(*arguments.strip), {row: bench.method(row, arena) for row in methods}, strip)
     print(f"wrote table and figures to {arguments.out}")
 
 

@@ -62,7 +62,7 @@ class Outcome:
     refusal : why the method was on no way to the goal at the end, where it said so.
     clearance : least distance [m] of what is guarded from a sphere while the arm moved, no more than LOOKED_FOR.
     arm_touched : whether a part of the arm that is not guarded touched a sphere: that ends no scene.
-    dtw, orientation : of the tool's way from that of the closest demonstration [m], [rad].
+    dtw, orientation : of the tool's way from that of the closest demonstration, or of the one held out [m], [rad].
     jerk : root mean square of the command's jerk, over all joints [rad/s^3].
     replans : processor time [s] of the ticks that answered something new; ticks, in_time : how many ticks there were,
         and how many took no more processor time than DEADLINE.
@@ -214,9 +214,7 @@ class _Run:
     def _outcome(self, reached: bool, duration: float) -> Outcome:
         contacts = self._spheres.contacts
         executed = self._arena.tool_curve(np.array(self._postures))
-        dtw, orientation = _to_closest(executed, [
-            self._arena.tool_curve(item.positions) for item in self._scene.demonstrations
-        ])  # fmt: skip
+        dtw, orientation = _to_closest(executed, self._scene.compared)
         jerks = np.diff(self._commanded, 3, axis=0) * STEP_HZ**3
         return Outcome(
             mostly_free=self._scene.mostly_free, reached=reached, contact=contacts[0] if contacts else "",
@@ -228,7 +226,7 @@ class _Run:
         )  # fmt: skip
 
 
-def _to_closest(executed: PoseCurve, demonstrations: list[PoseCurve]) -> tuple[float, float]:
-    """DTW [m] and mean angle [rad] from the demonstration with the least DTW."""
-    closest = min((compare(executed, item) for item in demonstrations), key=lambda one: one.dtw)
+def _to_closest(executed: PoseCurve, compared: tuple[PoseCurve, ...]) -> tuple[float, float]:
+    """DTW [m] and mean angle [rad] from the one with the least DTW."""
+    closest = min((compare(executed, item) for item in compared), key=lambda one: one.dtw)
     return closest.dtw, closest.orientation

@@ -31,7 +31,7 @@ _ENDS = (
 
 
 def draw_success(report: Report, path: Path) -> None:
-    """Success over DTW from the closest demonstration: upper left is where one wants to be."""
+    """Success over DTW from what similarity is measured to: upper left is where one wants to be."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 4.8), layout="constrained")
@@ -54,7 +54,7 @@ def draw_success(report: Report, path: Path) -> None:
                 yerr=[[max(0.0, success - own["success_low"])], [max(0.0, own["success_high"] - success)]],
                 linestyle="none",
             )  # fmt: skip
-        axes.set_xlabel("DTW from the closest demonstration, median of successes [mm]")
+        axes.set_xlabel(f"DTW from {report.similar_to}, median of successes [mm]")
         axes.set_title(f"{title}: {scenes} scenes")
         axes.grid(alpha=0.3)
         if without and scenes:

@@ -76,13 +76,19 @@ class Report:
 
     Attributes
     ----------
-    told : what each row is, in a line.
+    told : what each row is, in a line. held_out : whether similarity is to a demonstration that was held out.
     """
 
     skill: str
     seed: int
     played: Sequence[Played]
     told: dict[str, str]
+    held_out: bool = False
+
+    @property
+    def similar_to(self) -> str:
+        """What similarity is measured to."""
+        return "the demonstration held out" if self.held_out else "the closest demonstration"
 
     def outcomes(self, row: str, wanted: Callable[[Played], bool]) -> list[Outcome]:
         """Of one row, those that are wanted."""
@@ -93,6 +99,7 @@ class Report:
         return {
             "skill": self.skill,
             "seed": self.seed,
+            "held_out": self.held_out,
             "level": LEVEL,
             "rows": {
                 row: {
@@ -121,7 +128,8 @@ class Report:
         """The tables as plain text."""
         free = self._table("half or more stay free", _mostly_free)
         rest = self._table("fewer stay free", lambda item: not _mostly_free(item))
-        return "\n\n".join([f"{self.skill}, seed {self.seed}", free, rest, self._by_family()])
+        title = f"{self.skill}, seed {self.seed}; dtw and orient from {self.similar_to}"
+        return "\n\n".join([title, free, rest, self._by_family()])
 
     def _families(self) -> list[str]:
         known = {item.family for item in self.played}

@@ -27,14 +27,19 @@ class Played:
     outcome: Outcome
 
 
+def held_out_folder(folder: Path, skill: str) -> Path:
+    """Where all of a skill is that has to do with demonstrations held out, in the folder for results."""
+    return folder / skill / "held_out"
+
+
 class Results:
-    """Outcomes by row, family and number, of one skill and one seed.
+    """Outcomes by row, family and number, of one skill and one seed, with demonstrations held out or without.
 
     An outcome is valid for the settings that its method had.
     """
 
-    def __init__(self, folder: Path, skill: str, seed: int) -> None:
-        self._folder = folder / skill / f"seed_{seed}"
+    def __init__(self, folder: Path, skill: str, seed: int, held_out: bool = False) -> None:
+        self._folder = (held_out_folder(folder, skill) if held_out else folder / skill) / f"seed_{seed}"
 
     def outcome(self, row: str, family: Family, number: int, settings: dict[str, Any]) -> Outcome | None:
         """What is known; None where it has to be played."""

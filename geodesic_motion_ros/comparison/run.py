@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -14,9 +15,10 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.catalogue import ROWS
 from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.families import FAMILIES, Family, check_families
+from geodesic_motion_ros.comparison.held_out import HeldOut, digest
 from geodesic_motion_ros.comparison.method import Method
-from geodesic_motion_ros.comparison.results import Played, Results
-from geodesic_motion_ros.comparison.scene import draw_scene
+from geodesic_motion_ros.comparison.results import Played, Results, held_out_folder
+from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill import Skill
 
@@ -25,7 +27,8 @@ from geodesic_motion_ros.skill import Skill
 class BenchmarkSettings:
     """What is compared: scenes of each family, rows, and the seed of the scenes.
 
-    `processes` play scenes at once, which does not change them.
+    `processes` play scenes at once, which does not change them. `held_out`: scenes of demonstrations that no method was
+    given.
     """
 
     methods: tuple[str, ...]
@@ -33,6 +36,7 @@ class BenchmarkSettings:
     scenes: int = 6
     seed: int = 0
     processes: int = 1
+    held_out: bool = False
 
     def __post_init__(self) -> None:
         unknown = [family for family in self.families if family not in FAMILIES]
@@ -46,40 +50,63 @@ class BenchmarkSettings:
 
 
 class Bench:
-    """What one process plays scenes with. Methods are made when they are first needed."""
+    """What one process plays scenes with. Methods are made when they are first needed.
 
-    def __init__(self, skill: Skill, settings: BenchmarkSettings, folder: Path) -> None:
+    Where demonstrations are held out, skills that are not in the folder yet are trained first.
+    """
+
+    def __init__(self, skill: Skill, settings: BenchmarkSettings, folder: Path, show_progress: bool = False) -> None:
         self._settings = settings
-        self.arena = Arena.of(skill)
-        self._results = Results(folder, skill.name, settings.seed)
+        self._whole = Arena.of(skill)
+        self._held_out: HeldOut | None = None
+        if settings.held_out:
+            kept = held_out_folder(folder, skill.name) / "skills"
+            self._held_out = HeldOut.of(self._whole, settings.seed, kept, show_progress)
+        self._results = Results(folder, skill.name, settings.seed, settings.held_out)
         self._stage: Stage | None = None
-        self._methods: dict[str, Method] = {}
+        self._methods: dict[tuple[str, Arena], Method] = {}
 
     @property
     def stage(self) -> Stage:
+        """Of the arm and what is guarded of it: the same, whatever is held out."""
         if self._stage is None:
-            self._stage = Stage(self.arena)
+            self._stage = Stage(self._whole)
         return self._stage
 
-    def method(self, row: str) -> Method:
-        """The method of a row."""
-        if row not in self._methods:
-            self._methods[row] = ROWS[row].make(self.arena)
-        return self._methods[row]
+    def arena(self, family: Family, number: int) -> Arena:
+        """That in which a scene is drawn and methods are made."""
+        return self._whole if self._held_out is None else self._held_out.arena(family, number)
+
+    def draw(self, family: Family, number: int) -> Scene:
+        """A scene."""
+        if self._held_out is None:
+            return draw_scene(self._whole, family, number, self._settings.seed)
+        return self._held_out.draw(family, number)
+
+    def method(self, row: str, arena: Arena) -> Method:
+        """The method of a row in an arena."""
+        if (row, arena) not in self._methods:
+            self._methods[row, arena] = ROWS[row].make(arena)
+        return self._methods[row, arena]
 
     def scene(self, family: Family, number: int) -> list[Played]:
         """One scene with every row, played where it has not been."""
-        played, scene = [], None
+        played, scene, arena = [], None, self.arena(family, number)
         for row in self._settings.methods:
-            method = self.method(row)
-            outcome = self._results.outcome(row, family, number, method.settings)
+            method = self.method(row, arena)
+            settings = self._valid_for(method, arena)
+            outcome = self._results.outcome(row, family, number, settings)
             if outcome is None:
                 if scene is None:
-                    scene = draw_scene(self.arena, family, number, self._settings.seed)
+                    scene = self.draw(family, number)
                 outcome, _ = self.stage.play(scene, method)
-                self._results.keep(row, family, number, method.settings, outcome)
-            played.append(Played(row, family, number, method.settings, outcome))
+                self._results.keep(row, family, number, settings, outcome)
+            played.append(Played(row, family, number, settings, outcome))
         return played
+
+    def _valid_for(self, method: Method, arena: Arena) -> dict[str, Any]:
+        """What a result is valid for: the method's settings, and what was learned for it, which may be learned anew."""
+        return method.settings if self._held_out is None else {**method.settings, "skill": digest(arena.skill)}
 
 
 _bench: Bench | None = None
@@ -102,10 +129,11 @@ def play_benchmark(
 
     Raises
     ------
-    ParameterError : there are no scenes with this skill.
+    ParameterError : there are no scenes with this skill. DemonstrationError : too few demonstrations to hold one out.
     """
     check_families(skill, settings.families)
-    Arena.of(skill)
+    # Refuses what cannot be played, and trains before processes that would all do so.
+    Bench(skill, settings, folder, show_progress)
     # As the planner node does: threads of the linear algebra would only wait for each other.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(variable, "1")

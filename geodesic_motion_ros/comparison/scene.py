@@ -9,9 +9,10 @@ import numpy as np
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.families import FAMILIES, SPARED, Family, check_families, draw_family
 from geodesic_motion_ros.comparison.ways import Ways
-from geodesic_motion_ros.demonstrations.curves import Pose
+from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.skill import Skill
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,8 @@ class Scene:
     spheres : of the scene. tool_chased : whether chasing ones move towards the tool, or the elbow.
     demonstrations : those shown, moved to start and goal and played.
     free : (N,) bool, which of them stay free (`ways.py`).
+    compared : ways of the tool, of which the closest tells how similar a method's is: those of the demonstrations, or
+        that of the one held out.
     """
 
     family: Family
@@ -36,6 +39,7 @@ class Scene:
     tool_chased: bool
     demonstrations: tuple[JointReference, ...]
     free: np.ndarray
+    compared: tuple[PoseCurve, ...]
 
     @property
     def mostly_free(self) -> bool:
@@ -49,11 +53,31 @@ def draw_scene(arena: Arena, family: Family, number: int, seed: int) -> Scene:
     Demonstrations are spared in scenes of even number. A scene depends on nothing else but its family, its number and
     the seed. ParameterError where there is no such family with the skill, or no place for the spheres.
     """
-    check_families(arena.skill, (family,))
-    random = np.random.default_rng([seed, FAMILIES.index(family), number])
+    random = scene_generator(arena.skill, family, number, seed)
     first, last = random.integers(len(arena.shown), size=2)
-    start, goal = arena.shown[first, 0], arena.shown[last, -1]
+    return draw_between(arena, arena.shown[first, 0], arena.shown[last, -1], family, number, seed, random)
+
+
+def scene_generator(skill: Skill, family: Family, number: int, seed: int) -> np.random.Generator:
+    """What all that is random in a scene comes from; ParameterError where there is no such family with the skill."""
+    check_families(skill, (family,))
+    return np.random.default_rng([seed, FAMILIES.index(family), number])
+
+
+def draw_between(
+    arena: Arena,
+    start: np.ndarray,
+    goal: np.ndarray,
+    family: Family,
+    number: int,
+    seed: int,
+    random: np.random.Generator,
+) -> Scene:
+    """A scene between a start and a goal (eta,) [rad]; ParameterError where there is no place for the spheres."""
     tool_chased = bool(random.uniform() < 0.5) or not arena.whole_arm
     played = tuple(arena.timed(path) for path in arena.moved(start, goal))
     spheres, free = draw_family(family, Ways(arena, played, tool_chased), random, spared=number % 2 == 0)
-    return Scene(family, number, seed, start, goal, arena.robot.forward(goal), spheres, tool_chased, played, free)
+    compared = tuple(arena.tool_curve(item.positions) for item in played)
+    return Scene(
+        family, number, seed, start, goal, arena.robot.forward(goal), spheres, tool_chased, played, free, compared
+    )

@@ -31,10 +31,15 @@ _STEPS = 200
 _SAME = 1e-3
 
 
-def shown_curves(sheet: CanonicalSheet) -> list[PoseCurve]:
-    """The demonstrations with their own starts and goals."""
+def recorded_curves(sheet: CanonicalSheet) -> list[PoseCurve]:
+    """The demonstrations with their own starts and goals, trembling as they were recorded."""
     ends = zip(sheet.start_offsets, sheet.goal_offsets, strict=True)
     return [_carried(sheet, i, *offsets) for i, offsets in enumerate(ends)]
+
+
+def shown_curves(sheet: CanonicalSheet) -> list[PoseCurve]:
+    """The same as they are played."""
+    return [_smooth(curve) for curve in recorded_curves(sheet)]
 
 
 def moved_curves(sheet: CanonicalSheet, start: Pose, goal: Pose) -> list[PoseCurve]:
@@ -44,14 +49,18 @@ def moved_curves(sheet: CanonicalSheet, start: Pose, goal: Pose) -> list[PoseCur
         # All canonical curves begin, and end, in one pose.
         turn = rotation_vector_between(sheet.quaternions[0, at], quaternion)
         ends.append(np.concatenate([position - sheet.positions[0, at], turn]))
-    return [_carried(sheet, i, *ends) for i in range(len(sheet.positions))]
+    return [_smooth(_carried(sheet, i, *ends)) for i in range(len(sheet.positions))]
 
 
 def _carried(sheet: CanonicalSheet, i: int, start_offset: np.ndarray, goal_offset: np.ndarray) -> PoseCurve:
     share = np.linspace(0.0, 1.0, sheet.positions.shape[1])[:, None]
     displacements = (1.0 - share) * start_offset + share * goal_offset
     positions, quaternions = carried(sheet.positions[i], sheet.quaternions[i], displacements)
-    return PoseCurve(*smooth_poses(positions, continuous_signs(quaternions), _SMOOTHED))
+    return PoseCurve(positions, continuous_signs(quaternions))
+
+
+def _smooth(curve: PoseCurve) -> PoseCurve:
+    return PoseCurve(*smooth_poses(curve.positions, curve.quaternions, _SMOOTHED))
 
 
 def followed(robot: Robot, curve: PoseCurve, begin: np.ndarray, end: np.ndarray | None = None) -> np.ndarray:

@@ -31,14 +31,15 @@ class Trained:
     Attributes
     ----------
     task : name of the recording; fold : indices of the held-out demonstrations in it; seed : of the training.
+    shown, held_out : of the tool, or of joints.
     """
 
     task: str
     fold: tuple[int, ...]
     seed: int
     skill: Skill
-    shown: Demonstrations
-    held_out: Demonstrations
+    shown: Demonstrations | JointDemonstrations
+    held_out: Demonstrations | JointDemonstrations
 
 
 #: For experiments that show what several skills do, one for each seed, not how exact one can be: less of everything.
@@ -53,11 +54,11 @@ def check_seeds(seeds: Sequence[int]) -> None:
 
 def trained_on_folds(
     task: str,
-    demonstrations: Demonstrations,
+    demonstrations: Demonstrations | JointDemonstrations,
     folds: Sequence[tuple[int, ...]],
     seeds: Sequence[int],
     folder: Path,
-    settings: TrainingSettings | None = None,
+    settings: TrainingSettings | JointTrainingSettings | None = None,
     show_progress: bool = True,
 ) -> Iterator[Trained]:
     """One skill per fold and seed, from the cache where the very same training was done before.
@@ -65,7 +66,8 @@ def trained_on_folds(
     Parameters
     ----------
     folder : cache of skill folders, named by a digest of the poses, the settings and what the training code does.
-    settings : TrainingSettings, whose seed is replaced; None: the defaults.
+    settings : whose seed is replaced, JointTrainingSettings for demonstrations of joints; None: the defaults, of
+        demonstrations of the tool.
 
     Raises
     ------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from geodesic_motion_ros.cli import main
@@ -38,3 +40,12 @@ def test_what_is_kept_is_reported_without_playing(tmp_path, capsys) -> None:
     assert main(["benchmark", "--kept", "--methods", "ours; replay", "--out", str(tmp_path)]) == 0
     assert "replay" in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {"table.txt", "figures.json", "success.png", "clearance.png"}
+
+
+def test_what_is_kept_of_scenes_held_out_is_reported_as_such(tmp_path, capsys) -> None:
+    command = ["benchmark", "--held-out", "--kept", "--methods", "replay", "--out", str(tmp_path)]
+    assert main(command) == 0
+    assert "from the demonstration held out" in capsys.readouterr().out
+    assert json.loads((tmp_path / "figures.json").read_text())["held_out"]
+    # Nothing was trained for that.
+    assert not (tmp_path / "panda_reach_to_grasp").exists()

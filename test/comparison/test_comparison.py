@@ -160,6 +160,8 @@ def test_the_table_tells_successes_hits_and_refusals_apart(tmp_path) -> None:
     assert told["rate_held_percent"] == 99.0
     assert content["rows"]["ours"]["fewer_stay_free"]["success_percent"] == 100.0
     assert "1/5  1/1" in report.table()
+    assert "from the closest demonstration" in report.table()
+    assert "from the demonstration held out" in replace(report, held_out=True).table()
 
 
 def test_what_cannot_be_compared_is_refused(reach_skill, monkeypatch) -> None:

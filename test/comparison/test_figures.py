@@ -17,7 +17,7 @@ def test_figures_are_drawn_where_a_row_has_no_success_and_a_panel_no_scene(tmp_p
     hit = Outcome(mostly_free=True, reached=False, contact="moving", **told)
     # Of nine successes in nine, the interval's upper end is not 1 but for rounding.
     played = [Played("ours", "gate", i, {}, good) for i in range(9)] + [Played("replay", "gate", 0, {}, hit)]
-    report = Report("reach", 0, played, {"ours": "geodesics", "replay": "the control"})
+    report = Report("reach", 0, played, {"ours": "geodesics", "replay": "the control"}, held_out=True)
     for draw in (draw_success, draw_clearances):
         draw(report, tmp_path / "figure.png")
         assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")

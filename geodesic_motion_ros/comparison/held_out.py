@@ -1,0 +1,124 @@
+"""Demonstrations held out: how near a method comes to what a person did whom it has never seen do so.
+
+A method that replays a recording is no distance from it, which says nothing of what it has learned. Here the
+demonstrations are split into `experiments.folds.default_folds`, and for each fold a skill is trained, as the skill
+itself was, on those that are not in it: these alone are given to every method. A scene begins and ends where a
+demonstration that is held out began and ended, and similarity is measured to this one.
+
+Skills are trained on the demonstrations that a skill keeps, a hundred samples each: no recording is needed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.families import Family
+from geodesic_motion_ros.comparison.scene import Scene, draw_between, scene_generator
+from geodesic_motion_ros.comparison.tool_demonstrations import recorded_curves
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.folds import Fold, default_folds
+from geodesic_motion_ros.experiments.trained import trained_on_folds
+from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.graph.pose_graph import MetricSettings
+from geodesic_motion_ros.sheet import CanonicalSheet
+from geodesic_motion_ros.skill import Skill
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+    from geodesic_motion_ros.manifold.training import TrainingSettings
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Scenes of one seed, each of a demonstration that is held out.
+
+    Attributes
+    ----------
+    whole : with all demonstrations.
+    folds, arenas : indices of demonstrations in `whole`, and what is without these.
+    """
+
+    whole: Arena
+    seed: int
+    folds: Sequence[Fold]
+    arenas: Sequence[Arena]
+
+    @classmethod
+    def of(cls, whole: Arena, seed: int, folder: Path, show_progress: bool = True) -> HeldOut:
+        """Of all demonstrations of a skill, with skills out of a folder, or trained and put there.
+
+        Raises
+        ------
+        ParameterError : the skill does not say how it was trained, or the arm cannot carry the tool along what is left.
+        DemonstrationError : there is one demonstration only.
+        """
+        demonstrations = shown_demonstrations(whole)
+        folds, settings = default_folds(len(demonstrations)), training_settings(whole.skill)
+        trained = trained_on_folds(
+            whole.skill.name, demonstrations, folds, (settings.seed,), folder, settings, show_progress
+        )
+        return cls(whole, seed, folds, tuple(Arena.of(item.skill) for item in trained))
+
+    def arena(self, family: Family, number: int) -> Arena:
+        """What is without the demonstration that a scene is of."""
+        return self._drawn(family, number)[1]
+
+    def draw(self, family: Family, number: int) -> Scene:
+        """As `draw_scene`, from the start to the goal of a demonstration that is held out, compared with this one."""
+        index, arena, random = self._drawn(family, number)
+        shown = self.whole.shown[index]
+        scene = draw_between(arena, shown[0], shown[-1], family, number, self.seed, random)
+        return replace(scene, compared=(self.whole.tool_curve(shown),))
+
+    def _drawn(self, family: Family, number: int) -> tuple[int, Arena, np.random.Generator]:
+        """The demonstration that a scene is of, what is without it, and the generator that goes on."""
+        random = scene_generator(self.whole.skill, family, number, self.seed)
+        index = int(random.integers(len(self.whole.shown)))
+        held = next(i for i, fold in enumerate(self.folds) if index in fold)
+        return index, self.arenas[held], random
+
+
+def shown_demonstrations(arena: Arena) -> Demonstrations | JointDemonstrations:
+    """What the arena's skill was trained on, as far as it keeps it: equally spaced along arcs, without times."""
+    sheet, robot = arena.skill.canonical, arena.robot
+    times = np.arange(float(arena.shown.shape[1]))
+    if isinstance(sheet, CanonicalSheet):
+        return Demonstrations(tuple(
+            Demonstration(curve.positions, curve.quaternions, times, f"demonstration {i}")
+            for i, curve in enumerate(recorded_curves(sheet))
+        ))  # fmt: skip
+    items = [JointDemonstration(shown, times, f"demonstration {i}") for i, shown in enumerate(arena.shown)]
+    return JointDemonstrations(tuple(items), robot.joint_names, arena.skill.robot)
+
+
+def training_settings(skill: Skill) -> TrainingSettings | JointTrainingSettings:
+    """How a skill was trained; ParameterError where it does not say so."""
+    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+    from geodesic_motion_ros.manifold.training import TrainingSettings
+
+    of_joints = skill.space == "joint"
+    kind, metric = (JointTrainingSettings, JointMetricSettings) if of_joints else (TrainingSettings, MetricSettings)
+    try:
+        told = skill.provenance["settings"]
+        return kind(**(told | {"metric": metric(**told["metric"])}))
+    except (KeyError, TypeError) as error:
+        raise ParameterError(
+            f"'{skill.name}' does not say how it was trained, so that it cannot be trained with demonstrations held out"
+        ) from error
+
+
+def digest(skill: Skill) -> str:
+    """Of what was learned: tells a skill from one that was trained otherwise."""
+    learned = hashlib.sha256(skill.codes.tobytes())
+    for _, array in sorted(skill.decoder.arrays().items()):
+        learned.update(np.ascontiguousarray(array).tobytes())
+    return learned.hexdigest()[:16]
