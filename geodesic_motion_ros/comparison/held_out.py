@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.families import Family
+from geodesic_motion_ros.comparison.families import FAMILIES, Family
 from geodesic_motion_ros.comparison.scene import Scene, draw_between, scene_generator
 from geodesic_motion_ros.comparison.tool_demonstrations import recorded_curves
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
@@ -70,21 +70,24 @@ class HeldOut:
 
     def arena(self, family: Family, number: int) -> Arena:
         """What is without the demonstration that a scene is of."""
-        return self._drawn(family, number)[1]
+        index = self.demonstration(family, number)
+        return next(arena for fold, arena in zip(self.folds, self.arenas, strict=True) if index in fold)
+
+    def demonstration(self, family: Family, number: int) -> int:
+        """That of a scene: each of them once, in an order that is drawn, before one comes again."""
+        count = len(self.whole.shown)
+        # Numbers in a row share an order, so that it cannot be drawn by the generator of one scene.
+        turn, place = divmod(number, count)
+        order = np.random.default_rng([self.seed, FAMILIES.index(family), turn, count]).permutation(count)
+        return int(order[place])
 
     def draw(self, family: Family, number: int) -> Scene:
         """As `draw_scene`, from the start to the goal of a demonstration that is held out, compared with this one."""
-        index, arena, random = self._drawn(family, number)
-        shown = self.whole.shown[index]
+        random = scene_generator(self.whole.skill, family, number, self.seed)
+        shown = self.whole.shown[self.demonstration(family, number)]
+        arena = self.arena(family, number)
         scene = draw_between(arena, shown[0], shown[-1], family, number, self.seed, random)
         return replace(scene, compared=(self.whole.tool_curve(shown),))
-
-    def _drawn(self, family: Family, number: int) -> tuple[int, Arena, np.random.Generator]:
-        """The demonstration that a scene is of, what is without it, and the generator that goes on."""
-        random = scene_generator(self.whole.skill, family, number, self.seed)
-        index = int(random.integers(len(self.whole.shown)))
-        held = next(i for i, fold in enumerate(self.folds) if index in fold)
-        return index, self.arenas[held], random
 
 
 def shown_demonstrations(arena: Arena) -> Demonstrations | JointDemonstrations:

@@ -79,10 +79,10 @@ def test_methods_are_given_all_demonstrations_but_those_of_the_fold(held_out) ->
 
 def test_a_scene_is_that_of_a_demonstration_that_methods_lack(held_out) -> None:
     curves = shown_curves(held_out.whole.skill.canonical)
-    for number in range(6):
+    for number in range(7):
+        index = held_out.demonstration("none", number)
         arena, scene = held_out.arena("none", number), held_out.draw("none", number)
         (compared,) = scene.compared
-        index = int(np.argmin([np.max(np.abs(curve.positions - compared.positions)) for curve in curves]))
         np.testing.assert_allclose(compared.positions, curves[index].positions, atol=1e-4)
         assert off(arena, held_out.whole.shown[index]) > 0.1
         for configuration, (position, _) in ((scene.start, curves[index].start), (scene.goal, curves[index].goal)):
@@ -91,6 +91,14 @@ def test_a_scene_is_that_of_a_demonstration_that_methods_lack(held_out) -> None:
         for reference in scene.demonstrations:
             np.testing.assert_allclose(reference.positions[[0, -1]], [scene.start, scene.goal], atol=1e-3)
         assert len(scene.demonstrations) == len(arena.shown)
+
+
+def test_every_demonstration_has_a_scene_before_one_has_two(held_out) -> None:
+    turns = [[held_out.demonstration("static", number) for number in range(first, first + 7)] for first in (0, 7, 14)]
+    assert [sorted(turn) for turn in turns] == [list(range(7))] * 3
+    assert turns[0] != turns[1]
+    assert turns[0] != [held_out.demonstration("crossing", number) for number in range(7)]
+    assert turns[0] != [replace(held_out, seed=1).demonstration("static", number) for number in range(7)]
 
 
 def test_every_fold_has_scenes_with_and_without_spared_demonstrations(held_out) -> None:
