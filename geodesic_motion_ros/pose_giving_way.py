@@ -17,6 +17,7 @@ from geodesic_motion_ros.pose_stream import PoseStream
 from geodesic_motion_ros.query import Pose, Query
 from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.refuge import AGAIN, AHEAD
+from geodesic_motion_ros.sidestep import SOON, STOP_SHARE
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: Of times [s].
@@ -63,6 +64,9 @@ class PoseGivingWay:
         def stoppable(reference: TaskSpaceReference) -> bool:
             return stream.leaves_a_stop(reference, start, obstacles)
 
+        def just_stoppable(reference: TaskSpaceReference) -> bool:
+            return stream.leaves_a_stop(reference, start, obstacles, STOP_SHARE)
+
         going = motion.rest if stream.gives_way else None
         left = stop if going is None else going
         looks = abs(obstacles.time - self._looked) >= AGAIN - _ROUNDING and not deadline.passed
@@ -76,7 +80,13 @@ class PoseGivingWay:
             if plan is not None:
                 return _aside(plan.reference, verdict, plan.verdict.clearance)
         self._looked = obstacles.time if looks else self._looked
-        return None
+        clearance = self._solver.clearance_until(left, start, obstacles, SOON)
+        if going is not None and clearance > 0.0 and just_stoppable(going):
+            return _aside(going, verdict, clearance)
+        if clearance > 0.0 or motion.speed > 0.0 or not looks:
+            return None
+        plan = self._solver.sidestep(query, start, latent, scene, just_stoppable)
+        return None if plan is None else _aside(plan.reference, verdict, plan.verdict.clearance)
 
     def gone_on(self, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
         """The way aside being followed, where there was no time to look for another: as long as that is free and leaves

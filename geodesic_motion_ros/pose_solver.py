@@ -37,6 +37,7 @@ from geodesic_motion_ros.reference import (
 )
 from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.sidestep import SOON, places_beside
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -55,6 +56,8 @@ _SAMPLES_PER_STEP = 1.0
 _SHORTEST_INTERVAL = 0.01
 #: Where to give way to is looked for so many grid steps around.
 _REFUGE_STEPS = 40
+#: So many sidesteps are tried, the best first, with so many samples each.
+_MOST_SIDESTEPS, _SIDESTEP_SAMPLES = 4, 9
 
 
 @dataclass(frozen=True)
@@ -214,6 +217,39 @@ class PoseSolver:
                 break
         return None
 
+    def sidestep(
+        self,
+        query: Query,
+        start: Pose,
+        start_latent: np.ndarray,
+        scene: Scene,
+        stoppable: Callable[[TaskSpaceReference], bool],
+    ) -> Plan | None:
+        """A certified straight motion from rest to a place beside the sheet, as far as can be from where obstacles come
+        to within `SOON`; None where there is none.
+
+        stoppable : whether a motion may be gone.
+        """
+        soon = scene.in_task.swept(SOON)
+        shown, _, _ = self._shown(query, start_latent[None])
+        places = places_beside(start.position, shown[0], self.settings.maximum_offset)
+        bodies = tool_points(places, np.tile(start.quaternion, (len(places), 1)), self._points)
+        here = obstacle_clearances(self._body(start), self._point_radii, scene.in_task, math.inf)
+        clearance = np.minimum(obstacle_clearances(bodies, self._point_radii, soon, math.inf), here)
+        for place in places[np.argsort(-clearance, kind="stable")[:_MOST_SIDESTEPS]]:
+            positions = np.linspace(start.position, place, _SIDESTEP_SAMPLES)
+            if self.beyond_reach(positions, scene.frame):
+                continue
+            quaternions = np.tile(start.quaternion, (_SIDESTEP_SAMPLES, 1))
+            latent = np.tile(start_latent, (_SIDESTEP_SAMPLES, 1))
+            curve = MotionCurve.through(positions, quaternions, self.settings.limits)
+            timed = timed_reference(curve, latent, self.settings.limits, 0.0)
+            reference = self.certified(timed, scene.in_task, SOON, trusting=True)
+            nearest = float(np.min(reference.clearance))
+            if nearest > 0.0 and stoppable(reference):
+                return Plan(reference, Verdict(VerdictCode.OK, clearance=nearest))
+        return None
+
     def _reshaping(self, query: Query, obstacles: Obstacles) -> Reshaping:
         settings = self.settings
         return Reshaping.of(
@@ -329,10 +365,8 @@ class PoseSolver:
         settings = self.settings
         step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
         latent = smooth_latent(resample_latent(way.polyline, step), widths[0] * _SAMPLES_PER_STEP)
-        decoded = self.graph.decoder.decode(latent)
-        displacements = query.offsets.displacements(*self.graph.progress_map(latent))
-        positions, quaternions = carried(decoded.positions, decoded.quaternions, displacements)
-        positions, quaternions = smooth_poses(positions, continuous_signs(quaternions), widths[1] * _SAMPLES_PER_STEP)
+        positions, quaternions, sigma = self._shown(query, latent)
+        positions, quaternions = smooth_poses(positions, quaternions, widths[1] * _SAMPLES_PER_STEP)
         if quaternions[0] @ start.quaternion < 0.0:
             quaternions = -quaternions
         goal = Pose(positions[-1], quaternions[-1]) if aside else query.goal
@@ -358,10 +392,19 @@ class PoseSolver:
         objection = None
         if settings.avoidance and nearest <= needed:
             objection = f"the best path comes within {nearest:.3f} m of an obstacle; {needed:.3f} m are to be kept"
-        verdict = way_verdict(self.skill, self.graph, query, decoded.sigma, way, nearest, correction, objection)
+        verdict = way_verdict(self.skill, self.graph, query, sigma, way, nearest, correction, objection)
         if not verdict.ok:
             return Plan(None, verdict)
         return Plan(reference, verdict)
+
+    def _shown(self, query: Query, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Positions (n, 3) [m] and quaternions (n, 4) that latent points (n, d) stand for between the query's ends, and
+        the decoder's sigma (n, D).
+        """
+        decoded = self.graph.decoder.decode(latent)
+        displacements = query.offsets.displacements(*self.graph.progress_map(latent))
+        positions, quaternions = carried(decoded.positions, decoded.quaternions, displacements)
+        return positions, continuous_signs(quaternions), decoded.sigma
 
     def _drawn(
         self, positions: np.ndarray, quaternions: np.ndarray, latent: np.ndarray

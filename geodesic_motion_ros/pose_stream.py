@@ -35,6 +35,8 @@ _SAME_PLACE, _SAME_ANGLE, _SAME_SPEED = 1e-6, 1e-6, 1e-3
 _WORTHWHILE, _SAFER = 1.03, 1e-3
 #: While a trusting way keeps off what moves, others are looked for after so long [s].
 _SOON = 0.05 - 1e-6
+#: A tool that stops and sets out again is late by this or twice as much [s].
+LATE = (0.15, 0.3)
 
 
 @dataclass(frozen=True)
@@ -143,7 +145,7 @@ class PoseStream:
             return None
         rest = self._solver.certified(motion.rest, scene.in_task, trusting=True)
         keeps_off = np.min(rest.clearance) > MOVING_MULTIPLE * self._settings.obstacle_margin
-        if not (keeps_off and self.can_still_stop(rest, start, motion, scene.in_task)):
+        if not keeps_off or self.objection(rest, start, motion, scene.in_task):
             return None
         return self._keep(rest, scene, followed)
 
@@ -171,7 +173,7 @@ class PoseStream:
             gain = float(np.min(plan.reference.clearance)) - (0.0 if close else _SAFER)
             no_safer = gain <= nearest or not self._settings.avoidance
             keep = no_safer and rest.duration <= _WORTHWHILE * plan.reference.duration
-        if not (keep and self.can_still_stop(rest, start, motion, scene.in_task)):
+        if not keep or self.objection(rest, start, motion, scene.in_task):
             return plan
         return self._keep(rest, scene, replace(followed, searched=scene.in_task.time, trusting=trusting))
 
@@ -194,7 +196,7 @@ class PoseStream:
         rest = self._solver.certified(rest, obstacles, horizon, trusting=True)
         if np.min(rest.clearance) <= max(stopped, 0.0):
             return None
-        if not self.can_still_stop(rest, start, motion, obstacles):
+        if self.objection(rest, start, motion, obstacles):
             return None
         return self._keep(rest, scene, replace(followed, searched=obstacles.time, trusting=True))
 
@@ -206,29 +208,48 @@ class PoseStream:
     # ------------------------------------------------------------- stopping
 
     def stoppable(self, plan: Plan, start: Pose, motion: Motion, scene: Scene) -> Plan:
-        """A plan, or that there is none where `can_still_stop` does not hold of it."""
-        if plan.reference is None or self.can_still_stop(plan.reference, start, motion, scene.in_task):
+        """A plan, or that there is none where there is an `objection` to it."""
+        reason = "" if plan.reference is None else self.objection(plan.reference, start, motion, scene.in_task)
+        if not reason:
             return plan
-        reason = "on the best way the tool could not stop any more where what moves may come to a stand"
         return Plan(None, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
 
-    def can_still_stop(self, going: TaskSpaceReference, start: Pose, motion: Motion, obstacles: Obstacles) -> bool:
-        """Whether a tool that goes on along a reference which begins now is left a stop that is free wherever on their
-        lines obstacles come to a stand meanwhile, or has none now either.
+    def objection(self, going: TaskSpaceReference, start: Pose, motion: Motion, obstacles: Obstacles) -> str:
+        """Why a tool is not to go on along a reference which begins now and is free, or ''.
 
-        A certificate takes for granted that they move on as they did; one that stops or turns must not be met either.
-        That it would come to where the tool then stood is no reason to go on: what stands is touched less hard.
+        It is to be left a stop that is free wherever on their lines obstacles come to a stand meanwhile, if it has one
+        now: a certificate takes for granted that they move on as they did; one that stops or turns must not be met
+        either. That it would come to where the tool then stood is no reason to go on: what stands is touched less hard.
+        And it waits, where nothing comes to it, rather than go where it must not be late (`LATE`).
         """
-        if obstacles.stand or not self._settings.avoidance or self.leaves_a_stop(going, start, obstacles):
-            return True
-        stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
-        return self._room_of(stop, start, 0.0, obstacles) <= 0.0
+        if obstacles.stand or not self._settings.avoidance:
+            return ""
+        speed = motion.speed * self._settings.speed
+        if not self.leaves_a_stop(going, start, obstacles):
+            if self._room_of(self.braking(start, obstacles, speed), start, 0.0, obstacles) <= 0.0:
+                return ""
+            return "on the best way the tool could not stop any more where what moves may come to a stand"
+        if all(self._is_free_later(going, obstacles, late) for late in LATE):
+            return ""
+        stop = self.braking(start, obstacles, speed)
+        stopped = self._solver.clearance_until(stop, start, obstacles, AHEAD * self._settings.prediction)
+        waits = stopped > MOVING_MULTIPLE * self._settings.obstacle_margin
+        return "waiting: on the best way something comes soon after the tool" if waits else ""
 
-    def leaves_a_stop(self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles) -> bool:
-        """Whether a tool that goes on along a reference has a free stop as of `can_still_stop`."""
+    def _is_free_later(self, going: TaskSpaceReference, obstacles: Obstacles, late: float) -> bool:
+        """Whether a reference is free of obstacles so much further on [s]."""
+        later = obstacles.at(obstacles.time + late, self._settings.prediction)
+        return float(np.min(self._solver.certified(going, later, trusting=True).clearance)) > 0.0
+
+    def leaves_a_stop(
+        self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles, share: float = 1.0
+    ) -> bool:
+        """Whether a tool that goes on along a reference has a free stop as of `objection`; share: of the margin that
+        it keeps.
+        """
         rest = going.rest(*going.locate(LOOKED_AT_AGAIN))
         stop = self._soonest_rest(rest.curve, rest.latent, float(rest.rates[0]), going.strain) or rest
-        margin = MOVING_MULTIPLE * self._settings.obstacle_margin
+        margin = share * MOVING_MULTIPLE * self._settings.obstacle_margin
         return self._room_of(stop, start, LOOKED_AT_AGAIN, obstacles) > margin
 
     def _room_of(self, stop: TaskSpaceReference | None, start: Pose, later: float, obstacles: Obstacles) -> float:

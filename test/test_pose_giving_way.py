@@ -16,6 +16,7 @@ from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.pose_giving_way import PoseGivingWay
 from geodesic_motion_ros.pose_solver import AT_REST, Plan, Scene
 from geodesic_motion_ros.query import Pose
+from geodesic_motion_ros.sidestep import SOON
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -31,6 +32,7 @@ class OneWayAside:
     touched_after: float
     found: bool = True
     asked: list[float] = field(default_factory=list)
+    sidesteps: int = 0
 
     def clearance_until(self, reference: object, start: Pose, obstacles: Obstacles, horizon: float) -> float:
         return -0.01 if reference is not ASIDE and horizon >= self.touched_after else 0.02
@@ -41,16 +43,22 @@ class OneWayAside:
         return Plan(ASIDE, Verdict(VerdictCode.OK, clearance=0.01)) if found else None
 
 
+    def sidestep(self, *arguments: object) -> Plan | None:
+        self.sidesteps += 1
+        return Plan(ASIDE, Verdict(VerdictCode.OK, clearance=0.01)) if arguments[4](ASIDE) else None
+
+
 @dataclass
 class Gone:
     """In the place of a PoseStream: whether what is gone leads aside, and what leaves the tool a stop."""
 
     gives_way: bool = False
     leaving_a_stop: tuple[object, ...] = (ASIDE, LEFT)
+    just_leaving_one: tuple[object, ...] = ()
     followed: object = field(default_factory=lambda: SimpleNamespace(verdict=NO_WAY))
 
-    def leaves_a_stop(self, reference: object, *_: object) -> bool:
-        return reference in self.leaving_a_stop
+    def leaves_a_stop(self, reference: object, start: Pose, obstacles: Obstacles, share: float = 1.0) -> bool:
+        return reference in self.leaving_a_stop or (share < 1.0 and reference in self.just_leaving_one)
 
 
 def tool(
@@ -68,11 +76,13 @@ def asked(
     stop: object = None,
     going: object = None,
     deadline: Deadline = NEVER,
+    moves: float = 0.0,
 ) -> Plan | None:
     """What is answered at a time [s] among one sphere with a speed [m/s]."""
     sphere = Obstacles.of_spheres(np.ones((1, 3)), np.array([0.03]), np.array([[speed, 0.0, 0.0]]), now)
     scene, start = Scene.of(TaskFrame.identity(), sphere), Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    return giving_way.plan(None, start, np.zeros(2), scene, replace(AT_REST, rest=going), verdict, stop, deadline)
+    motion = replace(AT_REST, speed=moves, rest=going)
+    return giving_way.plan(None, start, np.zeros(2), scene, motion, verdict, stop, deadline)
 
 
 def test_a_tool_gives_way_to_what_is_coming_and_says_so() -> None:
@@ -143,6 +153,37 @@ def test_a_way_aside_that_leaves_no_stop_is_not_gone() -> None:
     giving_way, solver = tool(1.0, stream=Gone(leaving_a_stop=()))
     assert asked(giving_way) is None
     assert solver.asked
+
+
+def test_a_tool_that_is_about_to_be_touched_where_it_stands_and_finds_no_way_aside_steps_aside() -> None:
+    giving_way, solver = tool(0.5 * SOON)
+    solver.found = False
+    assert asked(giving_way).reference is ASIDE
+    assert (len(solver.asked), solver.sidesteps) == (2, 1)
+    # In vain is not every tick, as with ways aside.
+    giving_way, solver = tool(0.5 * SOON, stream=Gone(leaving_a_stop=()))
+    for now in (0.0, 0.01, 0.04):
+        assert asked(giving_way, now) is None
+    assert solver.sidesteps == 1
+    asked(giving_way, 0.05)
+    assert solver.sidesteps == 2
+    # The controls: it is touched later, there is another way aside, it moves.
+    for touched_after, found, moves in ((2.0 * SOON, False, 0.0), (0.5 * SOON, True, 0.0), (0.5 * SOON, False, 0.1)):
+        giving_way, solver = tool(touched_after)
+        solver.found = found
+        asked(giving_way, moves=moves)
+        assert solver.sidesteps == 0
+
+
+def test_a_sidestep_is_gone_on_while_it_is_free_soon_and_leaves_just_a_stop() -> None:
+    for just, goes_on in (((LEFT,), True), ((), False)):
+        stream = Gone(True, leaving_a_stop=(), just_leaving_one=just)
+        giving_way, solver = tool(2.0 * SOON, stream=stream)
+        solver.found = False
+        plan = asked(giving_way, going=LEFT, moves=0.1)
+        assert (plan is not None and plan.reference is LEFT) is goes_on
+    giving_way, solver = tool(0.5 * SOON, stream=Gone(True, (), (LEFT,)))
+    assert asked(giving_way, going=LEFT, moves=0.1) is None
 
 
 def test_out_of_time_a_tool_goes_on_giving_way_while_that_is_free_and_leaves_it_a_stop() -> None:

@@ -100,21 +100,21 @@ def test_a_tool_goes_on_only_as_long_as_it_could_stop_wherever_what_moves_comes_
     # Where the tool stops now it just keeps off; going on for 30 ms takes it 6 mm further.
     line = end + (TOUCHING + 0.003) * along
     crossing = sphere(line - 0.1 * side, 0.4 * side)
-    assert not stream.can_still_stop(going, start, motion, crossing)
+    assert stream.objection(going, start, motion, crossing)
     assert not stream.stoppable(Plan(going, Verdict(VerdictCode.OK)), start, motion, scene(crossing)).verdict.ok
     # The controls: it stands, it does not come this far, nothing is avoided.
-    assert stream.can_still_stop(going, start, motion, sphere(line - 0.1 * side, np.zeros(3)))
-    assert stream.can_still_stop(going, start, motion, sphere(line - 0.4 * side, 0.4 * side))
+    assert not stream.objection(going, start, motion, sphere(line - 0.1 * side, np.zeros(3)))
+    assert not stream.objection(going, start, motion, sphere(line - 0.4 * side, 0.4 * side))
     blind, *where = gone(solver, way, replace(SETTINGS, avoidance=False))
-    assert blind.can_still_stop(going, *where[:2], crossing)
+    assert not blind.objection(going, *where[:2], crossing)
     # No stop is free now: going on is no worse.
-    assert stream.can_still_stop(going, start, motion, sphere(end - 0.1 * side, 0.4 * side))
+    assert not stream.objection(going, start, motion, sphere(end - 0.1 * side, 0.4 * side))
     # What has passed by now may have come to a stand before, since it was last seen.
     passed = sphere(line + 0.10 * side, 0.4 * side)
-    assert stream.can_still_stop(going, start, motion, passed)
-    assert not stream.can_still_stop(going, start, motion, replace(passed, age=0.25))
+    assert not stream.objection(going, start, motion, passed)
+    assert stream.objection(going, start, motion, replace(passed, age=0.25))
     # That it would be met later, where it stops, is no reason to go on.
-    assert not stream.can_still_stop(going, start, motion, sphere(line + 0.02 * along, -0.12 * along))
+    assert stream.objection(going, start, motion, sphere(line + 0.02 * along, -0.12 * along))
 
 
 def test_a_way_is_gone_on_to_a_goal_that_something_comes_to_where_it_comes_to_the_stop_as_well(solver, way) -> None:
@@ -139,6 +139,32 @@ def test_a_way_is_gone_on_to_a_goal_that_something_comes_to_where_it_comes_to_th
     far = Pose(*way.sample(0.0))
     stream.begin(QUERY, Plan(way, Verdict(VerdictCode.OK)), scene(Obstacles.none()))
     assert stream.gone_on(QUERY, far, stream.motion(far, 0.0), scene(covers)) is None
+
+
+def test_a_tool_waits_rather_than_go_where_something_comes_soon_after_it(solver, way) -> None:
+    stream, start, motion, _ = gone(solver, way)
+    going = motion.rest
+    meeting = 0.5
+    place, speed = going.sample(meeting)[0], 0.4
+    side = np.cross(going.velocity(meeting)[:3], [0.0, 0.0, 1.0])
+    side /= np.linalg.norm(side)
+
+    def passing(late: float) -> Obstacles:
+        """It touches the place so much later [s] than the tool would have left it, and has come from far aside."""
+        return sphere(place - (TOUCHING + speed * (meeting + late)) * side, speed * side)
+
+    soon, later = passing(0.35), passing(1.0)
+    assert np.min(solver.certified(going, soon, trusting=True).clearance) > 0.0
+    assert stream.objection(going, start, motion, soon).startswith("waiting")
+    assert not stream.objection(going, start, motion, later)
+    # The controls: to wait is no better where another comes to where it stops; and at rest it waits as well.
+    end = stream.braking(start, Obstacles.none(), motion.speed * SETTINGS.speed).positions[-1]
+    comes = end + (TOUCHING + 0.15) * side
+    both = Obstacles.of_spheres(
+        np.stack([soon.centres[0], comes]), np.full(2, RADIUS), np.stack([speed * side, -0.15 * side])
+    )
+    assert np.min(solver.certified(going, both, trusting=True).clearance) > 0.0
+    assert not stream.objection(going, start, motion, both)
 
 
 @pytest.mark.parametrize("seed", range(4))

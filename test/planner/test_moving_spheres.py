@@ -98,8 +98,11 @@ def test_a_sphere_that_passes_the_goal_before_the_tool_comes_there_does_not_stop
     assert any(stopped)
 
 
-def come_to(planner):
-    """A pose (7,) on the way, and spheres of which the first comes there after 3 s; another is on the goal for 5 s."""
+def come_to(planner, above: float = 0.0):
+    """A pose (7,) on the way, and spheres of which the first comes there, or so much above it [m], after 3 s.
+
+    Another one is on the goal for 5 s.
+    """
     direct = planner.nominal().reference
     place, quaternion = direct.sample(0.4 * direct.duration)
     along = direct.velocity(0.4 * direct.duration)[:3]
@@ -108,7 +111,8 @@ def come_to(planner):
     wall = [planner.skill.goal_pose[:3]], [0.05]
 
     def coming(now: float) -> Obstacles:
-        return moving(place + (now - 3.0) * velocity, velocity, now, wall if now < 5.0 else NOTHING)
+        met = place + [0.0, 0.0, above]
+        return moving(met + (now - 3.0) * velocity, velocity, now, wall if now < 5.0 else NOTHING)
 
     return np.append(place, quaternion), coming
 
@@ -127,6 +131,22 @@ def test_a_tool_without_a_way_gives_way_to_what_comes_to_it_and_goes_on_later(pl
     assert any(reason.endswith("; giving way to what is coming") for reason in reasons)
     np.testing.assert_allclose(follower.position, planner.skill.goal_pose[:3], atol=1e-6)
     monkeypatch.setattr(planner._giving_way, "plan", lambda *_: None)
+    assert min(gap for *_, gap in played(planner, start, coming, 4.0)) < -0.03
+
+
+def test_a_tool_without_a_refuge_steps_aside_where_it_stands_and_goes_on_later(planner, monkeypatch):
+    """The control stays, and is touched."""
+    start, coming = come_to(planner, above=0.035)
+    monkeypatch.setattr(planner._solver, "aside", lambda *_: None)
+    gaps, off = [], 0.0
+    for now, follower, _, gap in played(planner, start, coming, 12.0):
+        gaps.append(gap)
+        if now < 5.0:
+            off = max(off, float(np.linalg.norm(follower.position - start[:3])))
+    assert min(gaps) > 0.0
+    assert 0.01 < off <= planner.settings.maximum_offset + 0.002
+    np.testing.assert_allclose(follower.position, planner.skill.goal_pose[:3], atol=1e-6)
+    monkeypatch.setattr(planner._solver, "sidestep", lambda *_: None)
     assert min(gap for *_, gap in played(planner, start, coming, 4.0)) < -0.03
 
 
@@ -185,5 +205,5 @@ def test_what_stops_before_it_has_passed_is_kept_off(planner, meeting):
 
 
 def test_a_tool_that_counts_on_what_moves_to_move_on_all_but_touches_what_stops(planner, monkeypatch):
-    monkeypatch.setattr(PoseStream, "can_still_stop", lambda *_: True)
+    monkeypatch.setattr(PoseStream, "objection", lambda *_: "")
     assert stopping_sphere(planner, 0.42) < 0.002
