@@ -8,8 +8,8 @@ obstacles stay too, so does the reference itself. Otherwise the search is repeat
 that the tool has: it is bent to it, or, where it leads elsewhere, the tool stops along the old way first.
 
 What moves counts as standing where it is expected to be after the prediction; where that leaves no way, a trusting one
-is gone, which it has left by then. Where there is none either the tool stops; where something is then coming to where
-it stands, it gives way to it (`pose_giving_way`).
+is gone, which it has left by then. Where there is none either, or it would have to be passed in time, the tool stops;
+where something is then coming to where it stands, it gives way to it (`pose_giving_way`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """PoseGivingWay: a tool that has no way to its goal gets out of the way of what is coming to where it stops or stands.
 
-As `giving_way.GivingWay` for the whole arm. Where to is looked for by `pose_solver.PoseSolver.aside`; here is told
-when, and how long it goes on.
+As `giving_way.GivingWay` for the whole arm. Where to is looked for by `pose_solver.PoseSolver.aside`, and beside what
+was shown by its `sidestep`; here is told when, and how long it goes on.
 """
 
 from __future__ import annotations
@@ -89,14 +89,14 @@ class PoseGivingWay:
         return None if plan is None else _aside(plan.reference, verdict, plan.verdict.clearance)
 
     def gone_on(self, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
-        """The way aside being followed, where there was no time to look for another: as long as that is free and leaves
-        the tool a stop. None where it is not, or nothing moves any more, or the tool does not give way.
+        """The way aside being followed, where there was no time to look for another: as long as that is free soon, and
+        just leaves the tool a stop. None where it is not, or nothing moves any more, or the tool does not give way.
         """
         stream, going, obstacles = self._stream, motion.rest, scene.in_task
         if going is None or not stream.gives_way or obstacles.stand:
             return None
-        clearance = self._solver.clearance_until(going, start, obstacles, self._settings.prediction)
-        if clearance <= 0.0 or not stream.leaves_a_stop(going, start, obstacles):
+        clearance = self._solver.clearance_until(going, start, obstacles, SOON)
+        if clearance <= 0.0 or not stream.leaves_a_stop(going, start, obstacles, STOP_SHARE):
             return None
         assert stream.followed is not None
         return Plan(going, replace(stream.followed.verdict, clearance=clearance))

@@ -190,10 +190,11 @@ def test_out_of_time_a_tool_goes_on_giving_way_while_that_is_free_and_leaves_it_
     """The controls: what it follows is met, leaves no stop, does not lead aside, or is not known; nothing moves."""
     start = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     for going, stream, speed, goes_on in (
-        (ASIDE, Gone(True), 0.1, True), (LEFT, Gone(True), 0.1, False), (ASIDE, Gone(True, ()), 0.1, False),
+        (ASIDE, Gone(True), 0.1, True), (ASIDE, Gone(True, (), (ASIDE,)), 0.1, True),
+        (LEFT, Gone(True), 0.1, False), (ASIDE, Gone(True, ()), 0.1, False),
         (ASIDE, Gone(False), 0.1, False), (None, Gone(True), 0.1, False), (ASIDE, Gone(True), 0.0, False),
     ):  # fmt: skip
-        giving_way, solver = tool(1.0, stream=stream)
+        giving_way, solver = tool(0.5 * SOON, stream=stream)
         sphere = Obstacles.of_spheres(np.ones((1, 3)), np.array([0.03]), np.array([[speed, 0.0, 0.0]]), 0.0)
         scene = Scene.of(TaskFrame.identity(), sphere)
         plan = giving_way.gone_on(start, replace(AT_REST, rest=going), scene)
