@@ -47,7 +47,8 @@ class PoseGivingWay:
         stop: TaskSpaceReference | None,
         deadline: Deadline,
     ) -> Plan | None:
-        """A way aside where something comes to where the tool stops or stands, and it has no way to the goal.
+        """A way aside where something comes to where the tool stops or stands, and it has no way to the goal; a
+        sidestep, where it is about to be touched as it stands.
 
         None where there is none, or nothing comes: then to stop along the way being gone is the answer.
 
@@ -85,7 +86,7 @@ class PoseGivingWay:
             return _aside(going, verdict, clearance)
         if clearance > 0.0 or motion.speed > 0.0 or not looks:
             return None
-        plan = self._solver.sidestep(query, start, latent, scene, just_stoppable)
+        plan = self._solver.sidestep(query, start, latent, scene, just_stoppable, deadline)
         return None if plan is None else _aside(plan.reference, verdict, plan.verdict.clearance)
 
     def gone_on(self, start: Pose, motion: Motion, scene: Scene) -> Plan | None:

@@ -224,9 +224,10 @@ class PoseSolver:
         start_latent: np.ndarray,
         scene: Scene,
         stoppable: Callable[[TaskSpaceReference], bool],
+        deadline: Deadline = NEVER,
     ) -> Plan | None:
-        """A certified straight motion from rest to a place beside the sheet, as far as can be from where obstacles come
-        to within `SOON`; None where there is none.
+        """A certified straight motion from rest to a place beside the sheet that keeps off where obstacles come to
+        within `SOON`; None where none is found in time.
 
         stoppable : whether a motion may be gone.
         """
@@ -244,10 +245,12 @@ class PoseSolver:
             latent = np.tile(start_latent, (_SIDESTEP_SAMPLES, 1))
             curve = MotionCurve.through(positions, quaternions, self.settings.limits)
             timed = timed_reference(curve, latent, self.settings.limits, 0.0)
-            reference = self.certified(timed, scene.in_task, SOON, trusting=True)
+            reference = self.certified(timed, scene.in_task, max(SOON, timed.duration), trusting=True)
             nearest = float(np.min(reference.clearance))
             if nearest > 0.0 and stoppable(reference):
                 return Plan(reference, Verdict(VerdictCode.OK, clearance=nearest))
+            if deadline.passed:
+                break
         return None
 
     def _reshaping(self, query: Query, obstacles: Obstacles) -> Reshaping:
