@@ -82,7 +82,7 @@ class ReactivePlanner:
         self._prepared: Query | None = None
         self._query: Query | None = None
         self._stream = PoseStream(self.settings, self._solver)
-        self._giving_way = PoseGivingWay(self.settings, self._solver, self._stream)
+        self._giving_way = PoseGivingWay(self.settings, self._solver, self._stream, self._queries.may_start)
         self._turned: _Turned | None = None
         # When a trusting way was looked for in vain [s].
         self._distrusted = -np.inf
@@ -269,7 +269,7 @@ class ReactivePlanner:
         stopping = self._stopping_first(start, scene, speed)
         if stopping is not None:
             return stopping
-        latent = self._locate(start)
+        latent = self._locate(start, speed)
         if latent is None:
             query = self._next_query(start, goal, speed)
             if isinstance(query, Verdict):
@@ -420,8 +420,10 @@ class ReactivePlanner:
                 return redirected
         return self._queries.build(start, goal)
 
-    def _locate(self, pose: Pose) -> np.ndarray | None:
-        """Latent point of a pose on the reference being followed; None where a new query must begin."""
+    def _locate(self, pose: Pose, speed: float) -> np.ndarray | None:
+        """Latent point of a pose on the reference being followed; None where a new query must begin: so too where the
+        tool has stepped aside from the sheet, and rests.
+        """
         if self._query is None:
             return None
         stream = self._stream
@@ -430,7 +432,11 @@ class ReactivePlanner:
             moved = float(np.linalg.norm(pose.position - anchor.position))
             near = stream.near(moved, float(angle_between(pose.quaternion, anchor.quaternion)))
             return self._query.start_latent + self._passed(anchor, pose) if near else None
-        return stream.latent_on(stream.followed.reference, pose)
+        latent = stream.latent_on(stream.followed.reference, pose)
+        if latent is None or not stream.gives_way or speed > 0.0:
+            return latent
+        on_sheet = stream.near(*self._solver.off_the_sheet(self._query, latent, pose))
+        return None if not on_sheet and self._queries.may_start(pose) else latent
 
     def _passed(self, begin: Pose, end: Pose) -> np.ndarray:
         """Latent difference (d,) of two poses on the reference still followed, where both are: a stop goes on there."""

@@ -6,6 +6,7 @@ was shown by its `sidestep`; here is told when, and how long it goes on.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -27,8 +28,11 @@ _ROUNDING = 1e-6
 class PoseGivingWay:
     """Takes the stream of one tool aside."""
 
-    def __init__(self, settings: PlannerSettings, solver: PoseSolver, stream: PoseStream) -> None:
-        self._settings, self._solver, self._stream = settings, solver, stream
+    def __init__(
+        self, settings: PlannerSettings, solver: PoseSolver, stream: PoseStream, may_start: Callable[[Pose], bool]
+    ) -> None:
+        """may_start : whether a motion may start at a pose: there alone sidesteps lead."""
+        self._settings, self._solver, self._stream, self._may_start = settings, solver, stream, may_start
         self.forget()
 
     def forget(self) -> None:
@@ -83,11 +87,15 @@ class PoseGivingWay:
         self._looked = obstacles.time if looks else self._looked
         clearance = self._solver.clearance_until(left, start, obstacles, SOON)
         if going is not None and clearance > 0.0 and just_stoppable(going):
-            return _aside(going, verdict, clearance)
+            stopped = self._solver.clearance_until(stop, start, obstacles, prediction)
+            return None if stopped > 0.0 else _aside(going, verdict, clearance)
         if clearance > 0.0 or motion.speed > 0.0 or not looks:
             return None
-        plan = self._solver.sidestep(query, start, latent, scene, just_stoppable, deadline)
-        return None if plan is None else _aside(plan.reference, verdict, plan.verdict.clearance)
+        for horizon in (prediction, SOON):
+            plan = self._solver.sidestep(start, latent, scene, horizon, self._may_start, just_stoppable, deadline)
+            if plan is not None:
+                return _aside(plan.reference, verdict, plan.verdict.clearance)
+        return None
 
     def gone_on(self, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
         """The way aside being followed, where there was no time to look for another: as long as that is free soon, and

@@ -24,7 +24,7 @@ from geodesic_motion_ros.motion_curve import MotionCurve, distinct
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
 from geodesic_motion_ros.pose_smoothing import corners_cut
-from geodesic_motion_ros.quaternions import continuous_signs
+from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.query import Pose, Query
 from geodesic_motion_ros.reference import (
     TaskSpaceReference,
@@ -37,7 +37,7 @@ from geodesic_motion_ros.reference import (
 )
 from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.sidestep import SOON, places_beside
+from geodesic_motion_ros.sidestep import places_beside
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -219,25 +219,28 @@ class PoseSolver:
 
     def sidestep(
         self,
-        query: Query,
         start: Pose,
         start_latent: np.ndarray,
         scene: Scene,
+        horizon: float,
+        may_start: Callable[[Pose], bool],
         stoppable: Callable[[TaskSpaceReference], bool],
         deadline: Deadline = NEVER,
     ) -> Plan | None:
         """A certified straight motion from rest to a place beside the sheet that keeps off where obstacles come to
-        within `SOON`; None where none is found in time.
+        within a horizon [s]; None where none is found in time.
 
-        stoppable : whether a motion may be gone.
+        may_start : whether a motion may start at a pose. stoppable : whether a way may be gone.
         """
-        soon = scene.in_task.swept(SOON)
-        shown, _, _ = self._shown(query, start_latent[None])
-        places = places_beside(start.position, shown[0], self.settings.maximum_offset)
+        places = places_beside(start.position)
         bodies = tool_points(places, np.tile(start.quaternion, (len(places), 1)), self._points)
+        later = obstacle_clearances(bodies, self._point_radii, scene.in_task.swept(horizon), math.inf)
+        # To come nearer on the way is what counts: of places that are no nearer than the tool is now the nearest do.
         here = obstacle_clearances(self._body(start), self._point_radii, scene.in_task, math.inf)
-        clearance = np.minimum(obstacle_clearances(bodies, self._point_radii, soon, math.inf), here)
-        for place in places[np.argsort(-clearance, kind="stable")[:_MOST_SIDESTEPS]]:
+        best = np.argsort(-np.minimum(later, here), kind="stable")[:_MOST_SIDESTEPS]
+        for place in places[best]:
+            if not may_start(Pose(place, start.quaternion)):
+                continue
             positions = np.linspace(start.position, place, _SIDESTEP_SAMPLES)
             if self.beyond_reach(positions, scene.frame):
                 continue
@@ -245,7 +248,7 @@ class PoseSolver:
             latent = np.tile(start_latent, (_SIDESTEP_SAMPLES, 1))
             curve = MotionCurve.through(positions, quaternions, self.settings.limits)
             timed = timed_reference(curve, latent, self.settings.limits, 0.0)
-            reference = self.certified(timed, scene.in_task, max(SOON, timed.duration), trusting=True)
+            reference = self.certified(timed, scene.in_task, max(horizon, timed.duration), trusting=True)
             nearest = float(np.min(reference.clearance))
             if nearest > 0.0 and stoppable(reference):
                 return Plan(reference, Verdict(VerdictCode.OK, clearance=nearest))
@@ -399,6 +402,11 @@ class PoseSolver:
         if not verdict.ok:
             return Plan(None, verdict)
         return Plan(reference, verdict)
+
+    def off_the_sheet(self, query: Query, latent: np.ndarray, pose: Pose) -> tuple[float, float]:
+        """Distance [m] and angle [rad] of a pose from what a latent point (d,) stands for."""
+        (position,), (quaternion,), _ = self._shown(query, latent[None])
+        return float(np.linalg.norm(pose.position - position)), float(angle_between(pose.quaternion, quaternion))
 
     def _shown(self, query: Query, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Positions (n, 3) [m] and quaternions (n, 4) that latent points (n, d) stand for between the query's ends, and

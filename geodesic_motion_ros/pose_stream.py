@@ -2,7 +2,7 @@
 
 A new reference begins at the commanded pose with the velocity that the tool has there; every reference ends at rest.
 Whether what is being followed is still the best, whether the tool could still stop on it, and how it comes to rest is
-told here. All is in the task frame. `joint_stream` is the same for a whole arm.
+told here. All is in the task frame. `joint_stream` is the same for a whole arm, but that an arm never waits.
 """
 
 from __future__ import annotations
@@ -34,9 +34,11 @@ _SAME_PLACE, _SAME_ANGLE, _SAME_SPEED = 1e-6, 1e-6, 1e-3
 #: A new way must take so much less time than the one being followed, or keep so much further [m] from obstacles.
 _WORTHWHILE, _SAFER = 1.03, 1e-3
 #: While a trusting way keeps off what moves, others are looked for after so long [s].
-_SOON = 0.05 - 1e-6
+_SEARCHED_AGAIN = 0.05 - 1e-6
 #: A tool that stops and sets out again is late by this or twice as much [s].
 LATE = (0.15, 0.3)
+#: It waits no longer [s]: where something comes all the time it would wait for ever.
+PATIENCE = 3.0
 
 
 @dataclass(frozen=True)
@@ -70,11 +72,13 @@ class PoseStream:
 
     def __init__(self, settings: PlannerSettings, solver: PoseSolver) -> None:
         self._settings, self._solver = settings, solver
-        self.followed: Followed | None = None
+        self.forget()
 
     def forget(self) -> None:
         """Nothing has been followed yet."""
-        self.followed = None
+        self.followed: Followed | None = None
+        # Since when there has been no way that need not wait [s].
+        self._waits_since: float | None = None
 
     @property
     def gives_way(self) -> bool:
@@ -141,7 +145,7 @@ class PoseStream:
             return None
         if followed.scene.in_task.unmoved_in(scene.in_task):
             return self._keep(motion.rest, scene, followed)
-        if not followed.trusting or abs(scene.in_task.time - followed.searched) >= _SOON:
+        if not followed.trusting or abs(scene.in_task.time - followed.searched) >= _SEARCHED_AGAIN:
             return None
         rest = self._solver.certified(motion.rest, scene.in_task, trusting=True)
         keeps_off = np.min(rest.clearance) > MOVING_MULTIPLE * self._settings.obstacle_margin
@@ -220,9 +224,10 @@ class PoseStream:
         It is to be left a stop that is free wherever on their lines obstacles come to a stand meanwhile, if it has one
         now: a certificate takes for granted that they move on as they did; one that stops or turns must not be met
         either. That it would come to where the tool then stood is no reason to go on: what stands is touched less hard.
-        And it waits, where nothing comes to it, rather than go where it must not be late (`LATE`).
+        And it waits, where nothing comes to it, rather than go where it must not be late (`LATE`), for `PATIENCE`.
         """
         if obstacles.stand or not self._settings.avoidance:
+            self._waits_since = None
             return ""
         speed = motion.speed * self._settings.speed
         if not self.leaves_a_stop(going, start, obstacles):
@@ -230,11 +235,17 @@ class PoseStream:
                 return ""
             return "on the best way the tool could not stop any more where what moves may come to a stand"
         if all(self._is_free_later(going, obstacles, late) for late in LATE):
+            self._waits_since = None
             return ""
         stop = self.braking(start, obstacles, speed)
         stopped = self._solver.clearance_until(stop, start, obstacles, AHEAD * self._settings.prediction)
-        waits = stopped > MOVING_MULTIPLE * self._settings.obstacle_margin
-        return "waiting: on the best way something comes soon after the tool" if waits else ""
+        if stopped <= MOVING_MULTIPLE * self._settings.obstacle_margin:
+            return ""
+        if self._waits_since is None:
+            self._waits_since = obstacles.time
+        if abs(obstacles.time - self._waits_since) >= PATIENCE:
+            return ""
+        return "waiting: on the best way something comes soon after the tool"
 
     def _is_free_later(self, going: TaskSpaceReference, obstacles: Obstacles, late: float) -> bool:
         """Whether a reference is free of obstacles so much further on [s]."""

@@ -32,7 +32,7 @@ class OneWayAside:
     touched_after: float
     found: bool = True
     asked: list[float] = field(default_factory=list)
-    sidesteps: int = 0
+    sidesteps: list[float] = field(default_factory=list)
 
     def clearance_until(self, reference: object, start: Pose, obstacles: Obstacles, horizon: float) -> float:
         return -0.01 if reference is not ASIDE and horizon >= self.touched_after else 0.02
@@ -44,8 +44,8 @@ class OneWayAside:
 
 
     def sidestep(self, *arguments: object) -> Plan | None:
-        self.sidesteps += 1
-        return Plan(ASIDE, Verdict(VerdictCode.OK, clearance=0.01)) if arguments[4](ASIDE) else None
+        self.sidesteps.append(arguments[3])
+        return Plan(ASIDE, Verdict(VerdictCode.OK, clearance=0.01)) if arguments[5](ASIDE) else None
 
 
 @dataclass
@@ -65,7 +65,7 @@ def tool(
     touched_after: float, settings: PlannerSettings = SETTINGS, stream: Gone | None = None
 ) -> tuple[PoseGivingWay, OneWayAside]:
     solver = OneWayAside(touched_after)
-    return PoseGivingWay(settings, solver, stream or Gone()), solver
+    return PoseGivingWay(settings, solver, stream or Gone(), lambda _: True), solver
 
 
 def asked(
@@ -159,20 +159,20 @@ def test_a_tool_that_is_about_to_be_touched_where_it_stands_and_finds_no_way_asi
     giving_way, solver = tool(0.5 * SOON)
     solver.found = False
     assert asked(giving_way).reference is ASIDE
-    assert (len(solver.asked), solver.sidesteps) == (2, 1)
+    assert (len(solver.asked), solver.sidesteps) == (2, [SETTINGS.prediction])
     # In vain is not every tick, as with ways aside.
     giving_way, solver = tool(0.5 * SOON, stream=Gone(leaving_a_stop=()))
     for now in (0.0, 0.01, 0.04):
         assert asked(giving_way, now) is None
-    assert solver.sidesteps == 1
+    assert solver.sidesteps == [SETTINGS.prediction, SOON]
     asked(giving_way, 0.05)
-    assert solver.sidesteps == 2
+    assert len(solver.sidesteps) == 4
     # The controls: it is touched later, there is another way aside, it moves.
     for touched_after, found, moves in ((2.0 * SOON, False, 0.0), (0.5 * SOON, True, 0.0), (0.5 * SOON, False, 0.1)):
         giving_way, solver = tool(touched_after)
         solver.found = found
         asked(giving_way, moves=moves)
-        assert solver.sidesteps == 0
+        assert not solver.sidesteps
 
 
 def test_a_sidestep_is_gone_on_while_it_is_free_soon_and_leaves_just_a_stop() -> None:
@@ -180,10 +180,14 @@ def test_a_sidestep_is_gone_on_while_it_is_free_soon_and_leaves_just_a_stop() ->
         stream = Gone(True, leaving_a_stop=(), just_leaving_one=just)
         giving_way, solver = tool(2.0 * SOON, stream=stream)
         solver.found = False
-        plan = asked(giving_way, going=LEFT, moves=0.1)
+        plan = asked(giving_way, stop=STOP, going=LEFT, moves=0.1)
         assert (plan is not None and plan.reference is LEFT) is goes_on
-    giving_way, solver = tool(0.5 * SOON, stream=Gone(True, (), (LEFT,)))
-    assert asked(giving_way, going=LEFT, moves=0.1) is None
+    # The controls: it is met before that; the stop is free for longer.
+    stream = Gone(True, (), (LEFT,))
+    assert asked(tool(0.5 * SOON, stream=stream)[0], stop=STOP, going=LEFT, moves=0.1) is None
+    giving_way, solver = tool(2.0 * SOON, stream=stream)
+    solver.found = False
+    assert asked(giving_way, stop=ASIDE, going=LEFT, moves=0.1) is None
 
 
 def test_out_of_time_a_tool_goes_on_giving_way_while_that_is_free_and_leaves_it_a_stop() -> None:

@@ -60,6 +60,16 @@ def sphere(centre: np.ndarray, velocity: np.ndarray) -> Obstacles:
     return Obstacles.of_spheres(centre[None], np.array([RADIUS]), velocity[None])
 
 
+def passing_by(reference: TaskSpaceReference, late: float) -> Obstacles:
+    """A sphere at 0.4 m/s from aside: it comes to touch the tool's place after 0.5 s so much later [s] than the tool is
+    there.
+    """
+    meeting, speed = 0.5, 0.4
+    side = np.cross(reference.velocity(meeting)[:3], [0.0, 0.0, 1.0])
+    side /= np.linalg.norm(side)
+    return sphere(reference.sample(meeting)[0] - (TOUCHING + speed * (meeting + late)) * side, speed * side)
+
+
 def across(reference: TaskSpaceReference) -> np.ndarray:
     """A direction (3,) across the beginning of a way."""
     side = np.cross(reference.velocity(0.0)[:3], [0.0, 0.0, 1.0])
@@ -144,27 +154,28 @@ def test_a_way_is_gone_on_to_a_goal_that_something_comes_to_where_it_comes_to_th
 def test_a_tool_waits_rather_than_go_where_something_comes_soon_after_it(solver, way) -> None:
     stream, start, motion, _ = gone(solver, way)
     going = motion.rest
-    meeting = 0.5
-    place, speed = going.sample(meeting)[0], 0.4
-    side = np.cross(going.velocity(meeting)[:3], [0.0, 0.0, 1.0])
-    side /= np.linalg.norm(side)
-
-    def passing(late: float) -> Obstacles:
-        """It touches the place so much later [s] than the tool would have left it, and has come from far aside."""
-        return sphere(place - (TOUCHING + speed * (meeting + late)) * side, speed * side)
-
-    soon, later = passing(0.35), passing(1.0)
+    soon, later = passing_by(going, 0.35), passing_by(going, 1.0)
     assert np.min(solver.certified(going, soon, trusting=True).clearance) > 0.0
     assert stream.objection(going, start, motion, soon).startswith("waiting")
     assert not stream.objection(going, start, motion, later)
-    # The controls: to wait is no better where another comes to where it stops; and at rest it waits as well.
+    # To wait is no better where another comes to where it stops.
     end = stream.braking(start, Obstacles.none(), motion.speed * SETTINGS.speed).positions[-1]
-    comes = end + (TOUCHING + 0.15) * side
-    both = Obstacles.of_spheres(
-        np.stack([soon.centres[0], comes]), np.full(2, RADIUS), np.stack([speed * side, -0.15 * side])
-    )
+    velocity = -0.15 * soon.velocities[0] / np.linalg.norm(soon.velocities[0])
+    centres = np.stack([soon.centres[0], end - (TOUCHING / 0.15 + 1.0) * velocity])
+    both = Obstacles.of_spheres(centres, np.full(2, RADIUS), np.stack([soon.velocities[0], velocity]))
     assert np.min(solver.certified(going, both, trusting=True).clearance) > 0.0
     assert not stream.objection(going, start, motion, both)
+
+
+def test_a_tool_does_not_wait_for_ever(solver, way) -> None:
+    stream, start, motion, _ = gone(solver, way)
+    going, clear = motion.rest, Obstacles.of_spheres(np.full((1, 3), 9.0), np.array([RADIUS]), np.ones((1, 3)))
+    soon = passing_by(going, 0.35)
+    waits = [bool(stream.objection(going, start, motion, replace(soon, time=now))) for now in (0.0, 2.9, 3.1, 9.0)]
+    assert waits == [True, True, False, False]
+    # Once there was a way that need not wait it waits again.
+    assert not stream.objection(going, start, motion, replace(clear, time=9.1))
+    assert stream.objection(going, start, motion, replace(soon, time=9.2))
 
 
 @pytest.mark.parametrize("seed", range(4))

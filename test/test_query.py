@@ -11,6 +11,7 @@ from geodesic_motion_ros.demonstrations.canonical import canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.planner import Plan, PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.quaternions import angle_between, rotate_by
+from geodesic_motion_ros.query import Pose
 from geodesic_motion_ros.reference import ReferenceFollower
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
@@ -52,6 +53,19 @@ def mean_plan(planner: ReactivePlanner) -> Plan:
 def gap_to(curve: np.ndarray, points: np.ndarray) -> float:
     """Largest distance [m] of points (n, 3) from the samples of a curve (m, 3)."""
     return float(np.linalg.norm(points[:, None] - curve, axis=-1).min(axis=1).max())
+
+
+def test_a_motion_may_start_where_a_plan_is_not_refused_for_its_start(planner):
+    random, skill = np.random.default_rng(0), planner.skill
+    answers = []
+    for _ in range(30):
+        reference = mean_plan(planner).reference
+        position, quaternion = reference.sample(random.uniform(0.0, reference.duration))
+        pose = Pose(position + random.normal(scale=0.04, size=3), quaternion)
+        refused = planner.plan(pose.position, quaternion, *np.split(skill.goal_pose, [3])).verdict.code
+        answers.append(planner._queries.may_start(pose))
+        assert answers[-1] == (refused is not VerdictCode.START_OUT_OF_SUPPORT)
+    assert 5 < sum(answers) < 25
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -150,6 +150,28 @@ def test_a_tool_without_a_refuge_steps_aside_where_it_stands_and_goes_on_later(p
     assert min(gap for *_, gap in played(planner, start, coming, 4.0)) < -0.03
 
 
+@pytest.mark.parametrize("off", [0.0, 0.04])
+def test_where_a_tool_has_stepped_to_any_goal_can_be_asked_for(planner, monkeypatch, off):
+    """Also where it started off what was shown: `off` [m], of 50 mm that are allowed."""
+    start, coming = come_to(planner, above=0.035)
+    start[2] -= off
+    monkeypatch.setattr(planner._solver, "aside", lambda *_: None)
+
+    def meeting(now: float) -> Obstacles:
+        spheres = coming(now)
+        spheres.centres[0, 2] -= off
+        return spheres
+
+    for now, follower, _, _ in played(planner, start, meeting, 4.0):  # noqa: B007
+        if planner._stream.gives_way and follower.speed == 0.0:
+            goal = np.split(planner.skill.goal_pose, [3])
+            verdict = planner.plan(follower.position, follower.quaternion, *goal).verdict
+            assert verdict.code is not VerdictCode.START_OUT_OF_SUPPORT
+    assert np.linalg.norm(follower.position - start[:3]) > 0.02
+    # Ways are looked for on the sheet as it is carried there.
+    np.testing.assert_allclose(planner._query.start.position, follower.position, atol=1e-6)
+
+
 def test_a_tool_that_gives_way_goes_on_doing_so_where_there_is_no_time(planner, monkeypatch):
     """As soon as it does, every tick is out of time. The control stops where it is, and is touched."""
     start, coming = come_to(planner)
