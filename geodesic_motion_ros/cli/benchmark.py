@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> None:
         methods, families, arguments.scenes, arguments.seed, arguments.processes, arguments.held_out
     )
     check_families(skill, families if arguments.strip is None else (*families, arguments.strip[0]))
-    if settings.held_out:
+    if settings.held_out and (arguments.strip is not None or not arguments.kept):
         with needing("--held-out trains skills, which needs", "pip install 'geodesic_motion_ros[learn]'"):
             import_module("geodesic_motion_ros.manifold.training")
     for path in (arguments.out / "table.txt", arguments.json):

@@ -81,6 +81,16 @@ class HeldOut:
         order = np.random.default_rng([self.seed, FAMILIES.index(family), turn, count]).permutation(count)
         return int(order[place])
 
+    def repeats(self, family: Family, number: int) -> bool:
+        """Whether a scene is one again that has a smaller number: without spheres nothing else tells two apart than
+        their demonstrations.
+        """
+        return family == "none" and number >= len(self.whole.shown)
+
+    def digest(self, family: Family, number: int) -> str:
+        """Of what was learned for a scene, and of what is held out there."""
+        return digest(self.arena(family, number).skill, self.whole.shown[self.demonstration(family, number)])
+
     def draw(self, family: Family, number: int) -> Scene:
         """As `draw_scene`, from the start to the goal of a demonstration that is held out, compared with this one."""
         random = scene_generator(self.whole.skill, family, number, self.seed)
@@ -119,9 +129,9 @@ def training_settings(skill: Skill) -> TrainingSettings | JointTrainingSettings:
         ) from error
 
 
-def digest(skill: Skill) -> str:
-    """Of what was learned: tells a skill from one that was trained otherwise."""
-    learned = hashlib.sha256(skill.codes.tobytes())
+def digest(skill: Skill, held_out: np.ndarray) -> str:
+    """Of what was learned, and of a demonstration (S, eta) that was not: tells them from others."""
+    learned = hashlib.sha256(skill.codes.tobytes() + np.ascontiguousarray(held_out).tobytes())
     for _, array in sorted(skill.decoder.arrays().items()):
         learned.update(np.ascontiguousarray(array).tobytes())
     return learned.hexdigest()[:16]

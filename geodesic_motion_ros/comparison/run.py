@@ -15,7 +15,7 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.catalogue import ROWS
 from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.families import FAMILIES, Family, check_families
-from geodesic_motion_ros.comparison.held_out import HeldOut, digest
+from geodesic_motion_ros.comparison.held_out import HeldOut
 from geodesic_motion_ros.comparison.method import Method
 from geodesic_motion_ros.comparison.results import Played, Results, held_out_folder
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
@@ -77,6 +77,10 @@ class Bench:
         """That in which a scene is drawn and methods are made."""
         return self._whole if self._held_out is None else self._held_out.arena(family, number)
 
+    def repeats(self, family: Family, number: int) -> bool:
+        """Whether a scene is one again that has a smaller number."""
+        return self._held_out is not None and self._held_out.repeats(family, number)
+
     def draw(self, family: Family, number: int) -> Scene:
         """A scene."""
         if self._held_out is None:
@@ -94,7 +98,7 @@ class Bench:
         played, scene, arena = [], None, self.arena(family, number)
         for row in self._settings.methods:
             method = self.method(row, arena)
-            settings = self._valid_for(method, arena)
+            settings = self._valid_for(method, family, number)
             outcome = self._results.outcome(row, family, number, settings)
             if outcome is None:
                 if scene is None:
@@ -104,9 +108,11 @@ class Bench:
             played.append(Played(row, family, number, settings, outcome))
         return played
 
-    def _valid_for(self, method: Method, arena: Arena) -> dict[str, Any]:
-        """What a result is valid for: the method's settings, and what was learned for it, which may be learned anew."""
-        return method.settings if self._held_out is None else {**method.settings, "skill": digest(arena.skill)}
+    def _valid_for(self, method: Method, family: Family, number: int) -> dict[str, Any]:
+        """What a result is valid for: the method's settings, and what was learned and held out, which may change."""
+        if self._held_out is None:
+            return method.settings
+        return {**method.settings, "held_out": self._held_out.digest(family, number)}
 
 
 _bench: Bench | None = None
@@ -133,11 +139,12 @@ def play_benchmark(
     """
     check_families(skill, settings.families)
     # Refuses what cannot be played, and trains before processes that would all do so.
-    Bench(skill, settings, folder, show_progress)
+    bench = Bench(skill, settings, folder, show_progress)
     # As the planner node does: threads of the linear algebra would only wait for each other.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
-    todo = [(family, number) for number in range(settings.scenes) for family in settings.families]
+    scenes = [(family, number) for number in range(settings.scenes) for family in settings.families]
+    todo = [scene for scene in scenes if not bench.repeats(*scene)]
     with get_context("spawn").Pool(settings.processes, _prepare, (skill, settings, folder)) as pool:
         made = pool.imap_unordered(_scene, todo)
         for played in tqdm(made, desc="benchmark", unit="scene", total=len(todo), disable=not show_progress):

@@ -140,15 +140,26 @@ def test_results_are_kept_apart_and_are_those_of_the_skills_that_were_trained(
     (again,) = bench.scene("none", 0)
     assert again.outcome.duration == 99.0
     # As if the skills had been trained otherwise meanwhile.
-    monkeypatch.setattr("geodesic_motion_ros.comparison.run.digest", lambda skill: "another")
+    monkeypatch.setattr("geodesic_motion_ros.comparison.held_out.digest", lambda *_: "another")
     (anew,) = bench.scene("none", 0)
     assert lasting(anew.outcome) == lasting(played.outcome)
 
 
-def test_a_digest_is_that_of_what_was_learned(held_out) -> None:
+def test_a_digest_is_that_of_what_was_learned_and_of_what_was_held_out(held_out) -> None:
     first, second = (arena.skill for arena in held_out.arenas[:2])
-    assert digest(first) == digest(replace(first, name="other"))
-    assert len({digest(first), digest(second), digest(replace(first, codes=first.codes + 1e-9))}) == 3
+    shown = held_out.whole.shown[0]
+    assert digest(first, shown) == digest(replace(first, name="other"), shown)
+    others = (second, shown), (replace(first, codes=first.codes + 1e-9), shown), (first, shown + 1e-9)
+    assert len({digest(first, shown), *(digest(*other) for other in others)}) == 4
+
+
+def test_scenes_without_spheres_are_not_played_twice(skill, folder, tmp_path) -> None:
+    shutil.copytree(skills_in(folder, skill), skills_in(tmp_path, skill))
+    played = list(play_benchmark(skill, replace(SETTINGS, scenes=9), tmp_path, False))
+    assert sorted(item.number for item in played) == list(range(7))
+    bench = Bench(skill, replace(SETTINGS, held_out=False), tmp_path)
+    assert not bench.repeats("none", 8)
+    assert not Bench(skill, SETTINGS, tmp_path).repeats("static", 8)
 
 
 def test_what_was_trained_is_used_again(skill, folder, no_training) -> None:
