@@ -248,8 +248,8 @@ class PoseStream:
         return "waiting: on the best way something comes soon after the tool"
 
     def _is_free_later(self, going: TaskSpaceReference, obstacles: Obstacles, late: float) -> bool:
-        """Whether a reference is free of obstacles so much further on [s]."""
-        later = obstacles.at(obstacles.time + late, self._settings.prediction)
+        """Whether a reference that is free of what stands is free of what moves, so much further on [s]."""
+        later = obstacles.in_motion().at(obstacles.time + late, self._settings.prediction)
         return float(np.min(self._solver.certified(going, later, trusting=True).clearance)) > 0.0
 
     def leaves_a_stop(
