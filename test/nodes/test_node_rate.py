@@ -25,7 +25,7 @@ def test_every_stretch_is_measured_and_goals_and_spheres_really_move(tmp_path):
     # machine may keep the twin from telling where the arm is, and says so.
     for row in stays, cloud:
         assert set(row.verdicts) <= {"OK", "STALE_STATE"}
-        assert row.verdicts["OK"] > 0.5 * sum(row.verdicts.values())
+        assert row.verdicts["OK"] > 0.8 * sum(row.verdicts.values())
     assert set(sphere.verdicts) - {"OK", "STALE_STATE"}
     assert stays.name in node_rate.table(rows)
     assert asdict(stays)["verdicts"] == stays.verdicts
