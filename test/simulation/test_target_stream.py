@@ -39,6 +39,34 @@ def test_between_targets_it_runs_ahead() -> None:
     np.testing.assert_allclose(twist[:3], VELOCITY, rtol=1e-3)
 
 
+ACCELERATION = np.array([1.5, 0.0, -0.5])
+
+
+def accelerated(numbers: range) -> TargetStream:
+    stream = TargetStream(np.zeros(3), IDENTITY)
+    for number in numbers:
+        stream.accept(0.5 * ACCELERATION * (0.01 * number) ** 2, IDENTITY, 0.01 * number)
+    return stream
+
+
+def test_a_steadily_accelerated_target_has_no_steps_of_velocity() -> None:
+    stream, twists = accelerated(range(40)), []
+    for number in range(40, 60):
+        stream.accept(0.5 * ACCELERATION * (0.01 * number) ** 2, IDENTITY, 0.01 * number)
+        for time in 0.01 * number + 0.001 * np.arange(10):
+            position, _, twist = stream.sample(time)
+            np.testing.assert_allclose(position, 0.5 * ACCELERATION * time**2, atol=1e-6)
+            twists.append(twist[:3])
+    np.testing.assert_allclose(np.diff(twists, axis=0), np.tile(0.001 * ACCELERATION, (199, 1)), atol=1e-6)
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_lost_targets_do_not_change_where_an_accelerated_one_is_expected(lost: int) -> None:
+    stream, last = accelerated(range(60)), 59 + lost + 1
+    stream.accept(0.5 * ACCELERATION * (0.01 * last) ** 2, IDENTITY, 0.01 * last)
+    np.testing.assert_allclose(stream.twist[:3], ACCELERATION * 0.01 * (last + 1), atol=1e-6)
+
+
 def test_jitter_of_arrival_is_not_velocity() -> None:
     """Arrivals off by up to 6 ms would make 0.6 to 2.5 times the velocity, were the intervals believed."""
     jitter = np.random.default_rng(8).uniform(0.0, 0.006, size=300)
