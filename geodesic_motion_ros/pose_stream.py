@@ -20,6 +20,7 @@ from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.query import Pose, Query
 from geodesic_motion_ros.reference import TaskSpaceReference, initial_rate, timed_reference
 from geodesic_motion_ros.refuge import AHEAD
+from geodesic_motion_ros.sidestep import STOP_SHARE
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.time_law import braking_law
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -39,6 +40,9 @@ _SEARCHED_AGAIN = 0.05 - 1e-6
 LATE = (0.15, 0.3)
 #: It waits no longer [s]: where something comes all the time it would wait for ever.
 PATIENCE = 3.0
+#: Where something comes to where a tool would stop, it goes on where its way is free for so long [s]: it is past by
+#: then, or stops as well a little later.
+PASSING = 0.4
 
 
 @dataclass(frozen=True)
@@ -185,7 +189,8 @@ class PoseStream:
         """The way being followed where no way was found, or there was no time to, and what moves is less far from where
         the tool would stop than from that way; None where the stop is the better.
 
-        Where something would come to where it stopped, to stand at the goal when something comes there is no worse.
+        Where something would come to where it stopped, it is enough that the way is free for `PASSING`, and to stand at
+        the goal when something comes there is no worse.
         turning : there is another way, but the tool must stop for it; it does where nothing comes to where it stops.
         """
         followed, rest, obstacles = self.followed, motion.rest, scene.in_task
@@ -196,7 +201,7 @@ class PoseStream:
         stopped = self._solver.clearance_until(stop, start, obstacles, AHEAD * prediction)
         if turning and stopped > 0.0:
             return None
-        horizon = prediction if stopped > 0.0 else min(prediction, rest.duration + LAG)
+        horizon = prediction if stopped > 0.0 else min(PASSING, rest.duration + LAG)
         rest = self._solver.certified(rest, obstacles, horizon, trusting=True)
         if np.min(rest.clearance) <= max(stopped, 0.0):
             return None
@@ -223,7 +228,8 @@ class PoseStream:
 
         It is to be left a stop that is free wherever on their lines obstacles come to a stand meanwhile, if it has one
         now: a certificate takes for granted that they move on as they did; one that stops or turns must not be met
-        either. That it would come to where the tool then stood is no reason to go on: what stands is touched less hard.
+        either. That it would come to where the tool then stood is a reason to go on where the way is free wherever it
+        comes to a stand, as the stop is, and none elsewhere: what stands is touched less hard.
         And it waits, where nothing comes to it, rather than go where it must not be late (`LATE`), for `PATIENCE`.
         """
         if obstacles.stand or not self._settings.avoidance:
@@ -231,7 +237,8 @@ class PoseStream:
             return ""
         speed = motion.speed * self._settings.speed
         if not self.leaves_a_stop(going, start, obstacles):
-            if self._room_of(self.braking(start, obstacles, speed), start, 0.0, obstacles) <= 0.0:
+            stop = self.braking(start, obstacles, speed)
+            if self._room_of(stop, start, 0.0, obstacles) <= 0.0 or self._passes(going, stop, start, obstacles):
                 return ""
             return "on the best way the tool could not stop any more where what moves may come to a stand"
         if all(self._is_free_later(going, obstacles, late) for late in LATE):
@@ -247,14 +254,25 @@ class PoseStream:
             return ""
         return "waiting: on the best way something comes soon after the tool"
 
+    def _passes(
+        self, going: TaskSpaceReference, stop: TaskSpaceReference | None, start: Pose, obstacles: Obstacles
+    ) -> bool:
+        """Whether something comes to where a tool in motion would stop, and going on for `PASSING` is free wherever on
+        their lines obstacles come to a stand.
+        """
+        horizon = AHEAD * self._settings.prediction
+        if stop is None or self._solver.clearance_until(stop, start, obstacles, horizon) > 0.0:
+            return False
+        end = min(PASSING, going.duration + LAG)
+        room = self._solver.clearance_wherever_they_stop(going, 0.0, end, obstacles, STOPPING_PLACES)
+        return room > STOP_SHARE * MOVING_MULTIPLE * self._settings.obstacle_margin
+
     def _is_free_later(self, going: TaskSpaceReference, obstacles: Obstacles, late: float) -> bool:
         """Whether a reference that is free of what stands is free of what moves, so much further on [s]."""
         later = obstacles.in_motion().at(obstacles.time + late, self._settings.prediction)
         return float(np.min(self._solver.certified(going, later, trusting=True).clearance)) > 0.0
 
-    def leaves_a_stop(
-        self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles, share: float = 1.0
-    ) -> bool:
+    def leaves_a_stop(self, going: TaskSpaceReference, start: Pose, obstacles: Obstacles, share: float = 1.0) -> bool:
         """Whether a tool that goes on along a reference has a free stop as of `objection`; share: of the margin that
         it keeps.
         """

@@ -123,8 +123,34 @@ def test_a_tool_goes_on_only_as_long_as_it_could_stop_wherever_what_moves_comes_
     passed = sphere(line + 0.10 * side, 0.4 * side)
     assert not stream.objection(going, start, motion, passed)
     assert stream.objection(going, start, motion, replace(passed, age=0.25))
-    # That it would be met later, where it stops, is no reason to go on.
+    # That it would be met later, where it stops, is no reason to go on where the way is not free of it.
     assert stream.objection(going, start, motion, sphere(line + 0.02 * along, -0.12 * along))
+
+
+def test_a_tool_goes_on_past_what_comes_to_where_it_would_stop(solver, way) -> None:
+    stream, start, motion, speed = gone(solver, way)
+    going, side = motion.rest, across(motion.rest)
+    stop = stream.braking(start, Obstacles.none(), speed)
+    beside = stop.positions[-1] + (TOUCHING + 0.025) * side
+    coming, leaving = sphere(beside, -0.1 * side), sphere(beside - 0.016 * side, 0.1 * side)
+    # Both leave it a stop now, and not so a moment later.
+    for obstacles in (coming, leaving):
+        assert solver.clearance_wherever_they_stop(stop, 0.0, stop.duration, obstacles, 12) > 0.0
+        assert not stream.leaves_a_stop(going, start, obstacles)
+    # Where the tool stood it would be touched by the one that comes.
+    assert not stream.objection(going, start, motion, coming)
+    assert stream.objection(going, start, motion, leaving)
+    # The way is gone on too where no other was found, and would be met: later, not soon.
+    for meeting, goes_on in ((0.7, True), (0.25, False)):
+        on_the_way = going.sample(meeting)[0]
+        meets = sphere(on_the_way + TOUCHING * side + 0.15 * (meeting - 0.06) * side, -0.15 * side)
+        both = Obstacles.of_spheres(
+            np.vstack([beside + 0.015 * side, meets.centres]),
+            np.full(2, RADIUS),
+            np.vstack([coming.velocities, meets.velocities]),
+        )
+        assert np.min(solver.certified(going, both, trusting=True).clearance) <= 0.0
+        assert (stream.gone_on(QUERY, start, motion, scene(both)) is not None) == goes_on
 
 
 def test_a_way_is_gone_on_to_a_goal_that_something_comes_to_where_it_comes_to_the_stop_as_well(solver, way) -> None:
