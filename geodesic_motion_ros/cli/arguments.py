@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -132,6 +132,15 @@ def indices(text: str) -> tuple[int, ...]:
         return tuple(int(part) for part in text.split(","))
     except ValueError:
         raise argparse.ArgumentTypeError(f"'{text}' is not a list of whole numbers like 0,3,6") from None
+
+
+def name_list(separator: str) -> Callable[[str], tuple[str, ...]]:
+    """What reads names out of "one,two": each of them once, in their order."""
+
+    def read(text: str) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(name.strip() for name in text.split(separator)))
+
+    return read
 
 
 def seed(text: str) -> int:

@@ -6,7 +6,7 @@ import argparse
 from importlib import import_module
 from pathlib import Path
 
-from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, needing, seed, writable
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, given, name_list, needing, seed, writable
 
 _DESCRIPTION = """\
 Plays seeded scenes on a simulated Panda with every method, the same stream of obstacles for each of them, and judges
@@ -18,16 +18,22 @@ families  none; static and elbow: spheres that stand in the way of arm or hand, 
           the tool); crossing; chasing; gate: closes on the hand's way, and opens again; crowd: five that stand and
           five that cross
 methods   ours; ours, hard (no soft metric); ours, soft (nothing removed or certified); replay (of the nearest
-          demonstration, blind: the control); and peers, which are left out where their libraries are not installed:
+          demonstration, blind: the control); free demonstration (the nearest that is free, another one joined where it
+          is blocked); and peers, which are left out where their libraries are not installed:
           pip install 'geodesic_motion_ros[benchmark]'
-columns   success: the goal within 10 mm and 0.1 rad, no contact; hits: scenes that ended as the moving arm touched a
-          sphere, hit: as a sphere touched the arm that stood; refused: ended short of the goal, untouched, with a
-          reason told; lost: without one; least, clear: least and median smallest clearance; dtw, orient: distance and
-          angle from the closest demonstration; jerk: root mean square [rad/s^3]; time: to the goal; p50, p99: processor
-          time of ticks that answered something new; held: share of the ticks within 10 ms of processor time; arm:
-          scenes, ended or not, in which a part of the arm touched a sphere that is not guarded.
+columns   success: the goal within 10 mm and 0.1 rad, no contact; moving: scenes that ended as the arm touched a sphere
+          in motion, standing: as a sphere touched the arm that stood; refused: ended short of the goal, untouched, with
+          a reason told; lost: without a reason, or not there after 15 s; least, clear: least and median smallest
+          clearance, of scenes with spheres; dtw, orient: distance and angle from the closest demonstration; avoiding:
+          dtw in the scenes in which replay fails, so that something had to be avoided; jerk: root mean square
+          [rad/s^3]; time: to the goal; p50, p99: processor time of ticks that answered something new: a motion or a
+          stop that was planned then, with DMP and barriers every tick, as they plan one step ahead; held: share of the
+          ticks within 10 ms of processor time; arm: scenes, ended or not, in which a part of the arm touched a sphere
+          that is not guarded.
           Clearance, similarity, jerk and time are those of successes. Intervals: Wilson, bootstrap of the median
-tables    scenes in which at least half of the demonstrations stay free, and the rest
+tables    scenes in which at least half of the demonstrations stay free, and the rest; successes by family
+files     in the folder SKILL of the output folder, held_out in it with --held-out: table.txt and the same tables in
+          table.md, figures.json, success.png, clearance.png, strip.png
 held out  with --held-out every method is given two thirds of the demonstrations, a skill trained on these alone; a
           scene goes from where one of the others began to where it ended, and dtw and orient are distance and angle
           from this one, which no method has seen: the control is no distance from what it replays, but it is from
@@ -35,7 +41,7 @@ held out  with --held-out every method is given two thirds of the demonstrations
           results (minutes; with the settings that the skill was trained with, on what it keeps of its demonstrations)
 
 A slow method is flattered: however long it thinks, its answer reaches the arm one tick later. What was played is kept
-in the output folder and not played again.
+in the output folder and not played again as long as the skill and the method's settings are the same.
 """
 _EPILOG = """\
 examples:
@@ -56,9 +62,11 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="its folder, or the name of a shipped one"
     )
-    parser.add_argument("--scenes", type=int, default=6, metavar="N", help="of each family")
-    parser.add_argument("--methods", type=_names(";"), metavar="NAME;NAME", help="all that can run without it")
-    parser.add_argument("--families", type=_names(","), metavar="NAME,NAME", help="all without it")
+    parser.add_argument(
+        "--scenes", type=int, metavar="N", help="of each family; 6 without it, with --kept all that are kept"
+    )
+    parser.add_argument("--methods", type=name_list(";"), metavar="NAME;NAME", help="all that can run without it")
+    parser.add_argument("--families", type=name_list(","), metavar="NAME,NAME", help="all without it")
     parser.add_argument("--seed", type=seed, default=0, help="of the scenes")
     parser.add_argument(
         "--held-out", action="store_true", help="scenes of demonstrations that no method was given; trains three skills"
@@ -67,7 +75,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--strip", type=_scene, metavar="FAMILY:NUMBER", help="draw this scene as every method plays it: strip.png"
     )
     parser.add_argument("--processes", type=int, default=1, help="that play scenes")
-    parser.add_argument("--kept", action="store_true", help="play nothing: what every method has played of the scenes")
+    parser.add_argument(
+        "--kept", action="store_true",
+        help="play nothing: what every method has played of the scenes, with the skill and the settings as they are",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, default=Path("out/benchmark"), metavar="FOLDER", help="for results")
     add_json(parser)
     parser.set_defaults(run=run)
@@ -80,8 +91,8 @@ def run(arguments: argparse.Namespace) -> None:
         from geodesic_motion_ros.comparison.families import check_families, families_of
         from geodesic_motion_ros.comparison.figures import draw_clearances, draw_strip, draw_success
         from geodesic_motion_ros.comparison.report import Report
-        from geodesic_motion_ros.comparison.results import Results
-        from geodesic_motion_ros.comparison.run import Bench, BenchmarkSettings, play_benchmark
+        from geodesic_motion_ros.comparison.results import results_folder
+        from geodesic_motion_ros.comparison.run import Bench, BenchmarkSettings, kept_benchmark, play_benchmark
     from geodesic_motion_ros.skill import Skill
     from geodesic_motion_ros.tables import write_json
 
@@ -89,37 +100,35 @@ def run(arguments: argparse.Namespace) -> None:
     left_out = [f"{name} ({row.missing} is not installed)" for name, row in ROWS.items() if row.missing]
     skill = Skill.load(arguments.skill)
     families = arguments.families or families_of(skill)
-    settings = BenchmarkSettings(
-        methods, families, arguments.scenes, arguments.seed, arguments.processes, arguments.held_out
-    )
+    settings = BenchmarkSettings(methods, families, **given(arguments, "scenes", "seed", "processes", "held_out"))
     check_families(skill, families if arguments.strip is None else (*families, arguments.strip[0]))
-    if settings.held_out and (arguments.strip is not None or not arguments.kept):
+    if settings.held_out:
         with needing("--held-out trains skills, which needs", "pip install 'geodesic_motion_ros[learn]'"):
             import_module("geodesic_motion_ros.manifold.training")
-    for path in (arguments.out / "table.txt", arguments.json):
-        writable(path)
     if arguments.methods is None and left_out:
         print(f"left out: {', '.join(left_out)}")
-    if arguments.kept:
-        results = Results(arguments.out, skill.name, settings.seed, settings.held_out)
-        played = results.complete(methods, settings.families, settings.scenes)
-    else:
-        played = list(play_benchmark(skill, settings, arguments.out))
+    folder = results_folder(arguments.out, skill.name, settings.held_out)
+    # Where nothing is kept no file is touched.
+    kept = kept_benchmark(skill, settings, arguments.out, arguments.scenes) if arguments.kept else None
+    for path in (folder / "table.txt", arguments.json):
+        writable(path)
+    played = list(play_benchmark(skill, settings, arguments.out)) if kept is None else kept
     told = {name: ROWS[name].told for name in methods}
     report = Report(skill.name, settings.seed, played, told, settings.held_out)
-    print(report.table())
-    (arguments.out / "table.txt").write_text(report.table() + "\n")
-    write_json(arguments.out / "figures.json", report.as_dict())
+    print(report.plain())
+    (folder / "table.txt").write_text(report.plain() + "\n")
+    (folder / "table.md").write_text(report.markdown() + "\n")
+    write_json(folder / "figures.json", report.as_dict())
     if arguments.json is not None:
         write_json(arguments.json, report.as_dict())
-    draw_success(report, arguments.out / "success.png")
-    draw_clearances(report, arguments.out / "clearance.png")
+    draw_success(report, folder / "success.png")
+    draw_clearances(report, folder / "clearance.png")
     if arguments.strip is not None:
         bench = Bench(skill, settings, arguments.out)
-        arena = bench.arena(*arguments.strip)
-        strip = arguments.out / "strip.png"
-        draw_strip(bench.stage, bench.draw(*arguments.strip), {row: bench.method(row, arena) for row in methods}, strip)
-    print(f"wrote table and figures to {arguments.out}")
+        arena, scene = bench.arena(*arguments.strip), bench.draw(*arguments.strip)
+        rows = {row: bench.method(row, arena) for row in methods}
+        draw_strip(bench.stage, scene, rows, folder / "strip.png")
+    print(f"wrote tables and figures to {folder}")
 
 
 def _scene(text: str) -> tuple[str, int]:
@@ -129,10 +138,3 @@ def _scene(text: str) -> tuple[str, int]:
     if family not in FAMILIES or not number.isdecimal():
         raise argparse.ArgumentTypeError(f"'{text}' is not a family and a number like crossing:0")
     return family, int(number)
-
-
-def _names(separator: str):
-    def names(text: str) -> tuple[str, ...]:
-        return tuple(name.strip() for name in text.split(separator))
-
-    return names

@@ -11,7 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from geodesic_motion_ros.cli import experiment_measures as measures
-from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, add_recording, indices, metres, writable
+from geodesic_motion_ros.cli.arguments import (
+    HelpFormatter,
+    add_json,
+    add_recording,
+    indices,
+    metres,
+    name_list,
+    writable,
+)
 from geodesic_motion_ros.errors import ExperimentError
 from geodesic_motion_ros.tables import text_table, write_json
 
@@ -89,10 +97,6 @@ class Experiment:
 
 def _numbers(text: str) -> tuple[float, ...]:
     return tuple(float(number) for number in text.split(","))
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(","))
 
 
 def _count(flag: str, default: int, told: str) -> Option:
@@ -173,7 +177,7 @@ EXPERIMENTS: dict[str, Experiment] = {
         (
             _OF_JOINTS,
             ("--parts", {
-                "type": _names, "default": "tubes,one way,all ways,elbow,moving", "metavar": "PART,PART",
+                "type": name_list(","), "default": "tubes,one way,all ways,elbow,moving", "metavar": "PART,PART",
                 "help": "what is measured",
             }),
             _count("--scenes", 40, "of standing spheres, or of none, in each part"),
@@ -187,7 +191,7 @@ EXPERIMENTS: dict[str, Experiment] = {
         (
             _skill("panda_pouring", "of task space: its folder, or a shipped name"),
             ("--tools", {
-                "type": _names, "default": "hand,slim", "metavar": "TOOL,TOOL",
+                "type": name_list(","), "default": "hand,slim", "metavar": "TOOL,TOOL",
                 "help": "hand: tool_spheres of the planner node, 18 cm wide; slim: one sphere of 4 cm at the tool's "
                 "origin",
             }),

@@ -97,8 +97,16 @@ class Arena:
 
     def nearest(self, start: np.ndarray, goal: np.ndarray) -> int:
         """The demonstration that begins and ends nearest to a start and a goal (eta,) [rad]."""
-        off = np.linalg.norm(self.shown[:, 0] - start, axis=1) + np.linalg.norm(self.shown[:, -1] - goal, axis=1)
-        return int(np.argmin(off))
+        return int(self.by_nearness(start, goal)[0])
+
+    def by_nearness(self, at: np.ndarray, goal: np.ndarray, progress: float = 0.0) -> np.ndarray:
+        """The demonstrations (N,), first the one that passes nearest to `at` and ends nearest to a goal (eta,) [rad].
+
+        progress : the share of each of them at which it is compared with `at`.
+        """
+        passed = self.shown[:, round(progress * (self.shown.shape[1] - 1))]
+        off = np.linalg.norm(passed - at, axis=1) + np.linalg.norm(self.shown[:, -1] - goal, axis=1)
+        return np.argsort(off, kind="stable")
 
     def timed(self, path: np.ndarray) -> JointReference:
         """A path (m, eta) [rad] from rest to rest within the limits.

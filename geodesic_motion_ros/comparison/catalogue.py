@@ -55,6 +55,12 @@ def _replay(arena: Arena) -> Method:
     return Replay(arena)
 
 
+def _free_demonstration(arena: Arena) -> Method:
+    from geodesic_motion_ros.comparison.methods.free_demonstration import FreeDemonstration
+
+    return FreeDemonstration(arena)
+
+
 def _dmp(arena: Arena) -> Method:
     from geodesic_motion_ros.comparison.methods.dmp import DynamicPrimitive
 
@@ -89,6 +95,9 @@ ROWS: dict[str, Row] = {
         "the same without the hard part: the metric grows towards obstacles, as in the paper",
     ),
     "replay": Row(_replay, "the nearest demonstration, blind: the control"),
+    "free demonstration": Row(
+        _free_demonstration, "the nearest demonstration that is free, another one joined where it is blocked"
+    ),
     "DMP": Row(_dmp, "its dynamic movement primitive with a coupling term for obstacles", _PRIMITIVES),
     "ProMP": Row(_promp, "probabilistic movement primitives, sampled for a free motion", _PRIMITIVES),
     "RRT-Connect": Row(_rrt_connect, "sampling-based, planned again where the path is blocked, smoothed", ("ompl",)),

@@ -23,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.method import Answer, JointState, Method
+from geodesic_motion_ros.comparison.method import Answer, Method
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.comparison.ways import chased_point
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
@@ -64,8 +64,8 @@ class Outcome:
     arm_touched : whether a part of the arm that is not guarded touched a sphere: that ends no scene.
     dtw, orientation : of the tool's way from that of the closest demonstration, or of the one held out [m], [rad].
     jerk : root mean square of the command's jerk, over all joints [rad/s^3].
-    replans : processor time [s] of the ticks that answered something new; ticks, in_time : how many ticks there were,
-        and how many took no more processor time than DEADLINE.
+    replans : processor time [s] of the ticks that answered something new (`Answer.planned`).
+    ticks, in_time : how many ticks there were, and how many took no more processor time than DEADLINE.
     """
 
     mostly_free: bool
@@ -85,6 +85,11 @@ class Outcome:
     @property
     def success(self) -> bool:
         return self.reached and not self.contact
+
+    @property
+    def touched_moving(self) -> bool:
+        """Whether a sphere was touched in motion, with room to stop for it or without."""
+        return self.contact in ("moving", "no room")
 
     @property
     def refused(self) -> bool:
@@ -165,11 +170,10 @@ class _Run:
 
     def _tick(self, now: float) -> Answer:
         obstacles = Obstacles.of_spheres(*self._spheres.seen(now, self._has_room), now)
-        state = JointState(self._world.joint_positions, self._world.joint_velocities)
         began = time.thread_time()
-        answer = self._method.tick(now, obstacles, state)
+        answer = self._method.tick(now, obstacles)
         took = time.thread_time() - began
-        if answer.waypoints is not None or answer.pose is not None:
+        if answer.planned and (answer.waypoints is not None or answer.pose is not None):
             self._replans.append(took)
         self._ticks += 1
         self._in_time += took <= DEADLINE

@@ -129,9 +129,11 @@ def training_settings(skill: Skill) -> TrainingSettings | JointTrainingSettings:
         ) from error
 
 
-def digest(skill: Skill, held_out: np.ndarray) -> str:
-    """Of what was learned, and of a demonstration (S, eta) that was not: tells them from others."""
-    learned = hashlib.sha256(skill.codes.tobytes() + np.ascontiguousarray(held_out).tobytes())
+def digest(skill: Skill, *held_out: np.ndarray) -> str:
+    """Of what was learned, and of demonstrations (S, eta) that were not: tells them from others."""
+    learned = hashlib.sha256(skill.codes.tobytes())
+    for shown in held_out:
+        learned.update(np.ascontiguousarray(shown).tobytes())
     for _, array in sorted(skill.decoder.arrays().items()):
         learned.update(np.ascontiguousarray(array).tobytes())
     return learned.hexdigest()[:16]

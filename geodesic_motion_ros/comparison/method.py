@@ -18,14 +18,6 @@ TICK, BRAKING = 0.01, 0.1
 
 
 @dataclass(frozen=True)
-class JointState:
-    """What is measured of the arm: (eta,) [rad], [rad/s]."""
-
-    positions: np.ndarray
-    velocities: np.ndarray
-
-
-@dataclass(frozen=True)
 class Answer:
     """What a method says in one tick.
 
@@ -35,19 +27,19 @@ class Answer:
     refusal : why the arm is not on a way to the goal; empty where it is.
     pose : of the tool, (3,) [m] and (4,), where it is to be by now, in a stream of poses that the arm follows as the
         twin does, in the place of everything before.
+    planned : whether what is answered is new, and not the next piece of what an earlier tick planned.
     """
 
     waypoints: JointWaypoints | None = None
     begin: float = 0.0
     refusal: str = ""
     pose: Pose | None = None
+    planned: bool = True
 
     @classmethod
     def playing(cls, reference: JointReference, begin: float, refusal: str = "") -> Answer:
         """Play a reference."""
-        waypoints = JointWaypoints(
-            reference.times, reference.positions, reference.velocities, reference.accelerations
-        )
+        waypoints = JointWaypoints(reference.times, reference.positions, reference.velocities, reference.accelerations)
         return cls(waypoints, begin, refusal)
 
     @classmethod
@@ -73,8 +65,9 @@ class Method(Protocol):
     def reset(self, scene: Scene) -> None:
         """The arm stands at the scene's start, at time 0, and is to go to its goal."""
 
-    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
+    def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """Called every 10 ms of simulated time with true positions and velocities of the obstacles, all that are there.
 
-        What is answered reaches the arm one tick later, however long it was thought about.
+        Every method knows what it has sent: none is told where the arm is measured to be. What is answered reaches the
+        arm one tick later, however long it was thought about.
         """

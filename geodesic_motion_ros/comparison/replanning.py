@@ -16,7 +16,7 @@ import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, SweptArm
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.method import Answer, JointState
+from geodesic_motion_ros.comparison.method import Answer
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.joint_reference import JointReference, joined
 from geodesic_motion_ros.joint_stop import stopping_reference
@@ -63,8 +63,7 @@ class Replanning(ABC):
         progress : share of the way that has been gone. obstacles : where they are when the path begins.
         """
 
-    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
-        """The stream is known: the measured state is not looked at."""
+    def tick(self, now: float, obstacles: Obstacles) -> Answer:
         switch = now + LATENCY
         expected = obstacles.at(switch, PREDICTION)
         if self._on_way and self._left_is_free(switch, expected):
@@ -117,3 +116,9 @@ class Replanning(ABC):
         whole = joined(self._played, since, reference, switch - self._begin)
         self._played, self._begin, self._swept = whole, self._begin + since, None
         return Answer.playing(whole, self._begin, refusal)
+
+
+def meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """A path (m, eta) [rad] moved, linearly in its samples, to begin at a start and end at a goal (eta,)."""
+    share = np.linspace(0.0, 1.0, len(path))[:, None]
+    return path + (1.0 - share) * (start - path[0]) + share * (goal - path[-1])

@@ -1,20 +1,24 @@
-"""The table of the comparison: what every row did in which scenes, with confidence intervals."""
+"""The tables of the comparison: what every row did in which scenes, with confidence intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.comparison.execution import Outcome
-from geodesic_motion_ros.comparison.families import FAMILIES
-from geodesic_motion_ros.comparison.results import Played
+from geodesic_motion_ros.comparison.families import FAMILIES, Family
+from geodesic_motion_ros.comparison.results import Played, SceneId
 from geodesic_motion_ros.tables import text_table
 
 #: Of all intervals; of the normal distribution; draws of the bootstrap.
 LEVEL, _QUANTILE, _DRAWS = 0.95, 1.959964, 1000
+#: The row that avoids nothing: where it fails there was something to avoid.
+BLIND = "replay"
+
+Figures = dict[str, Any]
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
@@ -38,29 +42,37 @@ def bootstrap_median(values: Sequence[float]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def figures(outcomes: Sequence[Outcome]) -> dict[str, float | int | None]:
-    """The columns of one row. Similarity, jerk and time are those of successes; clearances those of all scenes."""
-    good = [outcome for outcome in outcomes if outcome.success]
+def figures(played: Sequence[Played], blind_fails: Set[SceneId] | None = None) -> Figures:
+    """The columns of one row, of scenes that it played.
+
+    Clearance, similarity, jerk and time are those of successes; clearance where there are spheres, and dtw_avoiding in
+    the scenes `blind_fails`: None without these.
+    """
+    outcomes = [item.outcome for item in played]
+    won = [item for item in played if item.outcome.success]
+    good = [item.outcome for item in won]
     low, high = wilson(len(good), len(outcomes))
-    replans = 1e3 * np.concatenate([outcome.replans for outcome in outcomes]) if outcomes else np.empty(0)
+    clearances = [1e3 * item.outcome.clearance for item in won if item.family != "none"]
     dtw = [1e3 * outcome.dtw for outcome in good]
     dtw_low, dtw_high = bootstrap_median(dtw)
+    replans = 1e3 * np.concatenate([outcome.replans for outcome in outcomes]) if outcomes else np.empty(0)
     ticks = sum(outcome.ticks for outcome in outcomes)
     return {
         "scenes": len(outcomes),
         "success_percent": 100.0 * len(good) / max(len(outcomes), 1),
         "success_low": 100.0 * low,
         "success_high": 100.0 * high,
-        "contacts_moving": sum(outcome.contact == "moving" for outcome in outcomes),
-        "contacts_standing": sum(outcome.contact in ("standing", "no room") for outcome in outcomes),
+        "contacts_moving": sum(outcome.touched_moving for outcome in outcomes),
+        "contacts_standing": sum(outcome.contact == "standing" for outcome in outcomes),
         "arm_touched": sum(outcome.arm_touched for outcome in outcomes),
         "refused": sum(outcome.refused for outcome in outcomes),
         "lost": sum(not (outcome.success or outcome.refused or outcome.contact) for outcome in outcomes),
-        "least_clearance_mm": min((1e3 * outcome.clearance for outcome in good), default=None),
-        "median_clearance_mm": _median([1e3 * outcome.clearance for outcome in good]),
+        "least_clearance_mm": min(clearances, default=None),
+        "median_clearance_mm": _median(clearances),
         "dtw_mm": _median(dtw),
         "dtw_low": dtw_low,
         "dtw_high": dtw_high,
+        "dtw_avoiding_mm": _median([1e3 * item.outcome.dtw for item in won if item.scene_id in (blind_fails or ())]),
         "orientation_deg": _median([np.degrees(outcome.orientation) for outcome in good]),
         "jerk": _median([outcome.jerk for outcome in good]),
         "time_s": _median([outcome.duration for outcome in good]),
@@ -68,6 +80,67 @@ def figures(outcomes: Sequence[Outcome]) -> dict[str, float | int | None]:
         "replan_p99_ms": float(np.percentile(replans, 99)) if len(replans) else None,
         "rate_held_percent": 100.0 * sum(outcome.in_time for outcome in outcomes) / max(ticks, 1),
     }
+
+
+@dataclass(frozen=True)
+class _Column:
+    """A column: its head, in plain text and in Markdown, and the text of its cells."""
+
+    head: str
+    in_full: str
+    cell: Callable[[Figures], str]
+
+
+def _count(name: str) -> Callable[[Figures], str]:
+    return lambda own: str(own[name])
+
+
+def _value(name: str) -> Callable[[Figures], str]:
+    return lambda own: _digits(own[name])
+
+
+def _percent(name: str) -> Callable[[Figures], str]:
+    return lambda own: f"{own[name]:.1f}"
+
+
+#: Of the tables by what stays free; the last one with skills of the tool alone.
+_COLUMNS = (
+    _Column("success %", "success %", _percent("success_percent")),
+    _Column("95 %", "95 %", lambda own: f"{own['success_low']:.1f}..{own['success_high']:.1f}"),
+    _Column("moving", "touched, moving", _count("contacts_moving")),
+    _Column("standing", "touched, standing", _count("contacts_standing")),
+    _Column("refused", "refused", _count("refused")),
+    _Column("lost", "lost", _count("lost")),
+    _Column("least mm", "least clearance mm", _value("least_clearance_mm")),
+    _Column("clear mm", "median clearance mm", _value("median_clearance_mm")),
+    _Column("dtw mm", "DTW mm", _value("dtw_mm")),
+    _Column("95 %", "95 %", lambda own: _interval(own["dtw_low"], own["dtw_high"])),
+    _Column("avoiding", "DTW, avoiding mm", _value("dtw_avoiding_mm")),
+    _Column("orient deg", "orientation deg", _value("orientation_deg")),
+    _Column("jerk", "jerk rad/s^3", _value("jerk")),
+    _Column("time s", "time s", _value("time_s")),
+    _Column("p50 ms", "p50 ms", _value("replan_p50_ms")),
+    _Column("p99 ms", "p99 ms", _value("replan_p99_ms")),
+    _Column("held %", "100 Hz held %", _percent("rate_held_percent")),
+    _Column("arm", "arm", _count("arm_touched")),
+)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A table: what its rows are of, its columns' heads, plain and in full, and texts, a row's name first."""
+
+    title: str
+    heads: Sequence[str]
+    in_full: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def plain(self) -> str:
+        return text_table([self.title, *self.heads], self.rows)
+
+    def markdown(self) -> str:
+        lines = [[self.title, *self.in_full], ["---"] * (1 + len(self.in_full)), *self.rows]
+        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 @dataclass(frozen=True)
@@ -90,9 +163,13 @@ class Report:
         """What similarity is measured to."""
         return "the demonstration held out" if self.held_out else "the closest demonstration"
 
-    def outcomes(self, row: str, wanted: Callable[[Played], bool]) -> list[Outcome]:
-        """Of one row, those that are wanted."""
-        return [item.outcome for item in self.played if item.row == row and wanted(item)]
+    def of(self, row: str, wanted: Callable[[Played], bool]) -> list[Played]:
+        """Of one row, what is wanted."""
+        return [item for item in self.played if item.row == row and wanted(item)]
+
+    def figures(self, row: str, wanted: Callable[[Played], bool]) -> Figures:
+        """Of one row, those of what is wanted."""
+        return figures(self.of(row, wanted), self._blind_fails)
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` writes."""
@@ -105,12 +182,12 @@ class Report:
                 row: {
                     "told": told,
                     "settings": next((item.settings for item in self.played if item.row == row), None),
-                    "half_or_more_stay_free": figures(self.outcomes(row, _mostly_free)),
-                    "fewer_stay_free": figures(self.outcomes(row, lambda item: not _mostly_free(item))),
+                    "half_or_more_stay_free": self.figures(row, mostly_free),
+                    "fewer_stay_free": self.figures(row, hardly_free),
                     "families": {
                         family: {
-                            "half_or_more_stay_free": figures(self.outcomes(row, _of(family, True))),
-                            "fewer_stay_free": figures(self.outcomes(row, _of(family, False))),
+                            "half_or_more_stay_free": self.figures(row, _of(family, mostly_free)),
+                            "fewer_stay_free": self.figures(row, _of(family, hardly_free)),
                         }
                         for family in self._families()
                     },
@@ -124,62 +201,84 @@ class Report:
             ],
         }
 
-    def table(self) -> str:
+    def plain(self) -> str:
         """The tables as plain text."""
-        free = self._table("half or more stay free", _mostly_free)
-        rest = self._table("fewer stay free", lambda item: not _mostly_free(item))
-        title = f"{self.skill}, seed {self.seed}; dtw and orient from {self.similar_to}"
-        return "\n\n".join([title, free, rest, self._by_family()])
+        return "\n\n".join([self._title(), *(table.plain() for table in self._tables())])
 
-    def _families(self) -> list[str]:
+    def markdown(self) -> str:
+        """The same tables in Markdown."""
+        return "\n\n".join([self._title(), *(table.markdown() for table in self._tables())])
+
+    @cached_property
+    def _blind_fails(self) -> frozenset[SceneId] | None:
+        """The scenes in which the blind replay of a demonstration fails; None where it was not played."""
+        if BLIND not in self.told:
+            return None
+        return frozenset(item.scene_id for item in self.of(BLIND, lambda item: not item.outcome.success))
+
+    def _families(self) -> list[Family]:
         known = {item.family for item in self.played}
         return [family for family in FAMILIES if family in known]
 
-    def _table(self, title: str, wanted: Callable[[Played], bool]) -> str:
-        head = [
-            title, "scenes", "success %", "95 %", "hits", "hit", "refused", "lost", "least mm", "clear mm", "dtw mm",
-            "95 %", "orient deg", "jerk", "time s", "p50 ms", "p99 ms", "held %",
+    def _title(self) -> str:
+        return f"{self.skill}, seed {self.seed}; DTW and orientation from {self.similar_to}"
+
+    def _tables(self) -> list[_Table]:
+        return [
+            self._by_row("half or more stay free", mostly_free), self._by_row("fewer stay free", hardly_free),
+            self._by_family(),
         ]  # fmt: skip
+
+    def _by_row(self, title: str, wanted: Callable[[Played], bool]) -> _Table:
         arm = any(item.outcome.arm_touched for item in self.played)
-        rows = []
-        for row in self.told:
-            own = figures(self.outcomes(row, wanted))
-            rows.append([
-                row, own["scenes"], own["success_percent"], _interval(own["success_low"], own["success_high"]),
-                own["contacts_moving"], own["contacts_standing"], own["refused"], own["lost"],
-                own["least_clearance_mm"], own["median_clearance_mm"], own["dtw_mm"],
-                _interval(own["dtw_low"], own["dtw_high"]), own["orientation_deg"], own["jerk"], own["time_s"],
-                own["replan_p50_ms"], own["replan_p99_ms"], own["rate_held_percent"],
-                *([own["arm_touched"]] if arm else []),
-            ])  # fmt: skip
-        return text_table([*head, "arm"] if arm else head, rows, 1)
+        columns = _COLUMNS if arm else _COLUMNS[:-1]
+        own = {row: self.figures(row, wanted) for row in self.told}
+        scenes = max(one["scenes"] for one in own.values())
+        rows = [[row, *(column.cell(one) for column in columns)] for row, one in own.items()]
+        heads, in_full = [column.head for column in columns], [column.in_full for column in columns]
+        return _Table(f"{title}: {scenes} scenes", heads, in_full, rows)
 
-    def _by_family(self) -> str:
-        """Successes of scenes, by family: where half or more of the demonstrations stay free / elsewhere."""
-        rows = []
-        for row in self.told:
-            cells = []
-            for family in self._families():
-                counts = []
-                for free in (True, False):
-                    outcomes = self.outcomes(row, _of(family, free))
-                    counts.append(f"{sum(outcome.success for outcome in outcomes)}/{len(outcomes)}")
-                cells.append("  ".join(counts))
-            rows.append([row, *cells])
-        return text_table(["successes: half or more free, fewer free", *self._families()], rows)
+    def _by_family(self) -> _Table:
+        """Successes of scenes, by family: where half or more of the demonstrations stay free, elsewhere."""
+        families = self._families()
+        rows = [
+            [row, *(", ".join(self._successes(row, _of(family, free)) for free in _PARTS) for family in families)]
+            for row in self.told
+        ]
+        return _Table("successes: half or more free, fewer", families, families, rows)
+
+    def _successes(self, row: str, wanted: Callable[[Played], bool]) -> str:
+        outcomes = [item.outcome for item in self.of(row, wanted)]
+        return f"{sum(outcome.success for outcome in outcomes)}/{len(outcomes)}" if outcomes else "-"
 
 
-def _mostly_free(item: Played) -> bool:
+def mostly_free(item: Played) -> bool:
+    """Whether at least half of the demonstrations stayed free."""
     return item.outcome.mostly_free
 
 
-def _of(family: str, mostly_free: bool) -> Callable[[Played], bool]:
-    return lambda item: item.family == family and item.outcome.mostly_free == mostly_free
+def hardly_free(item: Played) -> bool:
+    """Whether fewer did."""
+    return not item.outcome.mostly_free
+
+
+_PARTS = (mostly_free, hardly_free)
+
+
+def _of(family: Family, part: Callable[[Played], bool]) -> Callable[[Played], bool]:
+    return lambda item: item.family == family and part(item)
 
 
 def _median(values: Sequence[float]) -> float | None:
     return float(np.median(values)) if len(values) else None
 
 
+def _digits(value: float | None) -> str:
+    """A number with one decimal where it is small; a dash for none."""
+    if value is None:
+        return "-"
+    return f"{value:.1f}" if abs(value) < 9.95 else f"{value:.0f}"
+
+
 def _interval(low: float, high: float) -> str:
-    return "-" if np.isnan(low) else f"{low:.0f}..{high:.0f}"
+    return "-" if np.isnan(low) else f"{_digits(low)}..{_digits(high)}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,10 +14,12 @@ from geodesic_motion_ros.tables import write_json
 #: Of the scenes and of how they are judged: results of another one are not counted.
 PROTOCOL = 1
 
+SceneId = tuple[Family, int]
+
 
 @dataclass(frozen=True)
 class Played:
-    """An outcome, whose it is, and how its method was set up."""
+    """An outcome, whose it is, and what it is valid for."""
 
     row: str
     family: Family
@@ -26,35 +27,41 @@ class Played:
     settings: dict[str, Any]
     outcome: Outcome
 
+    @property
+    def scene_id(self) -> SceneId:
+        """Which scene it is of, among those of a seed."""
+        return self.family, self.number
 
-def held_out_folder(folder: Path, skill: str) -> Path:
-    """Where all of a skill is that has to do with demonstrations held out, in the folder for results."""
-    return folder / skill / "held_out"
+
+def results_folder(folder: Path, skill: str, held_out: bool = False) -> Path:
+    """Where all of a skill is in the folder for results; apart what has to do with demonstrations held out."""
+    return folder / skill / "held_out" if held_out else folder / skill
 
 
 class Results:
     """Outcomes by row, family and number, of one skill and one seed, with demonstrations held out or without.
 
-    An outcome is valid for the settings that its method had.
+    An outcome is valid for what it was played with: the method's settings, and what was learned.
     """
 
     def __init__(self, folder: Path, skill: str, seed: int, held_out: bool = False) -> None:
-        self._folder = (held_out_folder(folder, skill) if held_out else folder / skill) / f"seed_{seed}"
+        self._folder = results_folder(folder, skill, held_out) / f"seed_{seed}"
 
     def outcome(self, row: str, family: Family, number: int, settings: dict[str, Any]) -> Outcome | None:
         """What is known; None where it has to be played."""
-        known = self._read(row, family, number)
-        return None if known is None or known.settings != json.loads(json.dumps(settings)) else known.outcome
+        path = self._path(row, family, number)
+        if not path.is_file():
+            return None
+        content = json.loads(path.read_text())
+        if content["protocol"] != PROTOCOL or content["settings"] != json.loads(json.dumps(settings)):
+            return None
+        told = content["outcome"]
+        return Outcome(**(told | {"replans": tuple(told["replans"])}))
 
-    def complete(self, rows: Sequence[str], families: Sequence[Family], scenes: int) -> list[Played]:
-        """What is known of those scenes that every row has played, whatever its settings were."""
-        found = []
-        for family in families:
-            for number in range(scenes):
-                known = [self._read(row, family, number) for row in rows]
-                if all(item is not None for item in known):
-                    found += known
-        return found
+    def numbers(self, row: str, family: Family) -> list[int]:
+        """The scenes of a family that a row has played, whatever it was played with."""
+        files = self._path(row, family, 0).parent.glob(f"{family}_*.json")
+        return sorted(int(file.stem.removeprefix(f"{family}_")) for file in files)
 
     def keep(self, row: str, family: Family, number: int, settings: dict[str, Any], outcome: Outcome) -> None:
         """Write one down."""
@@ -62,17 +69,6 @@ class Results:
         content = {"protocol": PROTOCOL, "settings": settings, "outcome": outcome.as_dict()}
         # A file is whole or not there, whenever the run is interrupted.
         write_json(path.with_suffix(".part"), content).replace(path)
-
-    def _read(self, row: str, family: Family, number: int) -> Played | None:
-        path = self._path(row, family, number)
-        if not path.is_file():
-            return None
-        content = json.loads(path.read_text())
-        if content["protocol"] != PROTOCOL:
-            return None
-        told = content["outcome"]
-        outcome = Outcome(**(told | {"replans": tuple(told["replans"])}))
-        return Played(row, family, number, content["settings"], outcome)
 
     def _path(self, row: str, family: Family, number: int) -> Path:
         return self._folder / row.replace(", ", "_").replace(" ", "_") / f"{family}_{number:04d}.json"

@@ -15,11 +15,11 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.catalogue import ROWS
 from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.families import FAMILIES, Family, check_families
-from geodesic_motion_ros.comparison.held_out import HeldOut
+from geodesic_motion_ros.comparison.held_out import HeldOut, digest
 from geodesic_motion_ros.comparison.method import Method
-from geodesic_motion_ros.comparison.results import Played, Results, held_out_folder
+from geodesic_motion_ros.comparison.results import Played, Results, SceneId, results_folder
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.skill import Skill
 
 
@@ -60,9 +60,10 @@ class Bench:
         self._whole = Arena.of(skill)
         self._held_out: HeldOut | None = None
         if settings.held_out:
-            kept = held_out_folder(folder, skill.name) / "skills"
+            kept = results_folder(folder, skill.name, held_out=True) / "skills"
             self._held_out = HeldOut.of(self._whole, settings.seed, kept, show_progress)
         self._results = Results(folder, skill.name, settings.seed, settings.held_out)
+        self._skill = digest(skill)
         self._stage: Stage | None = None
         self._methods: dict[tuple[str, Arena], Method] = {}
 
@@ -95,24 +96,31 @@ class Bench:
 
     def scene(self, family: Family, number: int) -> list[Played]:
         """One scene with every row, played where it has not been."""
-        played, scene, arena = [], None, self.arena(family, number)
+        played, scene = [], None
         for row in self._settings.methods:
-            method = self.method(row, arena)
-            settings = self._valid_for(method, family, number)
-            outcome = self._results.outcome(row, family, number, settings)
-            if outcome is None:
+            known = self.known(row, family, number)
+            if known is None:
                 if scene is None:
                     scene = self.draw(family, number)
+                method, settings = self._valid(row, family, number)
                 outcome, _ = self.stage.play(scene, method)
                 self._results.keep(row, family, number, settings, outcome)
-            played.append(Played(row, family, number, settings, outcome))
+                known = Played(row, family, number, settings, outcome)
+            played.append(known)
         return played
 
-    def _valid_for(self, method: Method, family: Family, number: int) -> dict[str, Any]:
-        """What a result is valid for: the method's settings, and what was learned and held out, which may change."""
+    def known(self, row: str, family: Family, number: int) -> Played | None:
+        """What is kept of a scene as a row would play it now; None where it has to be played."""
+        _, settings = self._valid(row, family, number)
+        outcome = self._results.outcome(row, family, number, settings)
+        return None if outcome is None else Played(row, family, number, settings, outcome)
+
+    def _valid(self, row: str, family: Family, number: int) -> tuple[Method, dict[str, Any]]:
+        """The method of a scene, and what a result is valid for: its settings, and what was learned and held out."""
+        method = self.method(row, self.arena(family, number))
         if self._held_out is None:
-            return method.settings
-        return {**method.settings, "held_out": self._held_out.digest(family, number)}
+            return method, {**method.settings, "skill": self._skill}
+        return method, {**method.settings, "held_out": self._held_out.digest(family, number)}
 
 
 _bench: Bench | None = None
@@ -149,3 +157,37 @@ def play_benchmark(
         made = pool.imap_unordered(_scene, todo)
         for played in tqdm(made, desc="benchmark", unit="scene", total=len(todo), disable=not show_progress):
             yield from played
+
+
+def kept_benchmark(skill: Skill, settings: BenchmarkSettings, folder: Path, scenes: int | None = None) -> list[Played]:
+    """What is kept of those scenes that every row has played as it would now, with the skill as it is.
+
+    scenes : the first of each family; None: all that there are.
+
+    Raises
+    ------
+    GeodesicMotionError : there is none.
+    """
+    check_families(skill, settings.families)
+    results = Results(folder, skill.name, settings.seed, settings.held_out)
+    numbers = {
+        (row, family): [number for number in results.numbers(row, family) if scenes is None or number < scenes]
+        for row in settings.methods
+        for family in settings.families
+    }
+    kept: dict[str, dict[SceneId, Played]] = {row: {} for row in settings.methods}
+    # Without any result there is nothing that skills would have to be trained for.
+    if any(numbers.values()):
+        bench = Bench(skill, settings, folder)
+        for (row, family), own in numbers.items():
+            known = [bench.known(row, family, number) for number in own]
+            kept[row] |= {item.scene_id: item for item in known if item is not None}
+    shared = set.intersection(*map(set, kept.values()))
+    if not shared:
+        counts = ", ".join(f"{row} {len(own)}" for row, own in kept.items())
+        raise GeodesicMotionError(
+            f"no scene is kept in {results_folder(folder, skill.name, settings.held_out)} that every method has played "
+            f"as it is set up now, with the skill as it is (scenes: {counts}): play them without --kept, or choose "
+            "others with --methods"
+        )
+    return [own[scene] for scene in sorted(shared) for own in kept.values()]

@@ -12,12 +12,14 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.catalogue import ROWS, Row, chosen
 from geodesic_motion_ros.comparison.execution import Outcome, Stage
 from geodesic_motion_ros.comparison.families import FAMILIES
+from geodesic_motion_ros.comparison.figures import _came_near
+from geodesic_motion_ros.comparison.held_out import digest
 from geodesic_motion_ros.comparison.method import Answer
 from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
 from geodesic_motion_ros.comparison.methods.replay import Replay
-from geodesic_motion_ros.comparison.report import Report, bootstrap_median, wilson
+from geodesic_motion_ros.comparison.report import Report, bootstrap_median, figures, mostly_free, wilson
 from geodesic_motion_ros.comparison.results import Played, Results
-from geodesic_motion_ros.comparison.run import BenchmarkSettings
+from geodesic_motion_ros.comparison.run import Bench, BenchmarkSettings, kept_benchmark
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
@@ -36,7 +38,7 @@ class Waiting:
     def reset(self, scene: Scene) -> None:
         """Nothing to forget."""
 
-    def tick(self, now, obstacles, state) -> Answer:
+    def tick(self, now, obstacles) -> Answer:
         """Whatever comes."""
         return Answer(refusal="waits")
 
@@ -131,9 +133,55 @@ def test_what_was_played_is_kept_for_the_settings_it_was_played_with(tmp_path) -
     assert results.outcome("ours, hard", "gate", 3, {"a": (1, 3)}) is None
     assert results.outcome("ours", "gate", 3, {"a": (1, 2)}) is None
     assert Results(tmp_path, "reach", 1).outcome("ours, hard", "gate", 3, {"a": (1, 2)}) is None
-    # A row that has not played a scene yet keeps it out of a comparison.
-    assert [item.outcome for item in results.complete(["ours, hard"], ["gate"], 5)] == [outcome()]
-    assert results.complete(["ours, hard", "ours"], ["gate"], 5) == []
+    results.keep("ours, hard", "gate", 12, {}, outcome())
+    results.keep("ours, hard", "none", 5, {}, outcome())
+    assert results.numbers("ours, hard", "gate") == [3, 12]
+    assert results.numbers("ours", "gate") == []
+
+
+def test_what_is_kept_is_reported_as_far_as_every_method_would_play_it_so_now(
+    reach_skill, tmp_path, monkeypatch
+) -> None:
+    for row in ("first", "second"):
+        monkeypatch.setitem(ROWS, row, Row(lambda arena: Waiting(), ""))
+    settings, results = BenchmarkSettings(("first", "second"), ("none", "gate")), Results(tmp_path, reach_skill.name, 0)
+    valid = {"skill": digest(reach_skill)}
+
+    def reported(skill: Skill = reach_skill, scenes: int | None = None) -> list[tuple[str, str, int]]:
+        played = kept_benchmark(skill, settings, tmp_path, scenes)
+        return [(item.row, item.family, item.number) for item in played]
+
+    with pytest.raises(GeodesicMotionError, match=r"no scene is kept in .* \(scenes: first 0, second 0\)"):
+        reported()
+    assert not list(tmp_path.iterdir())
+    for number in (0, 9):
+        results.keep("first", "gate", number, valid, outcome())
+    with pytest.raises(GeodesicMotionError, match="first 2, second 0"):
+        reported()
+    # More than are played without --scenes.
+    results.keep("second", "gate", 9, valid, outcome())
+    assert reported() == [("first", "gate", 9), ("second", "gate", 9)]
+    with pytest.raises(GeodesicMotionError, match="first 1, second 0"):
+        reported(scenes=9)
+    # Neither other settings nor another skill of that name.
+    for other in ({**valid, "gain": 2.0}, {"skill": "another"}, {}):
+        results.keep("second", "gate", 9, other, outcome())
+        with pytest.raises(GeodesicMotionError, match="first 2, second 0"):
+            reported()
+    results.keep("second", "gate", 9, valid, outcome())
+    with pytest.raises(GeodesicMotionError, match="first 0, second 0"):
+        reported(replace(reach_skill, codes=reach_skill.codes + 1e-9))
+
+
+def test_a_skill_trained_anew_is_played_anew(reach_skill, tmp_path) -> None:
+    settings = BenchmarkSettings(("replay",), ("none",))
+    (played,) = Bench(reach_skill, settings, tmp_path).scene("none", 0)
+    changed = replace(played.outcome, duration=99.0)
+    Results(tmp_path, reach_skill.name, 0).keep("replay", "none", 0, played.settings, changed)
+    assert Bench(reach_skill, settings, tmp_path).scene("none", 0)[0].outcome == changed
+    anew = Bench(replace(reach_skill, codes=reach_skill.codes + 1e-9), settings, tmp_path).scene("none", 0)[0]
+    assert anew.outcome.duration == played.outcome.duration
+    assert anew.settings != played.settings
 
 
 def test_intervals_are_those_of_the_books() -> None:
@@ -150,18 +198,64 @@ def test_the_table_tells_successes_hits_and_refusals_apart(tmp_path) -> None:
     failures = [
         outcome(reached=False, contact="moving"), outcome(reached=False, contact="standing", refusal="stood"),
         outcome(reached=False, refusal="no way"), outcome(reached=False), outcome(mostly_free=False),
+        outcome(reached=False, contact="no room"),
     ]  # fmt: skip
     played = [Played("ours", "gate", i, {}, item) for i, item in enumerate([outcome(), *failures])]
     report = Report("reach", 0, played, {"ours": "geodesics"})
     content = json.loads(write_json(tmp_path / "x.json", report.as_dict()).read_text())
     told = content["rows"]["ours"]["half_or_more_stay_free"]
     names = ("scenes", "success_percent", "contacts_moving", "contacts_standing", "refused", "lost")
-    assert [told[name] for name in names] == [5, 20.0, 1, 1, 1, 1]
+    assert [told[name] for name in names] == [6, 100.0 / 6, 2, 1, 1, 1]
     assert told["rate_held_percent"] == 99.0
     assert content["rows"]["ours"]["fewer_stay_free"]["success_percent"] == 100.0
-    assert "1/5  1/1" in report.table()
-    assert "from the closest demonstration" in report.table()
-    assert "from the demonstration held out" in replace(report, held_out=True).table()
+    for table in (report.plain(), report.markdown()):
+        assert "1/6, 1/1" in table
+        assert "from the closest demonstration" in table
+        assert "moving" in table
+        assert "standing" in table
+    assert "from the demonstration held out" in replace(report, held_out=True).plain()
+
+
+def test_both_kinds_of_tables_say_the_same() -> None:
+    played = [Played("ours", "gate", 0, {}, outcome(arm_touched=True)), Played("ours", "static", 1, {}, outcome())]
+    report = Report("pouring", 0, played, {"ours": "geodesics"})
+    plain = [line.split() for line in report.plain().splitlines() if line.startswith("ours")]
+    cells = [line.strip("| ").split(" | ") for line in report.markdown().splitlines() if line.startswith("| ours")]
+    assert [" ".join(line).split() for line in cells] == plain
+    # 2 scenes in the first table: success, interval, contacts, refused, lost, clearance, DTW, and scenes of an arm.
+    assert plain[0][:10] == ["ours", "100.0", "34.2..100.0", "0", "0", "0", "0", "50", "50", "2.0"]
+    assert plain[0][-1] == "1"
+    assert plain[2] == ["ours", "1/1,", "-", "1/1,", "-"]
+    without_arm = replace(report, played=played[1:])
+    assert "arm" not in without_arm.markdown().split()
+    assert "arm" in report.markdown().split()
+
+
+def test_clearance_is_that_of_successes_among_spheres() -> None:
+    played = [
+        Played("ours", "none", 0, {}, outcome(clearance=0.3)),
+        Played("ours", "gate", 0, {}, outcome(clearance=0.02)),
+        Played("ours", "gate", 2, {}, outcome(clearance=0.04)),
+        Played("ours", "gate", 4, {}, outcome(reached=False, refusal="no way", clearance=0.3)),
+    ]
+    told = figures(played)
+    assert (told["least_clearance_mm"], told["median_clearance_mm"]) == (20.0, 30.0)
+    assert figures(played[:1])["least_clearance_mm"] is None
+    assert [_came_near(item) for item in played] == [False, True, True, False]
+
+
+def test_similarity_is_told_where_something_had_to_be_avoided_too() -> None:
+    dtw = {0: 0.001, 1: 0.008, 2: 0.010, 3: 0.5}
+    played = [Played("ours", "gate", number, {}, outcome(dtw=value)) for number, value in dtw.items()]
+    played[3] = replace(played[3], outcome=replace(played[3].outcome, contact="moving"))
+    blind = [Played("replay", "gate", number, {}, outcome(contact="moving" if number else "")) for number in dtw]
+    told = {"ours": "geodesics", "replay": "the control"}
+    report = Report("reach", 0, [*played, *blind], told)
+    assert report.figures("ours", mostly_free)["dtw_mm"] == 8.0
+    assert report.figures("ours", mostly_free)["dtw_avoiding_mm"] == 9.0
+    assert report.figures("replay", mostly_free)["dtw_avoiding_mm"] is None
+    without = Report("reach", 0, played, {"ours": "geodesics"})
+    assert without.figures("ours", mostly_free)["dtw_avoiding_mm"] is None
 
 
 def test_what_cannot_be_compared_is_refused(reach_skill, monkeypatch) -> None:

@@ -13,7 +13,7 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.execution import Outcome
 from geodesic_motion_ros.comparison.held_out import HeldOut, digest, shown_demonstrations, training_settings
 from geodesic_motion_ros.comparison.results import Results
-from geodesic_motion_ros.comparison.run import Bench, BenchmarkSettings, play_benchmark
+from geodesic_motion_ros.comparison.run import Bench, BenchmarkSettings, kept_benchmark, play_benchmark
 from geodesic_motion_ros.comparison.tool_demonstrations import shown_curves
 from geodesic_motion_ros.demonstrations.similarity import compare
 from geodesic_motion_ros.errors import ParameterError
@@ -133,8 +133,8 @@ def test_results_are_kept_apart_and_are_those_of_the_skills_that_were_trained(
     bench = Bench(skill, SETTINGS, tmp_path)
     (played,) = bench.scene("none", 0)
     assert not (tmp_path / skill.name / "seed_0").exists()
-    assert Results(tmp_path, skill.name, 0).complete(["replay"], ["none"], 1) == []
-    assert Results(tmp_path, skill.name, 0, held_out=True).complete(["replay"], ["none"], 1) == [played]
+    assert Results(tmp_path, skill.name, 0).numbers("replay", "none") == []
+    assert kept_benchmark(skill, SETTINGS, tmp_path) == [played]
     results = Results(tmp_path, skill.name, 0, held_out=True)
     results.keep("replay", "none", 0, played.settings, replace(played.outcome, duration=99.0))
     (again,) = bench.scene("none", 0)

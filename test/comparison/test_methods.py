@@ -9,7 +9,7 @@ import pytest
 
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.catalogue import ROWS
-from geodesic_motion_ros.comparison.method import TICK, Answer, JointState, Method
+from geodesic_motion_ros.comparison.method import TICK, Answer, Method
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import configuration_clearance
@@ -51,21 +51,20 @@ def least_clearance(arena: Arena, scene: Scene, configurations: np.ndarray) -> f
 def stepped(method: Method, scene: Scene, obstacles: Obstacles, until: float) -> np.ndarray:
     """Configurations (n, eta) of an arm that is where it is sent, for a method that sends one after the other."""
     method.reset(scene)
-    state, way = JointState(scene.start, np.zeros_like(scene.start)), []
+    way = []
     for tick in range(int(until / TICK)):
-        waypoints = method.tick(tick * TICK, obstacles, state).waypoints
+        waypoints = method.tick(tick * TICK, obstacles).waypoints
         assert waypoints is not None
-        state = JointState(waypoints.positions[0], np.zeros_like(scene.start))
         way.append(waypoints.positions[0])
     return np.array(way)
 
 
 def first_answer(method: Method, scene: Scene, obstacles: Obstacles) -> Answer:
     method.reset(scene)
-    return method.tick(0.0, obstacles, JointState(scene.start, np.zeros_like(scene.start)))
+    return method.tick(0.0, obstacles)
 
 
-@pytest.mark.parametrize("row", ["ProMP", "RRT-Connect"])
+@pytest.mark.parametrize("row", ["free demonstration", "ProMP", "RRT-Connect"])
 def test_a_path_is_planned_that_is_free_and_keeps_its_ends(arena, scene, row) -> None:
     waypoints = first_answer(made(row, arena), scene, standing(scene)).waypoints
     assert waypoints is not None
@@ -76,20 +75,59 @@ def test_a_path_is_planned_that_is_free_and_keeps_its_ends(arena, scene, row) ->
     assert least_clearance(arena, scene, blocked.positions) < 0.0
 
 
-@pytest.mark.parametrize("row", ["ProMP", "RRT-Connect"])
+@pytest.mark.parametrize("row", ["free demonstration", "ProMP", "RRT-Connect"])
 def test_what_comes_into_the_path_is_stopped_for_and_said(arena, scene, row) -> None:
     method = made(row, arena)
     free = first_answer(method, scene, Obstacles.none()).waypoints
     assert free is not None
-    state = JointState(scene.start, np.zeros_like(scene.start))
-    assert method.tick(TICK, Obstacles.none(), state).waypoints is None
+    assert method.tick(TICK, Obstacles.none()).waypoints is None
     # On the goal: there is no other path.
     covering = Obstacles.of_spheres(arena.robot.forward(scene.goal)[0][None], np.array([0.05]))
-    answer = method.tick(0.5, covering, state)
+    answer = method.tick(0.5, covering)
     assert answer.refusal
     assert answer.waypoints is not None
     assert np.linalg.norm(answer.waypoints.positions[-1] - scene.goal) > 0.1
-    assert method.tick(0.51, covering, state).waypoints is None
+    assert method.tick(0.51, covering).waypoints is None
+
+
+@pytest.mark.parametrize("row", ["free demonstration", "ProMP", "RRT-Connect"])
+@pytest.mark.parametrize("apart", [0.015, 0.003])
+def test_a_goal_beside_a_sphere_is_planned_to(arena, scene, row, apart) -> None:
+    """Scenes have goals 15 mm from standing spheres."""
+    at_goal, radius = arena.body(scene.goal[None])[0], 0.04
+    # Outwards of the hand, away from the arm.
+    last = int(np.argmax(np.linalg.norm(at_goal[:, :2], axis=1)))
+    outwards = at_goal[last] * [1.0, 1.0, 0.0] / np.linalg.norm(at_goal[last, :2])
+    beside = at_goal[last] + (arena.body_radii[last] + radius + apart) * outwards
+    left = configuration_clearance(arena.collision, arena.robot, scene.goal, beside[None], np.array([radius]))[0]
+    assert 0.5 * apart < left <= apart + 1e-9
+    waypoints = first_answer(made(row, arena), scene, Obstacles.of_spheres(beside[None], np.array([radius]))).waypoints
+    assert waypoints is not None
+    np.testing.assert_allclose(waypoints.positions[-1], scene.goal, atol=1e-9)
+
+
+def test_the_nearest_free_demonstration_is_played_and_another_one_joined_where_it_is_blocked(arena, scene) -> None:
+    method = made("free demonstration", arena)
+
+    def off(positions: np.ndarray, number: int) -> float:
+        shown = scene.demonstrations[number].positions
+        return max(float(np.min(np.linalg.norm(shown - one, axis=1))) for one in positions)
+
+    nearest = arena.nearest(scene.start, scene.goal)
+    first = first_answer(method, scene, Obstacles.none()).waypoints
+    assert off(first.positions, nearest) < 0.02
+    # On the way something comes that only others are free of.
+    answer = method.tick(0.2, standing(scene))
+    assert answer.planned
+    assert not answer.refusal
+    ahead = answer.waypoints.positions[len(answer.waypoints.positions) // 2 :]
+    assert least_clearance(arena, scene, answer.waypoints.positions) > 0.0
+    assert off(ahead, nearest) > 0.05
+    # From the beginning one that is free is played as it is.
+    around = first_answer(method, scene, standing(scene)).waypoints
+    chosen = [number for number in range(len(arena.shown)) if off(around.positions, number) < 0.02]
+    assert chosen
+    assert np.all(scene.free[chosen])
 
 
 def test_the_same_scene_makes_the_same_tree(arena, scene) -> None:

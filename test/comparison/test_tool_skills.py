@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.execution import RESTING, Stage
 from geodesic_motion_ros.comparison.families import families_of
-from geodesic_motion_ros.comparison.method import Answer, JointState
+from geodesic_motion_ros.comparison.method import TICK, Answer
 from geodesic_motion_ros.comparison.methods.replay import Replay
 from geodesic_motion_ros.comparison.methods.tool_geodesics import ToolGeodesics
 from geodesic_motion_ros.comparison.run import BenchmarkSettings, play_benchmark
@@ -137,7 +137,7 @@ class Holding:
     def reset(self, scene: Scene) -> None:
         self._pose = self._robot.forward(scene.start)
 
-    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
+    def tick(self, now: float, obstacles: Obstacles) -> Answer:
         return Answer(pose=self._pose, refusal="it holds")
 
 
@@ -157,6 +157,22 @@ def test_without_the_hard_part_ours_goes_into_what_it_cannot_avoid(arena, stage,
     wall = among(blocked, standing(arena.robot.forward(ahead)[0], 0.15))
     assert stage.play(wall, ours)[0].refused
     assert stage.play(wall, ToolGeodesics(arena, "soft"))[0].contact == "moving"
+
+
+def test_of_a_stream_what_is_new_is_told_from_what_goes_on(arena, ours, blocked) -> None:
+    """Of the whole of a motion, and of a stop for what comes onto the goal."""
+    covering = Obstacles.of_spheres(blocked.goal_pose[0][None], np.array([0.1]))
+    ours.reset(blocked)
+    seen = [Obstacles.none()] * 100 + [covering] * 100
+    answers = [ours.tick(tick * TICK, obstacles) for tick, obstacles in enumerate(seen)]
+    assert all(answer.pose is not None for answer in answers)
+    new = [tick for tick, answer in enumerate(answers) if answer.planned]
+    assert new == [0, 100]
+    assert not answers[99].refusal
+    assert answers[100].refusal
+    # A new scene is one of its own.
+    ours.reset(blocked)
+    assert ours.tick(0.0, Obstacles.none()).planned
 
 
 def test_parts_say_which_they_are(arena, ours) -> None:

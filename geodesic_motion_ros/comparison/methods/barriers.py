@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.method import TICK, Answer, JointState
+from geodesic_motion_ros.comparison.method import TICK, Answer
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import to_rotation
@@ -63,7 +63,7 @@ class BarrierKinematics:
         self._reference = scene.demonstrations[self._arena.nearest(scene.start, scene.goal)]
         self._joints, self._along = scene.start.copy(), 0.0
 
-    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
+    def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """One step of the demonstration, and one quadratic program; it stops where that has no solution."""
         import pinocchio
         from pink import Configuration, solve_ik

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.method import TICK, Answer, JointState
+from geodesic_motion_ros.comparison.method import TICK, Answer
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.experiments.baselines import DMP_WEIGHTS, require_peers
 from geodesic_motion_ros.obstacles import Obstacles
@@ -53,7 +53,7 @@ class DynamicPrimitive:
         self._pose, self._turn = np.hstack([tool.positions[0], tool.quaternions[0]]), np.zeros(6)
         self._joints = scene.start.copy()
 
-    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
+    def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """One step of the primitive, and of the arm after it."""
         coupling = _Obstacles(obstacles, self._gamma, self._beta, self._reach)
         if now > self._position.execution_time_:

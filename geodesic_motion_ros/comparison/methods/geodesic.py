@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.method import Answer, JointState
+from geodesic_motion_ros.comparison.method import Answer
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.obstacles import Obstacles
@@ -42,8 +42,8 @@ class Geodesics:
         self._planner.stand_at(scene.start, 0.0)
         self._planner.set_goal_configuration(scene.goal)
 
-    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
-        """The planner knows what it has sent: it does not look at the measured state."""
+    def tick(self, now: float, obstacles: Obstacles) -> Answer:
+        """As the planner node's cycle."""
         self._planner.take_obstacles(obstacles)
         plan = self._planner.tick(now)
         refusal = "" if plan.verdict.ok else f"{plan.verdict.code.name}: {plan.verdict.reason}"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.replanning import LATENCY, MARGIN, PREDICTION, RETRY, Replanning
+from geodesic_motion_ros.comparison.replanning import LATENCY, MARGIN, PREDICTION, RETRY, Replanning, meeting
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.experiments.baselines import PROMP_NOISE, PROMP_WEIGHTS, require_peers
 from geodesic_motion_ros.obstacles import Obstacles
@@ -47,22 +47,17 @@ class Primitives(Replanning):
         self._to_goal = [self._conditioned(item, scene.goal, 1.0) for item in self._primitives]
 
     def paths(self, start: np.ndarray, progress: float, obstacles: Obstacles) -> Iterator[np.ndarray]:
-        """The means, then samples."""
+        """The means, then samples; their ends are met exactly, as conditioning leaves what its noise allows."""
         phase = np.linspace(progress, 1.0, POINTS)
         off = [np.linalg.norm(item.mean_trajectory(phase)[0] - start) for item in self._to_goal]
         nearest_first = [self._to_goal[number] for number in np.argsort(off)]
         conditioned = [self._conditioned(item, start, progress) for item in nearest_first]
         for item in conditioned:
-            yield self._meeting(item.mean_trajectory(phase), start)
+            yield meeting(item.mean_trajectory(phase), start, self._goal)
         for item in conditioned:
             for path in item.sample_trajectories(phase, self._samples, self._random):
-                yield self._meeting(path, start)
+                yield meeting(path, start, self._goal)
 
     def _conditioned(self, primitive: Any, configuration: np.ndarray, phase: float) -> Any:
         noise = PROMP_NOISE * np.eye(len(configuration))
         return primitive.condition_position(configuration, y_cov=noise, t=phase, t_max=1.0)
-
-    def _meeting(self, path: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """A path moved, linearly in phase, to begin and end exactly: conditioning leaves what its noise allows."""
-        share = np.linspace(0.0, 1.0, len(path))[:, None]
-        return path + (1.0 - share) * (start - path[0]) + share * (self._goal - path[-1])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.method import Answer, JointState
+from geodesic_motion_ros.comparison.method import Answer
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.joint_reference import PERIOD
 from geodesic_motion_ros.obstacles import Obstacles
@@ -22,6 +22,6 @@ class Replay:
         """Choose the demonstration."""
         self._reference = scene.demonstrations[self._arena.nearest(scene.start, scene.goal)]
 
-    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
+    def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """Sent once."""
         return Answer.playing(self._reference, PERIOD) if now == 0.0 else Answer()

@@ -48,8 +48,10 @@ class RapidTrees(Replanning):
         from ompl import base, geometric
 
         swept, looked_at = obstacles.swept(PREDICTION), 0
-        # An arm that stands nearer to an obstacle may leave it.
+        # An arm that stands nearer to an obstacle may leave it, and may go to a goal that is.
         kept_off = min(self._kept_off, 0.5 * max(0.0, self._clearance(start, swept)))
+        at_goal = max(0.0, self._clearance(self._goal, swept))
+        kept_off = kept_off if at_goal > kept_off else 0.5 * at_goal
         # The library would wait for another goal, for ever.
         if not all(self._valid(end, swept, kept_off) for end in (start, self._goal)):
             return

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 
+import numpy as np
+
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.method import TICK, Answer, JointState
+from geodesic_motion_ros.comparison.method import TICK, Answer
 from geodesic_motion_ros.comparison.methods.geodesic import Part
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import to_rotation
-from geodesic_motion_ros.reference import ReferenceFollower
+from geodesic_motion_ros.reference import ReferenceFollower, TaskSpaceReference
 
 #: Without the hard part hand and spheres are so much smaller, and the hills of the metric as wide as they were.
 _SHRUNK = 1e-3
@@ -38,6 +40,7 @@ class ToolGeodesics:
             )  # fmt: skip
         self._robot, self._planner = arena.robot, ReactivePlanner(arena.skill, settings)
         self._stream = ReferenceFollower(settings.speed)
+        self._planned: TaskSpaceReference | None = None
         self.settings = {"part": part, **asdict(settings)}
 
     def reset(self, scene: Scene) -> None:
@@ -45,9 +48,10 @@ class ToolGeodesics:
         self._planner.take_obstacles(Obstacles.none())
         self._planner.clear_goal()
         self._stream.reset(*self._robot.forward(scene.start))
+        self._planned = None
         self._refused = self._planner.set_goal(*scene.goal_pose)
 
-    def tick(self, now: float, obstacles: Obstacles, state: JointState) -> Answer:
+    def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """As the planner node's cycle: the stream is known, and moves on by a tick."""
         stream, planner = self._stream, self._planner
         planner.take_obstacles(replace(obstacles, radii=self._scale * obstacles.radii))
@@ -58,7 +62,17 @@ class ToolGeodesics:
             stream.accept(plan.reference)
         verdict = plan.verdict if self._refused.ok else self._refused
         refusal = "" if verdict.ok else f"{verdict.code.name}: {verdict.reason}"
-        return Answer(refusal=refusal, pose=stream.advance(TICK))
+        planned = plan.reference is not None and not _is_left_of(plan.reference, self._planned)
+        self._planned = plan.reference
+        return Answer(refusal=refusal, pose=stream.advance(TICK), planned=planned)
+
+
+def _is_left_of(reference: TaskSpaceReference, before: TaskSpaceReference | None) -> bool:
+    """Whether a reference is what is left of the one before: it ends with the same latent points, all but its first."""
+    if before is None:
+        return False
+    rest = reference.latent[1:]
+    return np.array_equal(rest, before.latent[max(0, len(before.latent) - len(rest)) :])
 
 
 def _tool(arena: Arena) -> dict[str, tuple]:
