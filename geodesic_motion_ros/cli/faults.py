@@ -13,6 +13,7 @@ from geodesic_motion_ros.nodes.faults.fault import PHASES
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.nodes.faults.fault import Row
+    from geodesic_motion_ros.nodes.faults.suite import Case
 
 _DESCRIPTION = """\
 Runs the nodes `planner` and `twin` as two processes over real ROS 2, on this machine and heard by nobody else, injects
@@ -108,7 +109,7 @@ def _run_all(arguments: argparse.Namespace, todo: list, rows: list[Row]) -> None
 
     with tqdm(total=len(todo), unit="row") as bar:
 
-        def begun(case) -> None:
+        def begun(case: Case) -> None:
             bar.set_description(f"{case.fault.name}, {case.phase}")
 
         for row in run_cases(arguments.skill, arguments.out, arguments.domain, todo, begun):
