@@ -315,10 +315,15 @@ def _from_above(axes: Any, shown: Demonstrations, ways: Sequence[Way]) -> None:
         axes.plot(*(100.0 * item.positions[:, 1::-1].T), color=GREY, linewidth=0.7, alpha=0.7)
     for way in ways:
         axes.plot(*(100.0 * way.positions[:, 1::-1].T), color=way.colour, linewidth=1.6)
-    for region, places, name in ((BOTTLE_REGION, BOTTLE_PLACES, "bottle"), (CUP_REGION, CUP_PLACES, "cup")):
+    # Beside the points, on the sides that no way comes from.
+    for region, places, name, side, aligned in (
+        (BOTTLE_REGION, BOTTLE_PLACES, "bottle", -7, "right"), (CUP_REGION, CUP_PLACES, "cup", 7, "left"),
+    ):  # fmt: skip
         for number, place in enumerate(100.0 * region.at(np.array(places))):
             axes.plot(*place[::-1], "o", color="black", markersize=5)
-            axes.annotate(f"{name} {number}", place[::-1], xytext=(0, 7), textcoords="offset points", ha="center")
+            axes.annotate(
+                f"{name} {number}", place[::-1], xytext=(side, -3), textcoords="offset points", ha=aligned
+            )
     axes.set(xlabel="y [cm]", ylabel="x [cm]", aspect="equal")
     axes.margins(0.12)
-    axes.set_title("b  The same from above", loc="left", fontsize=11)
+    axes.set_title("b  The hand from above: it pours from beside the cups", loc="left", fontsize=11)
