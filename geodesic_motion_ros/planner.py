@@ -316,12 +316,13 @@ class ReactivePlanner:
     def _without_way(
         self, verdict: Verdict, start: Pose, latent: np.ndarray, scene: Scene, motion: Motion, deadline: Deadline
     ) -> Plan:
-        """Give way to what is coming, or come to rest."""
+        """Give way to what is coming, go on past it, or come to rest."""
         assert self._query is not None
         stop = self._stream.braking(start, scene.in_task, motion.speed * self.settings.speed)
         plan = self._giving_way.plan(self._query, start, latent, scene, motion, verdict, stop, deadline)
         if plan is None or plan.reference is None:
-            return self._stopped(Plan(None, verdict), stop)
+            past = self._stream.gone_past(self._query, start, motion, scene)
+            return past or self._stopped(Plan(None, verdict), stop)
         return self._stream.begin(self._query, plan, scene, gives_way=True)
 
     def _stopped(self, plan: Plan, stop: TaskSpaceReference | None) -> Plan:

@@ -20,7 +20,7 @@ from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.query import Pose, Query
 from geodesic_motion_ros.reference import TaskSpaceReference, initial_rate, timed_reference
 from geodesic_motion_ros.refuge import AHEAD
-from geodesic_motion_ros.sidestep import STOP_SHARE
+from geodesic_motion_ros.sidestep import SOON, STOP_SHARE
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.time_law import braking_law
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -189,25 +189,45 @@ class PoseStream:
         """The way being followed where no way was found, or there was no time to, and what moves is less far from where
         the tool would stop than from that way; None where the stop is the better.
 
-        Where something would come to where it stopped, it is enough that the way is free for `PASSING`, and to stand at
-        the goal when something comes there is no worse.
+        Where something would come to where it stopped, to stand at the goal when something comes there is no worse.
         turning : there is another way, but the tool must stop for it; it does where nothing comes to where it stops.
         """
-        followed, rest, obstacles = self.followed, motion.rest, scene.in_task
-        if rest is None or followed is None or not followed.leads_to(query) or obstacles.stand:
+        obstacles, prediction = scene.in_task, self._settings.prediction
+        if motion.rest is None or not self._leads_among_what_moves(query, obstacles):
             return None
-        prediction = self._settings.prediction
         stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
         stopped = self._solver.clearance_until(stop, start, obstacles, AHEAD * prediction)
         if turning and stopped > 0.0:
             return None
-        horizon = prediction if stopped > 0.0 else min(PASSING, rest.duration + LAG)
-        rest = self._solver.certified(rest, obstacles, horizon, trusting=True)
-        if np.min(rest.clearance) <= max(stopped, 0.0):
+        horizon = prediction if stopped > 0.0 else min(prediction, motion.rest.duration + LAG)
+        return self._trusted(motion.rest, start, motion, scene, horizon, max(stopped, 0.0))
+
+    def gone_past(self, query: Query, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
+        """The way being followed where no other was found, and something is about to come to where the tool would stop:
+        as long as it is free for `PASSING`, and there is no `objection`. None elsewhere.
+        """
+        obstacles = scene.in_task
+        if motion.rest is None or not self._leads_among_what_moves(query, obstacles):
             return None
-        if self.objection(rest, start, motion, obstacles):
+        stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
+        if not self._is_soon_touched(stop, start, obstacles):
             return None
-        return self._keep(rest, scene, replace(followed, searched=obstacles.time, trusting=True))
+        return self._trusted(motion.rest, start, motion, scene, min(PASSING, motion.rest.duration + LAG), 0.0)
+
+    def _leads_among_what_moves(self, query: Query, obstacles: Obstacles) -> bool:
+        return self.followed is not None and self.followed.leads_to(query) and not obstacles.stand
+
+    def _trusted(
+        self, rest: TaskSpaceReference, start: Pose, motion: Motion, scene: Scene, horizon: float, needed: float
+    ) -> Plan | None:
+        """What is left of the way being followed, where for a horizon [s] it keeps more than a clearance [m] from what
+        moves, and there is no objection.
+        """
+        assert self.followed is not None
+        rest = self._solver.certified(rest, scene.in_task, horizon, trusting=True)
+        if np.min(rest.clearance) <= needed or self.objection(rest, start, motion, scene.in_task):
+            return None
+        return self._keep(rest, scene, replace(self.followed, searched=scene.in_task.time, trusting=True))
 
     def _keep(self, rest: TaskSpaceReference, scene: Scene, followed: Followed) -> Plan:
         verdict = replace(followed.verdict, clearance=float(np.min(rest.clearance)))
@@ -257,15 +277,18 @@ class PoseStream:
     def _passes(
         self, going: TaskSpaceReference, stop: TaskSpaceReference | None, start: Pose, obstacles: Obstacles
     ) -> bool:
-        """Whether something comes to where a tool in motion would stop, and going on for `PASSING` is free wherever on
-        their lines obstacles come to a stand.
+        """Whether something is about to come to where a tool in motion would stop, and going on for `PASSING` is free
+        wherever on their lines obstacles come to a stand.
         """
-        horizon = AHEAD * self._settings.prediction
-        if stop is None or self._solver.clearance_until(stop, start, obstacles, horizon) > 0.0:
+        if stop is None or not self._is_soon_touched(stop, start, obstacles):
             return False
         end = min(PASSING, going.duration + LAG)
         room = self._solver.clearance_wherever_they_stop(going, 0.0, end, obstacles, STOPPING_PLACES)
         return room > STOP_SHARE * MOVING_MULTIPLE * self._settings.obstacle_margin
+
+    def _is_soon_touched(self, stop: TaskSpaceReference | None, start: Pose, obstacles: Obstacles) -> bool:
+        """Whether a tool that stops, or stands, is touched within `SOON`."""
+        return self._solver.clearance_until(stop, start, obstacles, SOON) <= 0.0
 
     def _is_free_later(self, going: TaskSpaceReference, obstacles: Obstacles, late: float) -> bool:
         """Whether a reference that is free of what stands is free of what moves, so much further on [s]."""

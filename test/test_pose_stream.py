@@ -140,17 +140,20 @@ def test_a_tool_goes_on_past_what_comes_to_where_it_would_stop(solver, way) -> N
     # Where the tool stood it would be touched by the one that comes.
     assert not stream.objection(going, start, motion, coming)
     assert stream.objection(going, start, motion, leaving)
-    # The way is gone on too where no other was found, and would be met: later, not soon.
+    # The way is gone on too where no other was found, and it would be met: later, not soon.
     for meeting, goes_on in ((0.7, True), (0.25, False)):
-        on_the_way = going.sample(meeting)[0]
-        meets = sphere(on_the_way + TOUCHING * side + 0.15 * (meeting - 0.06) * side, -0.15 * side)
+        aside = TOUCHING + 0.15 * (meeting - 0.06)
+        meets = sphere(going.sample(meeting)[0] + aside * side, -0.15 * side)
         both = Obstacles.of_spheres(
-            np.vstack([beside + 0.015 * side, meets.centres]),
-            np.full(2, RADIUS),
+            np.vstack([beside + 0.015 * side, meets.centres]), np.full(2, RADIUS),
             np.vstack([coming.velocities, meets.velocities]),
-        )
+        )  # fmt: skip
         assert np.min(solver.certified(going, both, trusting=True).clearance) <= 0.0
-        assert (stream.gone_on(QUERY, start, motion, scene(both)) is not None) == goes_on
+        assert (stream.gone_past(QUERY, start, motion, scene(both)) is not None) == goes_on
+        # The control: as long as giving way may do, it is not gone on.
+        assert stream.gone_on(QUERY, start, motion, scene(both)) is None
+    # Nothing comes to where it would stop.
+    assert stream.gone_past(QUERY, start, motion, scene(meets)) is None
 
 
 def test_a_way_is_gone_on_to_a_goal_that_something_comes_to_where_it_comes_to_the_stop_as_well(solver, way) -> None:
