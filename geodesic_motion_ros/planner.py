@@ -321,7 +321,7 @@ class ReactivePlanner:
         stop = self._stream.braking(start, scene.in_task, motion.speed * self.settings.speed)
         plan = self._giving_way.plan(self._query, start, latent, scene, motion, verdict, stop, deadline)
         if plan is None or plan.reference is None:
-            past = self._stream.gone_past(self._query, start, motion, scene)
+            past = self._stream.gone_past(self._query, start, motion, scene, stop)
             return past or self._stopped(Plan(None, verdict), stop)
         return self._stream.begin(self._query, plan, scene, gives_way=True)
 

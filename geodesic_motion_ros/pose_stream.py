@@ -202,15 +202,17 @@ class PoseStream:
         horizon = prediction if stopped > 0.0 else min(prediction, motion.rest.duration + LAG)
         return self._trusted(motion.rest, start, motion, scene, horizon, max(stopped, 0.0))
 
-    def gone_past(self, query: Query, start: Pose, motion: Motion, scene: Scene) -> Plan | None:
-        """The way being followed where no other was found, and something is about to come to where the tool would stop:
-        as long as it is free for `PASSING`, and there is no `objection`. None elsewhere.
+    def gone_past(
+        self, query: Query, start: Pose, motion: Motion, scene: Scene, stop: TaskSpaceReference | None
+    ) -> Plan | None:
+        """The way being followed where no other was found, and something is about to come to where the tool stops: as
+        long as it is free for `PASSING`, and there is no `objection`. None elsewhere.
+
+        stop : that stop; None: the tool stands.
         """
-        obstacles = scene.in_task
-        if motion.rest is None or not self._leads_among_what_moves(query, obstacles):
+        if motion.rest is None or not self._leads_among_what_moves(query, scene.in_task):
             return None
-        stop = self.braking(start, obstacles, motion.speed * self._settings.speed)
-        if not self._is_soon_touched(stop, start, obstacles):
+        if not self._is_soon_touched(stop, start, scene.in_task):
             return None
         return self._trusted(motion.rest, start, motion, scene, min(PASSING, motion.rest.duration + LAG), 0.0)
 

@@ -149,11 +149,11 @@ def test_a_tool_goes_on_past_what_comes_to_where_it_would_stop(solver, way) -> N
             np.vstack([coming.velocities, meets.velocities]),
         )  # fmt: skip
         assert np.min(solver.certified(going, both, trusting=True).clearance) <= 0.0
-        assert (stream.gone_past(QUERY, start, motion, scene(both)) is not None) == goes_on
+        assert (stream.gone_past(QUERY, start, motion, scene(both), stop) is not None) == goes_on
         # The control: as long as giving way may do, it is not gone on.
         assert stream.gone_on(QUERY, start, motion, scene(both)) is None
     # Nothing comes to where it would stop.
-    assert stream.gone_past(QUERY, start, motion, scene(meets)) is None
+    assert stream.gone_past(QUERY, start, motion, scene(meets), stop) is None
 
 
 def test_a_way_is_gone_on_to_a_goal_that_something_comes_to_where_it_comes_to_the_stop_as_well(solver, way) -> None:

@@ -150,6 +150,43 @@ def test_a_tool_without_a_refuge_steps_aside_where_it_stands_and_goes_on_later(p
     assert min(gap for *_, gap in played(planner, start, coming, 4.0)) < -0.03
 
 
+def chased_to_the_goal(planner, place: float) -> tuple[float, float]:
+    """A sphere comes to wherever the tool is, from beside the way at a share `place` of its duration, and is gone as
+    soon as the tool is at the goal. Its least clearance [m], and what the tool is off the goal then [m].
+    """
+    direct, goal = planner.nominal().reference, planner.skill.goal_pose[:3]
+    side = np.cross(direct.velocity(place * direct.duration)[:3], [0.0, 0.0, 1.0])
+    sphere = direct.sample(place * direct.duration)[0] + 0.2 * side / np.linalg.norm(side)
+    tool = planner.skill.start_pose[:3].copy()
+
+    def chasing(now: float) -> Obstacles:
+        if np.linalg.norm(tool - goal) < 1e-6:
+            return Obstacles.of_spheres(np.array([[0.0, 0.0, -9.0]]), np.array([0.03]), None, now)
+        velocity = 0.13 * (tool - sphere) / np.linalg.norm(tool - sphere)
+        sphere[:] += PERIOD * velocity
+        return moving(sphere, velocity, now)
+
+    least = np.inf
+    for _, follower, _, gap in played(planner, planner.skill.start_pose, chasing, 4.0):
+        tool[:] = follower.position
+        least = min(least, gap)
+        if least <= 0.0:
+            break
+    return least, float(np.linalg.norm(tool - goal))
+
+
+@pytest.mark.parametrize("place", [0.4, 0.6])
+def test_a_tool_goes_past_what_chases_it_to_where_it_would_stop(planner, monkeypatch, place):
+    """The control stops for it, and is touched as it stands."""
+    least, left = chased_to_the_goal(planner, place)
+    assert least > 0.0
+    assert left < 1e-6
+    monkeypatch.setattr(PoseStream, "_passes", lambda *_: False)
+    least, left = chased_to_the_goal(planner, place)
+    assert least <= 0.0
+    assert left > 0.2
+
+
 @pytest.mark.parametrize("off", [0.0, 0.04])
 def test_where_a_tool_has_stepped_to_any_goal_can_be_asked_for(planner, monkeypatch, off):
     """Also where it started off what was shown: `off` [m], of 50 mm that are allowed."""
