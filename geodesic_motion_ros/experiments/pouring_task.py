@@ -325,5 +325,5 @@ def _from_above(axes: Any, shown: Demonstrations, ways: Sequence[Way]) -> None:
                 f"{name} {number}", place[::-1], xytext=(side, -3), textcoords="offset points", ha=aligned
             )
     axes.set(xlabel="y [cm]", ylabel="x [cm]", aspect="equal")
-    axes.margins(0.12)
+    axes.margins(x=0.2, y=0.12)
     axes.set_title("b  The hand from above: it pours from beside the cups", loc="left", fontsize=11)
