@@ -20,6 +20,7 @@ from geodesic_motion_ros.comparison.tool_demonstrations import followed
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.pose_stream import PoseStream
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle
 from geodesic_motion_ros.skill import Skill
@@ -150,6 +151,16 @@ def test_a_hand_that_rests_while_the_elbow_swings_is_touched_as_it_stands(arena,
     # 50 postures a second: as it is touched, joints are faster than those of an arm that rests.
     assert np.max(np.abs(postures[-2] - postures[-3])) * 50.0 > 2.0 * RESTING
     assert outcome.contact == "standing"
+
+
+def test_a_tool_without_another_way_goes_on_past_what_comes_to_where_it_would_stop(monkeypatch) -> None:
+    """The control stops, and is touched as it stands."""
+    shelf = Arena.of(Skill.load("panda_bottle2shelf"))
+    chased, stage, ours = draw_scene(shelf, "chasing", 12, 0), Stage(shelf), ToolGeodesics(shelf)
+    outcome, _ = stage.play(chased, ours)
+    assert outcome.success
+    monkeypatch.setattr(PoseStream, "gone_past", lambda *_: None)
+    assert stage.play(chased, ours)[0].contact == "standing"
 
 
 def test_without_the_hard_part_ours_goes_into_what_it_cannot_avoid(arena, stage, ours, blocked) -> None:
