@@ -272,7 +272,7 @@ def _replace_folder(draft: Path, target: Path) -> None:
 
 
 def _resolve(folder: str | os.PathLike[str]) -> Path:
-    path = Path(folder)
+    path = Path(folder).expanduser()  # a shell leaves the ~ of skill:=~/my_skill as it is
     if path.is_dir():
         return path
     if path.parent == Path("."):

@@ -64,3 +64,8 @@ class Verdict:
     @property
     def ok(self) -> bool:
         return self.code is VerdictCode.OK
+
+    @property
+    def sentence(self) -> str:
+        """Code and reason, for a person."""
+        return f"{self.code.name}: {self.reason}" if self.reason else self.code.name

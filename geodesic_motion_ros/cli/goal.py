@@ -7,13 +7,16 @@ import argparse
 from geodesic_motion_ros.cli.arguments import HelpFormatter, needing
 
 _DESCRIPTION = """\
-Sends the goal of a skill to a planner that runs, once, and prints what the planner says; the arm goes. For those who
-have no `ros2` command line: for those who have, it prints the command that does the same.
+Sends the goal of a skill to a planner that runs, once, and prints whether the planner accepts it; if so the arm goes.
+For those who have no `ros2` command line: for those who have, it prints the command that does the same.
 """
 _EPILOG = """\
 examples:
   geodesic-motion goal panda_reach_to_grasp
   geodesic-motion goal panda_reach_to_grasp --move 0 0.02 0
+  geodesic-motion goal panda_reach_to_grasp --ros-args -r __ns:=/left
+
+Exit status: 0 the planner has accepted the goal, 2 it has refused it, or there is no planner.
 """
 
 
@@ -29,6 +32,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         help="this far from the skill's goal [m]",
     )  # fmt: skip
     parser.add_argument("--print", action="store_true", dest="only_print", help="only print the command, send nothing")
+    parser.add_argument(
+        "--ros-args", nargs=argparse.REMAINDER, default=[], metavar="...",
+        help="arguments of ROS, the last ones: -r __ns:=/left for a planner in a namespace, -r goal_pose:=..., ...",
+    )  # fmt: skip
     parser.set_defaults(run=run)
 
 
@@ -41,6 +48,11 @@ def run(arguments: argparse.Namespace) -> None:
     skill = Skill.load(arguments.skill)
     goal = skill.goal_pose.copy()
     goal[:3] += arguments.move
-    print(by_hand(goal, skill.base_frame))
-    if not arguments.only_print:
-        print(f"the planner says {send_goal(goal, skill.base_frame)}")
+
+    def show(topic: str) -> None:
+        print(by_hand(goal, skill.base_frame, topic), flush=True)
+
+    if arguments.only_print:
+        show("/goal_pose")
+    else:
+        print(f"goal accepted; the planner says {send_goal(goal, skill.base_frame, arguments.ros_args, show)}")

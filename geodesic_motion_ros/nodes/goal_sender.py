@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +14,10 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 
-from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.nodes.messages import pose_message, seconds
 from geodesic_motion_ros.nodes.stream_cycle import PREPARING
+from geodesic_motion_ros.verdict import VerdictCode
 
 #: How long [s] a planner is looked for, and its verdict on the goal is waited for.
 PATIENCE = 10.0
@@ -29,35 +30,52 @@ class NoPlannerError(GeodesicMotionError):
     """No planner listens, or it does not answer."""
 
 
+class GoalRefusedError(GeodesicMotionError):
+    """The planner refuses the goal, and keeps to the one before if there is one."""
+
+
 @dataclass(frozen=True)
 class _Status:
-    """When it was sent [s], what it says, and what it says of the newest goal."""
+    """When it was sent [s], what it says, and its code and reason for the newest goal."""
 
     stamp: float
     text: str
-    goal: str
+    goal_code: str
+    goal_reason: str
 
 
-def by_hand(pose: np.ndarray, frame: str) -> str:
+def by_hand(pose: np.ndarray, frame: str, topic: str = "/goal_pose") -> str:
     """The command of the `ros2` command line that sends a goal (7,): position [m], quaternion (w, x, y, z)."""
     x, y, z, qw, qx, qy, qz = (round(float(value), 4) for value in pose)
     message = (
         f"{{header: {{frame_id: {frame}}}, pose: {{position: {{x: {x}, y: {y}, z: {z}}}, "
         f"orientation: {{w: {qw}, x: {qx}, y: {qy}, z: {qz}}}}}}}"
     )
-    return f'ros2 topic pub --once /goal_pose geometry_msgs/msg/PoseStamped "{message}"'
+    return f'ros2 topic pub --once {topic} geometry_msgs/msg/PoseStamped "{message}"'
 
 
-def send_goal(pose: np.ndarray, frame: str) -> str:
-    """Publish a goal (7,) once, as soon as a planner listens; returns what the planner says next, `CODE: reason`, but
-    for that it prepares the goal.
+def send_goal(
+    pose: np.ndarray, frame: str, ros_arguments: Sequence[str] = (), sending: Callable[[str], None] = lambda topic: None
+) -> str:
+    """Publish a goal (7,) once, as soon as a planner listens; returns what the planner says when it has accepted it,
+    `CODE: reason`.
+
+    Parameters
+    ----------
+    ros_arguments : what follows --ros-args on a command line, such as ("-r", "__ns:=/left").
+    sending : called with the full name of the topic before anything is waited for.
 
     Raises
     ------
-    NoPlannerError : nobody listens to `goal_pose`, or no status comes back.
+    NoPlannerError : nobody listens to the topic, or no status comes back.
+    GoalRefusedError : with the planner's reason.
+    ParameterError : ROS arguments that cannot be read.
     """
     context = rclpy.Context()
-    rclpy.init(context=context)
+    try:
+        rclpy.init(args=["goal", "--ros-args", *ros_arguments], context=context)
+    except RuntimeError as error:  # what rcl makes of an argument that it cannot read
+        raise ParameterError(str(error)) from error
     node = rclpy.create_node("goal", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
@@ -65,13 +83,16 @@ def send_goal(pose: np.ndarray, frame: str) -> str:
 
     def hear(message: DiagnosticArray) -> None:
         status = message.status[0]
-        reasons = [pair.value for pair in status.values if pair.key == "goal_reason"]
-        said.append(_Status(seconds(message.header.stamp), status.message, "".join(reasons)))
+        values = {pair.key: pair.value for pair in status.values}
+        said.append(
+            _Status(seconds(message.header.stamp), status.message, values["goal_code"], values["goal_reason"])
+        )
 
     try:
         goals = node.create_publisher(PoseStamped, "goal_pose", QoSProfile(depth=1))
         node.create_subscription(DiagnosticArray, "planner/status", hear, 10)
-        _spin(executor, goals.get_subscription_count, "nobody listens to goal_pose: start the planner first")
+        sending(goals.topic_name)
+        _spin(executor, goals.get_subscription_count, f"nobody listens to {goals.topic_name}: start the planner first")
         _spin(executor, lambda: said, "the planner's status cannot be heard")
         sent = node.get_clock().now().to_msg()
         goals.publish(pose_message(pose[:3], pose[3:], frame, sent))
@@ -81,10 +102,13 @@ def send_goal(pose: np.ndarray, frame: str) -> str:
             return [status for status in said if status.stamp > seconds(sent)]
 
         def answered() -> bool:
-            return len(answers()) >= _CYCLES and answers()[-1].goal != PREPARING
+            return len(answers()) >= _CYCLES and answers()[-1].goal_reason != PREPARING
 
         _spin(executor, answered, "the planner has fallen silent, or prepares the goal for ever")
-        return answers()[-1].text
+        answer = answers()[-1]
+        if answer.goal_code != VerdictCode.OK.name:
+            raise GoalRefusedError(f"the planner refuses the goal: {answer.goal_code}: {answer.goal_reason}")
+        return answer.text
     finally:
         executor.shutdown()
         node.destroy_node()

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.nodes.obstacle_velocity import ObstacleVelocity
+from geodesic_motion_ros.nodes.obstacle_velocity import SAME_INSTANT, ObstacleVelocity
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.solids import no_solids
 
@@ -94,8 +94,9 @@ class _Order:
 
     def overtaken(self, taken: float) -> bool:
         """Whether what was taken then is to be ignored."""
-        if not 0.0 < self._newest - taken < REORDER_WINDOW:
-            self._newest, self._count = taken, 0
+        behind = self._newest - taken
+        if not SAME_INSTANT <= behind < REORDER_WINDOW:
+            self._newest, self._count = (self._newest if 0.0 < behind < SAME_INSTANT else taken), 0
             return False
         self._count = self._count + 1 if taken > self._behind else 1
         self._behind = taken
@@ -165,7 +166,8 @@ class ObstacleTracker:
     A source is expected to keep talking from its first message on. It is *silent* when it has not been
     heard for longer than a timeout, whether or not its obstacles have expired meanwhile: a dead detector
     must not look like a free table. It is *late* when it talks of what is longer ago than that. A source that deletes
-    its last obstacle has said goodbye and is not expected to talk again.
+    its last obstacle has said goodbye and is not expected to talk again. A source is *unusable* as long as nothing that
+    it sent could be used: something is there, and nobody knows where.
 
     Parameters
     ----------
@@ -177,16 +179,31 @@ class ObstacleTracker:
         self._tracks: dict[str, dict[Key, _Track]] = {}
         # when the newest message arrived, and when the newest was taken
         self._heard: dict[str, tuple[float, float]] = {}
+        # why no message of a source could be used
+        self._unusable: dict[str, str] = {}
+        # when a source is forgotten [s]
+        self._ends: dict[str, float] = {}
         self._next_expiry = math.inf
         self._version = 0
         self._set: ObstacleSet | None = None
-        self._cloud = DistanceField.none()
+        self._cloud, self._cloud_source = DistanceField.none(), ""
         self._cloud_order = _Order()
 
-    def hear(self, source: str, now: float, transit: float = 0.0) -> None:
-        """Note that a valid message of a source arrived, even one without obstacles, after a transit [s]."""
+    def hear(self, source: str, now: float, transit: float = 0.0, forget_after: float = 0.0) -> None:
+        """Note that a valid message of a source arrived, even one without obstacles, after a transit [s].
+
+        forget_after : [s] the source and its obstacles are forgotten so long after its last message; 0 never.
+        """
         _, newest = self._heard.get(source, (now, -math.inf))
         self._heard[source] = now, max(newest, now - max(0.0, transit))
+        self._unusable.pop(source, None)
+        self._ends[source] = now + forget_after if forget_after > 0.0 else math.inf
+        self._next_expiry = min(self._next_expiry, self._ends[source])
+
+    def refuse(self, source: str, reason: str) -> None:
+        """Note that a message of a source could not be used: it is unusable until one can be."""
+        if source not in self._heard:
+            self._unusable[source] = reason
 
     def put(
         self,
@@ -198,6 +215,7 @@ class ObstacleTracker:
         lifetime: float = 0.0,
         solid: np.ndarray | None = None,
         transit: float = 0.0,
+        forget_after: float = 0.0,
     ) -> bool:
         """Add a sphere or a solid, or move it.
 
@@ -209,6 +227,7 @@ class ObstacleTracker:
         solid : (16,) row of a solid around the centre, see `solids.py`; its radius counts, and not `radius`.
         transit : [s] so long before `now` it was there. However long that is, the obstacle counts: one too many does
             less harm than one of which nothing is known.
+        forget_after : as of `hear`.
 
         Returns
         -------
@@ -220,7 +239,7 @@ class ObstacleTracker:
         taken = now - max(0.0, transit)
         if order.overtaken(taken):
             return False
-        self.hear(source, now, transit)
+        self.hear(source, now, transit, forget_after)
         expires = now + lifetime if lifetime > 0.0 else math.inf
         place = tuple(float(c) for c in centre)
         track = tracks[key] = _Track(place, float(radius), now, taken, expires, solid, order=order)
@@ -258,12 +277,17 @@ class ObstacleTracker:
         self._say_goodbye_when_empty(source)
         return len(doomed)
 
-    def replace_cloud(self, source: str, cloud: DistanceField, now: float, transit: float = 0.0) -> bool:
-        """Exchange the cloud for one that arrived at `now` [s]; False when that was overtaken and is ignored."""
+    def replace_cloud(
+        self, source: str, cloud: DistanceField, now: float, transit: float = 0.0, forget_after: float = 0.0
+    ) -> bool:
+        """Exchange the cloud for one that arrived at `now` [s]; False when that was overtaken and is ignored.
+
+        forget_after : as of `hear`.
+        """
         if self._cloud_order.overtaken(now - max(0.0, transit)):
             return False
-        self.hear(source, now, transit)
-        self._cloud = cloud
+        self.hear(source, now, transit, forget_after)
+        self._cloud, self._cloud_source = cloud, source
         self._changed()
         return True
 
@@ -271,6 +295,8 @@ class ObstacleTracker:
         """Forget every obstacle and that any source was heard."""
         self._tracks.clear()
         self._heard.clear()
+        self._unusable.clear()
+        self._ends.clear()
         self._cloud, self._cloud_order = DistanceField.none(), _Order()
         self._next_expiry = math.inf
         self._changed()
@@ -279,9 +305,20 @@ class ObstacleTracker:
         """Seconds since the newest of what each expected source has told was taken."""
         return {source: now - taken for source, (_, taken) in self._heard.items()}
 
-    def unheard(self) -> tuple[str, ...]:
-        """The required sources of which nothing has been heard."""
-        return tuple(source for source in self._required if source not in self._heard)
+    def unusable(self) -> dict[str, str]:
+        """The sources of which nothing is known though something should be, with the reason: what they sent could not
+        be used, or they are required and have sent nothing.
+        """
+        unheard = {
+            source: "nothing has been received yet (required_obstacle_topics)"
+            for source in self._required
+            if source not in self._heard
+        }
+        refused = {
+            source: f"received, never usable: {reason}; publish what can be used, or call ~/clear_obstacles"
+            for source, reason in self._unusable.items()
+        }
+        return unheard | refused
 
     def silent(self, now: float, timeout: float) -> dict[str, float]:
         """The expected sources not heard for longer than a timeout [s], with how long it is [s].
@@ -322,9 +359,19 @@ class ObstacleTracker:
         for tracks in self._tracks.values():
             for key in [key for key, track in tracks.items() if now >= track.expires]:
                 del tracks[key]
+        for source in [source for source, end in self._ends.items() if now >= end]:
+            self._forget(source)
         tracks = [track for tracks in self._tracks.values() for track in tracks.values()]
-        self._next_expiry = min((min(track.expires, track.changes(now)) for track in tracks), default=math.inf)
+        changes = [min(track.expires, track.changes(now)) for track in tracks]
+        self._next_expiry = min([*changes, *self._ends.values()], default=math.inf)
         self._changed()
+
+    def _forget(self, source: str) -> None:
+        del self._ends[source]
+        self._tracks.pop(source, None)
+        if source == self._cloud_source:
+            self._cloud, self._cloud_order = DistanceField.none(), _Order()
+        self._say_goodbye_when_empty(source)
 
     def _bury(self, track: _Track, now: float) -> None:
         # A deleted key is remembered for a while, so that an overtaken ADD does not bring the obstacle back.

@@ -15,6 +15,8 @@ LONGEST_GAP = 0.5
 FASTEST = 3.0
 # Times of arrival are this uncertain [s]: over less, no speed is told from two positions.
 SHORTEST_INTERVAL = 0.01
+#: Times that differ by less [s] are of one instant: a stamp is compared by two clocks, read one after the other.
+SAME_INSTANT = 0.001
 
 
 class ObstacleVelocity:
@@ -30,6 +32,8 @@ class ObstacleVelocity:
 
     def see(self, centre: Point, time: float) -> None:
         """Take the newest position [m], seen at `time` [s] of one clock."""
+        if self._seen and abs(time - self._seen[-1][0]) < SAME_INSTANT:
+            time = self._seen[-1][0]
         if self._seen and not self._continues(centre, time):
             self._seen = []
         if self._seen and time == self._seen[-1][0]:

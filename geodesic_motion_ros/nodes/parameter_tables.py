@@ -229,6 +229,16 @@ PLANNER = (
         choices=("obstacles", "obstacle_marker", "obstacle_point", "obstacle_cloud"),
     ),
     Parameter(
+        "obstacle_lifetime",
+        0.0,
+        "The obstacles of `obstacle_point` and `obstacle_cloud` are forgotten so long after the topic's last message, "
+        "which is no longer waited for; 0.0: never, what falls silent stops the arm until `~/clear_obstacles`",
+        "s",
+        0.0,
+        3600.0,
+        read_only=False,
+    ),
+    Parameter(
         "obstacle_point_radius",
         0.05,
         "Radius of the obstacle of `obstacle_point`",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 import time
 import traceback
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -32,22 +32,20 @@ from geodesic_motion_ros.nodes.messages import (
     seconds,
 )
 from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
+from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.plausible_joints import PlausibleJoints
 from geodesic_motion_ros.nodes.refusals import Refusals
-from geodesic_motion_ros.nodes.stream_cycle import CycleInputs
+from geodesic_motion_ros.nodes.stream_cycle import NO_CLOCK, CycleInputs
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-# Best effort: an obstacle or a joint state that was lost is replaced by the next one. Queues are short, but a message
-# to be refused must not push out the good one before it.
+# A joint state that was lost is replaced by the next one. The queue is short, but a message to be refused must not push
+# out the good one before it.
 RECENT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Markers are edits of a set: those that arrive together are all needed.
-EDITS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Clouds are large, and only the newest counts.
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 GOALS = QoSProfile(depth=10)
+_BEST_EFFORT, _RELIABLE = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE
 
 
 #: Goals with this frame id are relative to the task frame, and move with it.
@@ -102,10 +100,12 @@ class PlannerInputs:
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
         self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
         self._subscribe(PoseStamped, "task_frame", self._on_task_frame, GOALS)
-        self._subscribe(MarkerArray, "obstacles", self._on_obstacles, EDITS, raw=True)
-        self._subscribe(Marker, "obstacle_marker", self._on_marker, EDITS, raw=True)
-        self._subscribe(PointStamped, "obstacle_point", self._on_point, RECENT)
-        self._subscribe(PointCloud2, "obstacle_cloud", self._on_cloud, NEWEST)
+        # Markers are edits of a set: each of them is needed. Of points and clouds the next one replaces what was lost;
+        # clouds are large, and only the newest counts.
+        self._subscribe_obstacles(MarkerArray, "obstacles", self._on_obstacles, 50, _RELIABLE, raw=True)
+        self._subscribe_obstacles(Marker, "obstacle_marker", self._on_marker, 50, _RELIABLE, raw=True)
+        self._subscribe_obstacles(PointStamped, "obstacle_point", self._on_point, 10, _BEST_EFFORT)
+        self._subscribe_obstacles(PointCloud2, "obstacle_cloud", self._on_cloud, 1, _BEST_EFFORT)
 
     def start(self) -> None:
         """Begin to look at point clouds."""
@@ -126,9 +126,9 @@ class PlannerInputs:
             obstacles = self._tracker.current(now)
             timeout = self._parameters["obstacle_timeout"]
             silent, late = self._tracker.silent(now, timeout), self._tracker.late(now, timeout)
-            unheard = self._tracker.unheard()
+            unusable = self._tracker.unusable()
         if self._parameters["obstacle_silence_policy"] == "keep":
-            # what must be heard and never was leaves nothing to keep to
+            # a topic of which nothing is known leaves nothing to keep to
             silent, late = {}, {}
         return CycleInputs(
             measured=None if joints is None else self._place(joints),
@@ -138,7 +138,7 @@ class PlannerInputs:
             obstacles=obstacles,
             silent_sources=silent,
             late_sources=late,
-            unheard_sources=unheard,
+            unusable_sources=unusable,
             hold=hold,
             task_frame=task_frame,
             goal_in_task_frame=relative,
@@ -182,22 +182,44 @@ class PlannerInputs:
             self._tracker.clear()
         return count
 
-    def _subscribe(
-        self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile, raw: bool = False
-    ) -> None:
-        """raw : `take` is given the message's bytes."""
-        self._node.create_subscription(kind, topic, partial(self._guarded, topic, take), qos, raw=raw)
+    def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile) -> None:
+        def receive(message: Any) -> None:
+            with self.refusals.guard(topic):
+                take(message)
 
-    def _guarded(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
-        with self.refusals.guard(topic):
-            take(message)
+        self._node.create_subscription(kind, topic, receive, qos)
+
+    def _subscribe_obstacles(
+        self,
+        kind: type,
+        topic: str,
+        take: Callable[[Any], None],
+        depth: int,
+        reliability: ReliabilityPolicy,
+        raw: bool = False,
+    ) -> None:
+        def receive(message: Any) -> None:
+            with self._obstacle_guard(topic):
+                take(message)
+
+        ObstacleSubscription(self._node, kind, topic, receive, depth, reliability, raw)
+
+    @contextmanager
+    def _obstacle_guard(self, topic: str) -> Iterator[None]:
+        """As `Refusals.guard`; what is refused here may be in the arm's path all the same."""
+        with self.refusals.guard(topic) as guard:
+            yield
+        if guard.reason:
+            with self._lock:
+                self._tracker.refuse(topic, guard.reason)
+            self._obstacles_changed()
 
     def _on_joint_states(self, message: JointState) -> None:
         joints = read_joint_positions(message, self._robot.joint_names)
         check_limits(joints, self._robot)
         moment = self._time.read()
         if moment.now == 0.0:
-            raise MessageRefused("use_sim_time is set, and nothing has been heard on /clock: its age cannot be told")
+            raise MessageRefused(f"{NO_CLOCK}: its age is unknown")
         taken = moment.running - max(0.0, _transit(seconds(message.header.stamp), moment))
         self._plausible.check(joints, taken)
         with self._lock:
@@ -235,11 +257,12 @@ class PlannerInputs:
             self._task_frame_taken = moment.running - max(0.0, _transit(seconds(message.header.stamp), moment))
 
     def _on_obstacles(self, message: bytes) -> None:
-        markers, updates = markers_in(message), []
+        markers, updates, refused = markers_in(message), [], ""
         for marker in markers:
             # one bad marker must not hide the good ones beside it
-            with self.refusals.guard("obstacles"):
+            with self.refusals.guard("obstacles") as guard:
                 updates.append(read_marker(marker, self._frame, self.frames))
+            refused = guard.reason or refused
         moment = self._time.read()
         # A marker without a stamp is as old as the newest one beside it: the DELETEALL that begins a message has none.
         newest = max((update.stamp for update in updates), default=0.0)
@@ -250,6 +273,8 @@ class PlannerInputs:
                 self._apply("obstacles", update, moment.running, _transit(update.stamp or newest, moment))
                 for update in updates
             ]
+            if refused:
+                self._tracker.refuse("obstacles", refused)
         self._count_overtaken("obstacles", all(taken))
         self._obstacles_changed()
 
@@ -279,11 +304,13 @@ class PlannerInputs:
 
     def _on_point(self, message: PointStamped) -> None:
         centre = read_point(message, self._frame, self.frames)
-        radius = self._parameters["obstacle_point_radius"]
+        radius, lifetime = self._parameters["obstacle_point_radius"], self._parameters["obstacle_lifetime"]
         moment = self._time.read()
         transit = _transit(seconds(message.header.stamp), moment)
         with self._lock:
-            taken = self._tracker.put("obstacle_point", ("", 0), centre, radius, moment.running, transit=transit)
+            taken = self._tracker.put(
+                "obstacle_point", ("", 0), centre, radius, moment.running, transit=transit, forget_after=lifetime
+            )
         self._count_overtaken("obstacle_point", taken)
         self._obstacles_changed()
 
@@ -296,7 +323,7 @@ class PlannerInputs:
     def _field_of(self, message: PointCloud2) -> tuple[DistanceField, CloudFigures] | None:
         """Read a cloud; None where it is refused."""
         began = time.monotonic()
-        with self.refusals.guard("obstacle_cloud"):
+        with self._obstacle_guard("obstacle_cloud"):
             points, not_finite = read_cloud(message, self._frame, self.frames)
             near = points_near(points, self._robot)
             edge = self._parameters["obstacle_cloud_voxel"]
@@ -317,14 +344,19 @@ class PlannerInputs:
         """heard : when the cloud arrived, and its transit [s]."""
         field, figures = made
         with self._lock:
-            taken = self._tracker.replace_cloud("obstacle_cloud", field, *heard)
+            taken = self._tracker.replace_cloud(
+                "obstacle_cloud", field, *heard, self._parameters["obstacle_lifetime"]
+            )
             if taken:
                 self._cloud_figures = figures
         self._count_overtaken("obstacle_cloud", taken)
         self._obstacles_changed()
 
     def _cloud_failed(self, error: BaseException) -> None:
-        self.refusals.add("obstacle_cloud", f"internal error, see the log: {error!r}")
+        reason = f"internal error, see the log: {error!r}"
+        self.refusals.add("obstacle_cloud", reason)
+        with self._lock:
+            self._tracker.refuse("obstacle_cloud", reason)
         self._node.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
 
 

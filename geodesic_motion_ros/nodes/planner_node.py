@@ -64,10 +64,13 @@ class PlannerNode(LoopingNode):
                 f"base_frame {self._options['base_frame']!r} is taken for the skill's {skill.base_frame!r}"
             )
         values = self._options
+        self._name = skill.name
         self._cycle = self._kind.cycle
+        self._cycle.state_topic = self.resolve_topic_name("joint_states")
         self._inputs = PlannerInputs(self, values, robot, self._kind.place, self._obstacles_changed)
         self._outputs = PlannerOutputs(self, values["base_frame"], skill.robot, self._kind.command_topic)
-        self._said: dict[VerdictCode, float] = {}
+        self._said: dict[str, float] = {}
+        self._newest_plan = ""
         self._newest: tuple[CycleInputs, CycleOutput] | None = None
         self._period = 1.0 / values["rate"]
         self._loop = SteadyLoop(self._tick, values["rate"], self._died, name="planner")
@@ -79,6 +82,13 @@ class PlannerNode(LoopingNode):
         self._plans = BackgroundService(self, GetPlan, "plan", self._on_plan)
         self.create_service(SetBool, "~/hold", self._on_hold)
         self.create_service(Trigger, "~/clear_obstacles", self._on_clear_obstacles)
+
+    def _introduction(self) -> str:
+        states, goals = (self.resolve_topic_name(name) for name in ("joint_states", "goal_pose"))
+        return (
+            f"ready: skill '{self._name}' of {self._kind.subject}, commands on {self._outputs.command_topic}; "
+            f"waits for {states}, then for a goal on {goals}"
+        )
 
     def start(self) -> None:
         """Begin to plan and command."""
@@ -109,12 +119,14 @@ class PlannerNode(LoopingNode):
             verdict = Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}")
             output = self._cycle.stop(verdict)
         self._kind.send(self._outputs, output)
-        self._outputs.status(output, self._inputs.refusals, self._loop)
+        self._outputs.status(output, self._inputs.refusals, self._loop, self._newest_plan)
         if inputs is None:
             return
         previous, self._newest = self._newest, (inputs, output)
         if previous is None or previous[1].verdict.code is not output.verdict.code:
             self._say(output.verdict)
+        if previous is not None and previous[1].goal_verdict is not output.goal_verdict:
+            self._say_goal(output)
         if previous is None or _path_news(previous, (inputs, output)):
             self._show_way(output)
 
@@ -129,17 +141,22 @@ class PlannerNode(LoopingNode):
         if self._outputs.path_is_watched:
             self._outputs.path(None if output.reference is None else self._kind.tool_poses(output.reference))
 
-    def _say(self, verdict: Verdict) -> None:
+    def _say_goal(self, output: CycleOutput) -> None:
+        if output.goal_refused:
+            self._say(output.goal_verdict, "newest goal refused: ")
+        elif output.goal_verdict.ok:
+            self._say(output.goal_verdict, "newest goal accepted: ")
+
+    def _say(self, verdict: Verdict, about: str = "") -> None:
         # The status has every change; the log has each kind of change at most once a second.
-        now = time.monotonic()
-        if now - self._said.get(verdict.code, -np.inf) < 1.0:
+        now, kind = time.monotonic(), about + verdict.code.name
+        if now - self._said.get(kind, -np.inf) < 1.0:
             return
-        self._said[verdict.code] = now
-        text = f"{verdict.code.name}: {verdict.reason}" if verdict.reason else verdict.code.name
+        self._said[kind] = now
         if verdict.ok:
-            self.get_logger().info(text)
+            self.get_logger().info(about + verdict.sentence)
         else:
-            self.get_logger().warning(text)
+            self.get_logger().warning(about + verdict.sentence)
 
     # ---------------------------------------------------------------- pictures
 
@@ -199,18 +216,18 @@ class PlannerNode(LoopingNode):
     # ---------------------------------------------------------------- services
 
     def _on_plan(self, request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
-        frame = self._options["base_frame"]
+        frame, poses = self._options["base_frame"], None
         try:
             poses, verdict = self._kind.plan(
                 *(_request_pose(request, end, frame, self._inputs.frames) for end in ("start", "goal"))
             )
         except MessageRefused as error:
-            self.get_logger().warning(f"plan refused: {error}")
-            return response
+            verdict = Verdict(VerdictCode.BAD_INPUT, str(error))
+        self._newest_plan = verdict.sentence
         if poses is None:
-            self.get_logger().warning(f"no plan: {verdict.code.name}: {verdict.reason}")
-            return response
-        response.plan = path_message(*poses, frame, self.get_clock().now().to_msg())
+            self.get_logger().warning(f"no plan: {verdict.sentence}")
+        else:
+            response.plan = path_message(*poses, frame, self.get_clock().now().to_msg())
         return response
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

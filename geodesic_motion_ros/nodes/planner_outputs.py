@@ -83,6 +83,11 @@ class PlannerOutputs:
         self._target_message = PoseStamped()
         self._target_message.header.frame_id = frame
 
+    @property
+    def command_topic(self) -> str:
+        """The full name of the topic of the commands."""
+        return self._commands.topic_name
+
     def target(self, position: np.ndarray, quaternion: np.ndarray) -> None:
         """The pose to be at now; only the control loop calls this."""
         self._target_message.header.stamp = self._now()
@@ -99,13 +104,18 @@ class PlannerOutputs:
 
     def publishers_of_commands(self) -> tuple[str, ...]:
         """Names of all nodes that publish on the topic of the commands, this one among them."""
-        return publishers_of(self._node, self._commands.topic_name)
+        return publishers_of(self._node, self.command_topic)
 
-    def status(self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop) -> None:
-        """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it."""
+    def status(self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop, plan: str) -> None:
+        """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it.
+
+        plan : the newest answer of the service `plan`, `CODE: reason`; empty before the first.
+        """
         verdict, newest = output.verdict, refusals.newest(within=1.0)
-        level = _LEVELS.get(verdict.code, DiagnosticStatus.ERROR)
-        if newest or not (output.goal_verdict.ok or output.goal_verdict.code is VerdictCode.NO_GOAL):
+        level, message = _LEVELS.get(verdict.code, DiagnosticStatus.ERROR), verdict.sentence
+        if output.goal_refused and output.goal_verdict.sentence != message:
+            message += f"; newest goal refused: {output.goal_verdict.sentence}"
+        if newest or output.goal_refused:
             level = max(level, DiagnosticStatus.WARN)
         values = {
             "code": verdict.code.name,
@@ -117,6 +127,7 @@ class PlannerOutputs:
             **{name: getattr(verdict, name) for name in _END_FIGURES},
             "goal_code": output.goal_verdict.code.name,
             "goal_reason": output.goal_verdict.reason,
+            "plan": plan,
             "refused_input": newest,
             **{f"refused_{topic}": count for topic, count in sorted(refusals.counts.items())},
             "speed": output.speed,
@@ -125,7 +136,7 @@ class PlannerOutputs:
             "last_tick_ms": 1e3 * loop.last_duration,
             "deadline_misses": loop.misses,
         }
-        self._publish_status(self._status, level, "verdict", _sentence(verdict.code, verdict.reason), values)
+        self._publish_status(self._status, level, "verdict", message, values)
 
     def diagnostics(
         self,
@@ -211,6 +222,3 @@ class PlannerOutputs:
     def _now(self) -> object:
         return self._node.get_clock().now().to_msg()
 
-
-def _sentence(code: VerdictCode, reason: str) -> str:
-    return f"{code.name}: {reason}" if reason else code.name

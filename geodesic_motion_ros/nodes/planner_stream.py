@@ -81,7 +81,7 @@ class PlannerStream:
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._goals = self.node.create_publisher(PoseStamped, "goal_pose", QoSProfile(depth=1))
-        self._obstacles = self.node.create_publisher(MarkerArray, "obstacles", _SENSOR)
+        self._obstacles = self.node.create_publisher(MarkerArray, "obstacles", QoSProfile(depth=5))
         self.node.create_subscription(DiagnosticArray, "planner/status", self._on_status, QoSProfile(depth=50))
         self._clouds = self.node.create_publisher(PointCloud2, "obstacle_cloud", _SENSOR)
         self.node.create_timer(1.0 / OBSTACLES_HZ, self.tell_spheres)

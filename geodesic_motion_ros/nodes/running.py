@@ -52,11 +52,15 @@ class LoopingNode(Node, ABC):
             self.destroy_node()
             raise
         # rclpy's first line looks through all modules, 0.1 s and more with the interpreter held: not in a loop.
-        self.get_logger().info("built")
+        self.get_logger().info(self._introduction())
 
     @abstractmethod
     def _build(self) -> None:
         """Declare parameters and make everything that may fail; nothing runs yet."""
+
+    @abstractmethod
+    def _introduction(self) -> str:
+        """What the node is ready for, what it publishes and what it waits for, in one line of the log."""
 
     @abstractmethod
     def start(self) -> None:

@@ -39,7 +39,7 @@ class SkillKind(ABC):
 
     Attributes
     ----------
-    robot : that the skill is of. cycle : the stream of its commands.
+    robot : that the skill is of. cycle : the stream of its commands. subject : what moves, for a person.
     command_topic, command_type : where commands go: "target_pose", or "joint_trajectory".
     may_be_early : whether a cycle need not wait for its time where obstacles have changed: what it sends says itself
         when it begins, and not that it is to be followed at once.
@@ -48,6 +48,7 @@ class SkillKind(ABC):
     robot: Robot
     cycle: StreamCycle
     command_topic: str
+    subject: str
     may_be_early: bool
 
     def __init__(self) -> None:
@@ -90,6 +91,7 @@ class TaskSpaceKind(SkillKind):
     """Poses of the tool, streamed as `target_pose`."""
 
     command_topic = "target_pose"
+    subject = "the tool"
     may_be_early = False
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
@@ -143,6 +145,7 @@ class JointSpaceKind(SkillKind):
     """Configurations of the whole arm, sent as `joint_trajectory`."""
 
     command_topic = "joint_trajectory"
+    subject = "the whole arm"
     may_be_early = True
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: The rate is that of the last ticks in so long [s]: what is said once a second must not be smoothed over many.
-_RATE_SPAN = 1.0
+#: Statistics are of the ticks in the last so long [s]: what is said once a second must not be smoothed over many.
+_SPAN = 1.0
 
 
 class Schedule:
@@ -45,8 +45,8 @@ class Schedule:
 
 @dataclass(frozen=True)
 class LoopStatistics:
-    """How the loop is doing: rate [Hz] in the last second, pauses included, tick durations [s] over the last ticks,
-    counts since the start."""
+    """How the loop is doing: rate [Hz] in the last second, pauses included, tick durations [s] of that second, counts
+    since the start."""
 
     rate: float
     tick_p50: float
@@ -77,19 +77,20 @@ class _Recorder:
         count = min(self.ticks, len(self._starts))
         if count < 2:
             return LoopStatistics(float("nan"), float("nan"), float("nan"), self.ticks, misses)
-        p50, p99 = np.percentile(self._durations[:count], [50.0, 99.0])
-        rate = _rate(np.sort(self._starts[:count]), expected)
-        return LoopStatistics(rate, float(p50), float(p99), self.ticks, misses)
+        order = np.argsort(self._starts[:count])
+        starts, durations = self._starts[order], self._durations[order]
+        now = max(float(starts[-1]), expected)
+        recent = durations[starts > now - _SPAN] if starts[-1] > now - _SPAN else durations[-1:]
+        p50, p99 = np.percentile(recent, [50.0, 99.0])
+        return LoopStatistics(_rate(starts, now), float(p50), float(p99), self.ticks, misses)
 
 
-def _rate(starts: np.ndarray, expected: float) -> float:
-    """Ticks a second of those that began at `starts` (n,) [s], two at least, in the last `_RATE_SPAN`.
+def _rate(starts: np.ndarray, now: float) -> float:
+    """Ticks a second of those that began at `starts` (n,) [s], two at least, in the last `_SPAN` before `now` [s].
 
-    A pause counts whole: one at the beginning of that time, by the tick before it, and one that goes on, by when a tick
-    was `expected` at the latest [s].
+    A pause counts whole: one at the beginning of that time, by the tick before it, and one that goes on.
     """
-    now = max(float(starts[-1]), expected)
-    first = max(0, min(int(np.searchsorted(starts, now - _RATE_SPAN, side="right")), len(starts) - 1) - 1)
+    first = max(0, min(int(np.searchsorted(starts, now - _SPAN, side="right")), len(starts) - 1) - 1)
     return float((len(starts) - 1 - first) / (now - starts[first]))
 
 

@@ -33,6 +33,8 @@ DEADLINE_SHARE = 0.5
 #: What is commanded moves on by at most this [s] of a simulation in one cycle, so that a late one is no step of the
 #: arm: 4 mm and 0.016 rad at the default speeds.
 LONGEST_ADVANCE = 0.02
+#: What is said where a simulated clock is to be followed and there is none.
+NO_CLOCK = "use_sim_time is set, and nothing has been received on /clock"
 #: What is said of a goal while it is being prepared.
 PREPARING = "the newest goal is being prepared"
 #: An arm that was lost rests when it has stayed this long [s] near one place.
@@ -55,7 +57,7 @@ class CycleInputs(Generic[Place]):
     silent_sources : obstacle topics that have fallen silent, with for how long [s]; empty where that does
         not matter.
     late_sources : obstacle topics that tell of what is too long ago, with how long [s]; likewise.
-    unheard_sources : obstacle topics that must have been heard, and were not yet.
+    unusable_sources : obstacle topics of which nothing is known though something should be, with the reason.
     hold : whether a hold was asked for.
     task_frame : where the frame that the skill was shown in stands now, position (3,) [m] and quaternion (4,).
     goal_in_task_frame : whether the goal was given in that frame.
@@ -73,7 +75,7 @@ class CycleInputs(Generic[Place]):
     obstacles: ObstacleSet
     silent_sources: dict[str, float] = field(default_factory=dict)
     late_sources: dict[str, float] = field(default_factory=dict)
-    unheard_sources: tuple[str, ...] = ()
+    unusable_sources: dict[str, str] = field(default_factory=dict)
     hold: bool = False
     task_frame: Pose | None = None
     goal_in_task_frame: bool = False
@@ -110,6 +112,11 @@ class CycleOutput:
     configuration: np.ndarray | None = None
     speed: float = 0.0
 
+    @property
+    def goal_refused(self) -> bool:
+        """Whether the newest goal was refused."""
+        return not (self.goal_verdict.ok or self.goal_verdict.code is VerdictCode.NO_GOAL)
+
 
 @dataclass
 class _Lost:
@@ -126,6 +133,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
     Parameters
     ----------
     command_topic : where the commands go.
+    state_topic : where the arm's state comes from, as messages name it; "joint_states" until it is set.
     state_timeout : [s] a joint state older than this stops the arm.
     resume_timeout : [s] when the state returns after less than this, the motion resumes; after more, the goal is
         dropped.
@@ -142,6 +150,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         background: Executor | None = None,
     ) -> None:
         self._command_topic = command_topic
+        self.state_topic = "joint_states"
         self._clock = clock
         self._goals: GoalPreparation[Prepared | Verdict] = GoalPreparation(background)
         self.state_timeout = state_timeout
@@ -173,7 +182,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         jump, self._set_by = inputs.set_by - self._set_by, inputs.set_by
         if jump != 0.0:
             self._jump = jump
-            self._drop_goal(f"the clock was set by {jump:+.1f} s")
+            self._drop_goal(NO_CLOCK if _without_clock(inputs) else f"the clock was set by {jump:+.1f} s")
         return min(passed, LONGEST_ADVANCE) if inputs.simulated else period
 
     # ------------------------------------------- what differs between the kinds of skill
@@ -276,8 +285,10 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         return Verdict(VerdictCode.OK)
 
     def _stale_state(self, inputs: CycleInputs[Place]) -> Verdict | None:
+        if _without_clock(inputs):
+            return Verdict(VerdictCode.STALE_STATE, NO_CLOCK)
         if inputs.measured is None:
-            return Verdict(VerdictCode.STALE_STATE, "joint_states: none has arrived yet")
+            return Verdict(VerdictCode.STALE_STATE, f"{self.state_topic}: none has arrived yet")
         age, allowed = inputs.state_age, self.state_timeout
         if age <= allowed:
             return None
@@ -285,7 +296,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             self._missing = True
             self._drop_goal(f"joint_states were missing for more than {self.resume_timeout:g} s")
         return Verdict(
-            VerdictCode.STALE_STATE, f"joint_states: the newest is {age:.3f} s old, allowed are {allowed:g} s"
+            VerdictCode.STALE_STATE, f"{self.state_topic}: the newest is {age:.3f} s old, allowed are {allowed:g} s"
         )
 
     def _follow_measured(self, inputs: CycleInputs[Place], advance: float) -> Verdict | None:
@@ -344,14 +355,16 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         return Verdict(VerdictCode.CONFLICT, f"{topic} is published by {names}: only one may command the arm")
 
 
+def _without_clock(inputs: CycleInputs[Any]) -> bool:
+    return inputs.simulated and inputs.now == 0.0
+
+
 def _stale_obstacles(inputs: CycleInputs[Place]) -> str:
     """Which obstacle topics are not to be trusted, why, and what would be right; '' when all are."""
-    said = []
-    if inputs.unheard_sources:
-        said.append(f"{', '.join(inputs.unheard_sources)}: nothing has been heard yet (required_obstacle_topics)")
+    said = [f"{source}: {why}" for source, why in inputs.unusable_sources.items()]
     if inputs.silent_sources:
         silent = ", ".join(f"{source} for {age:.2f} s" for source, age in inputs.silent_sources.items())
-        said.append(f"silent: {silent}; tell them again, or delete them")
+        said.append(f"silent: {silent}; publish it again, or call ~/clear_obstacles where nothing is there any more")
     if inputs.late_sources:
         late = ", ".join(f"{source} by {age:.2f} s" for source, age in inputs.late_sources.items())
         said.append(f"stamps lag: {late}; synchronise the clocks, or detect faster")

@@ -118,6 +118,10 @@ class TwinNode(LoopingNode):
         if values["spawn_at_start"]:
             self._spawn()
 
+    def _introduction(self) -> str:
+        topics = ", ".join(self.resolve_topic_name(name) for name in ("joint_trajectory", "target_pose"))
+        return f"ready: a simulated panda on {self._joint_states.topic_name}; waits for commands on {topics}"
+
     def _make_interface(self) -> None:
         # Reliable publishers serve subscribers of either kind; best effort ones would leave reliable
         # subscribers out.

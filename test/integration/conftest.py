@@ -18,7 +18,7 @@ from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -80,10 +80,10 @@ class Bench:
             self._error = error
             self._notify()
 
-    def add(self, kind: type, **parameters: Any) -> Any:
+    def add(self, kind: type, namespace: str = "", **parameters: Any) -> Any:
         """Create a node of this package with parameters, start it and spin it."""
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        node = kind(context=self.context, parameter_overrides=overrides)
+        node = kind(context=self.context, namespace=namespace, parameter_overrides=overrides)
         self._nodes.append(node)
         self.executor.add_node(node)
         node.start()
@@ -219,10 +219,24 @@ class Bench:
         rclpy.try_shutdown(context=self.context)
 
 
+def cloud_of(points: np.ndarray) -> PointCloud2:
+    fields = [PointField(name=name, offset=8 * i, datatype=PointField.FLOAT64, count=1) for i, name in enumerate("xyz")]
+    return PointCloud2(
+        header=Header(frame_id=BASE), height=1, width=len(points), point_step=24, row_step=24 * len(points),
+        fields=fields, data=points.tobytes(),
+    )  # fmt: skip
+
+
 def pose_of(pose: np.ndarray, frame: str = BASE) -> PoseStamped:
     """A PoseStamped of (7,): position [m], quaternion (w, x, y, z)."""
     message = messages.pose_message(pose[:3], pose[3:], frame, Header().stamp)
     return message
+
+
+@pytest.fixture
+def make_cloud() -> Callable[[np.ndarray], PointCloud2]:
+    """Makes a cloud of points (n, 3) [m] in the base frame."""
+    return cloud_of
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.srv import GetPlan
 from std_msgs.msg import Float64, Header, UInt32
 
-from geodesic_motion_ros.nodes.goal_sender import by_hand, send_goal
+from geodesic_motion_ros.nodes.goal_sender import GoalRefusedError, by_hand, send_goal
 from geodesic_motion_ros.nodes.messages import read_pose
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.stream_cycle import PREPARING
@@ -82,6 +82,19 @@ def test_the_tour_planner_and_twin_as_they_start_and_the_goal_of_the_skill(bench
     bench.wait_for_code("NO_GOAL")
     assert send_goal(skill.goal_pose, skill.base_frame) == "OK"
     arrive(bench, skill.goal_pose)
+
+
+def test_a_refused_goal_is_reported_also_where_the_arm_stands_at_an_earlier_one(bench, options, skill, skill_folder):
+    watch(bench)
+    bench.add(TwinNode, namespace="left", skill=str(skill_folder))
+    bench.add(PlannerNode, namespace="left", **options)
+    left = "-r", "__ns:=/left"
+    topics = []
+    assert send_goal(skill.goal_pose, skill.base_frame, left, topics.append) == "OK"
+    assert topics == ["/left/goal_pose"]
+    far = skill.goal_pose + np.array([0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    with pytest.raises(GoalRefusedError, match="the planner refuses the goal: GOAL_OUT_OF_SUPPORT: "):
+        send_goal(far, skill.base_frame, left)
 
 
 def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options, skill, skill_folder, monkeypatch):

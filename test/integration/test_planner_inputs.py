@@ -11,6 +11,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped, PoseStamped, TransformStamped
 from nav_msgs.srv import GetPlan
+from rcl_interfaces.msg import Log
 from rclpy.time import Time
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header
@@ -76,7 +77,18 @@ REFUSED = {
 
 
 class TestBadInput:
-    def test_is_refused_with_the_reason_and_changes_nothing(self, moving):
+    def test_is_refused_with_the_reason_and_changes_nothing(self, moving, make_cloud):
+        # An obstacle topic of which nothing was ever usable would stop the arm.
+        point = PointStamped(header=Header(frame_id=BASE))
+        point.point.x = 9.0
+        cloud = make_cloud(np.array([[9.0, 9.0, 0.0]]))
+        for kind, topic, message in (
+            (MarkerArray, "obstacles", MarkerArray()),
+            (PointStamped, "obstacle_point", point),
+            (PointCloud2, "obstacle_cloud", cloud),
+        ):
+            moving.publisher(kind, topic).publish(message)
+            moving.wait(lambda topic=topic: topic in moving.planner._inputs.ages(), f"the first message on {topic}")
         before = moving.planner._inputs.snapshot()
         for name, (kind, topic, message, reason) in REFUSED.items():
             publisher = moving.publisher(kind, topic)
@@ -110,10 +122,17 @@ class TestBadInput:
         assert status["reason"]
         assert status["time_to_goal"] == "nan"
 
-    def test_a_bad_later_goal_leaves_the_old_one(self, moving, skill):
+    def test_a_bad_later_goal_leaves_the_old_one_and_is_reported(self, moving, skill):
+        moving.listen(Log, "/rosout", 100)
         moving.send_goal(np.array([0.30, 0.45, 0.36, 0.0, 1.0, 0.0, 0.0]))
         moving.wait(lambda: moving.status()["goal_code"] == "GOAL_OUT_OF_SUPPORT", "a refused goal")
         assert moving.status()["code"] == "OK"
+        assert moving.heard["planner/status"][-1].status[0].message.startswith(
+            "OK; newest goal refused: GOAL_OUT_OF_SUPPORT: "
+        )
+        refused = "newest goal refused: GOAL_OUT_OF_SUPPORT: "
+        log = moving.heard["/rosout"]
+        moving.wait(lambda: any(entry.msg.startswith(refused) for entry in log), "a line of the log")
         moving.wait(moving.at_rest, "rest at the old goal")
         point = moving.heard["target_pose"][-1].pose.position
         np.testing.assert_allclose([point.x, point.y, point.z], skill.goal_pose[:3], atol=1e-3)

@@ -155,10 +155,13 @@ class TestPlanService:
         ready.wait(lambda: len(ready.planner._inputs.snapshot().obstacles.radii), "the obstacle")
         ready.wait(lambda: len(ready.planner._kind.planner._scene.in_base.radii), "the obstacle in the planner")
         assert not ready.call(GetPlan, "plan", self.request(make_pose, skill.start_pose, skill.goal_pose)).plan.poses
+        ready.wait(lambda: ready.status()["plan"].startswith("NO_FEASIBLE_PATH: "), "the reason in the status")
 
     def test_is_empty_for_another_frame(self, ready, skill, make_pose):
         request = self.request(make_pose, skill.start_pose, skill.goal_pose, frame="map")
         assert not ready.call(GetPlan, "plan", request).plan.poses
+        refused = "BAD_INPUT: start: frame 'map' is unknown here"
+        ready.wait(lambda: ready.status()["plan"].startswith(refused), "the reason in the status")
 
 
 class TestFaults:

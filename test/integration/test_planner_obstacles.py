@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import threading
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import PointCloud2, PointField
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
@@ -22,14 +24,11 @@ pytestmark = pytest.mark.realtime
 BASE = "panda_link0"
 
 
-def cloud_of(points: np.ndarray) -> PointCloud2:
-    return PointCloud2(
-        header=Header(frame_id=BASE), height=1, width=len(points), point_step=24, row_step=24 * len(points),
-        fields=[
-            PointField(name=name, offset=8 * i, datatype=PointField.FLOAT64, count=1) for i, name in enumerate("xyz")
-        ],
-        data=points.tobytes(),
-    )  # fmt: skip
+def sphere(centre: np.ndarray, radius: float = 0.2) -> Marker:
+    marker = Marker(header=Header(frame_id=BASE), type=Marker.SPHERE)
+    marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = map(float, centre)
+    marker.scale.x = marker.scale.y = marker.scale.z = 2.0 * radius
+    return marker
 
 
 class TestObstacles:
@@ -78,7 +77,7 @@ class TestObstacles:
         node = bench.add(PlannerNode, **planner_options | {"required_obstacle_topics": ["obstacles"]})
         bench.send_joint_states(start_joints)
         bench.send_goal(skill.goal_pose)
-        unheard = "obstacles: nothing has been heard yet (required_obstacle_topics)"
+        unheard = "obstacles: nothing has been received yet (required_obstacle_topics)"
         bench.wait_for_code("STALE_OBSTACLES", unheard)
         bench.publisher(MarkerArray, "obstacles").publish(MarkerArray())
         bench.wait_for_code("OK")
@@ -87,14 +86,66 @@ class TestObstacles:
         refused = node.set_parameters([Parameter("required_obstacle_topics", value=["obstacle"])])[0]
         assert not refused.successful
 
-    def test_every_kind_of_obstacle_counts(self, moving, wall):
+    @pytest.mark.parametrize("policy", ["hold", "keep"])
+    @pytest.mark.parametrize("topic", ["obstacles", "obstacle_marker", "obstacle_point", "obstacle_cloud"])
+    def test_a_topic_of_which_nothing_is_usable_stops_the_arm(self, moving, wall, make_cloud, topic, policy):
+        moving.planner.set_parameters([Parameter("obstacle_silence_policy", value=policy)])
+        marker = sphere(wall[0])
+        kind, good = {
+            "obstacles": (MarkerArray, MarkerArray(markers=[marker])),
+            "obstacle_marker": (Marker, marker),
+            "obstacle_point": (PointStamped, PointStamped(header=Header(frame_id=BASE), point=marker.pose.position)),
+            "obstacle_cloud": (PointCloud2, make_cloud(np.array([[9.0, 9.0, 0.0]]))),
+        }[topic]
+        bad = copy.deepcopy(good)
+        header = bad.markers[0].header if topic == "obstacles" else bad.header
+        header.frame_id = "camera_link"
+        moving.publisher(kind, topic).publish(bad)
+        status = moving.wait_for_code("STALE_OBSTACLES", f"{topic}: received, never usable: ")
+        assert "frame 'camera_link' is unknown here: send it in 'panda_link0'" in status["reason"]
+        moving.publisher(kind, topic).publish(good)
+        moving.wait(lambda: moving.status()["code"] != "STALE_OBSTACLES", "the end of it")
+        # What was usable once is refused without a stop.
+        moving.call(Trigger, "planner/clear_obstacles", Trigger.Request())
+        moving.wait_for_code("OK")
+
+    @pytest.mark.parametrize("topic", ["obstacle_point", "obstacle_cloud"])
+    def test_what_falls_silent_is_forgotten_after_its_lifetime(self, moving, wall, make_cloud, topic):
+        changes = {"obstacle_timeout": 0.2, "obstacle_lifetime": 0.6, "obstacle_point_radius": 0.2}
+        for name, value in changes.items():
+            assert moving.planner.set_parameters([Parameter(name, value=value)])[0].successful
+        grid = np.arange(-0.3, 0.3, 0.05)
+        point = PointStamped(header=Header(frame_id=BASE), point=sphere(wall[0]).pose.position)
+        cloud = make_cloud(np.array([wall[0] + np.array([x, 0.0, z]) for x in grid for z in grid]))
+        kind, message = {"obstacle_point": (PointStamped, point), "obstacle_cloud": (PointCloud2, cloud)}[topic]
+        moving.publisher(kind, topic).publish(message)
+        status = moving.wait_for_code("STALE_OBSTACLES", f"silent: {topic} for ")
+        assert "call ~/clear_obstacles" in status["reason"]
+        moving.wait_for_code("OK")
+        assert len(moving.planner._inputs.snapshot().obstacles) == 0
+
+    def test_latched_obstacles_of_before_the_start_count(self, bench, planner_options, start_joints, skill, wall):
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        bench.probe.create_publisher(MarkerArray, "obstacles", latched).publish(MarkerArray(markers=[sphere(wall[0])]))
+        bench.watch_planner()
+        bench.add(PlannerNode, **planner_options)
+        bench.send_joint_states(start_joints)
+        bench.send_goal(skill.goal_pose)
+        bench.wait_for_code("NO_FEASIBLE_PATH")
+
+    def test_obstacles_of_a_best_effort_publisher_count(self, moving, wall):
+        profile = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+        publisher = moving.probe.create_publisher(Marker, "obstacle_marker", profile)
+        # Best effort: what is published before the planner is connected is lost.
+        moving.repeat(0.05, lambda: publisher.publish(sphere(wall[0])))
+        moving.wait_for_code("NO_FEASIBLE_PATH")
+
+    def test_every_kind_of_obstacle_counts(self, moving, wall, make_cloud):
         """Each topic alone blocks the way, and its obstacle is gone when it is told to go."""
         grid = np.arange(-0.3, 0.3, 0.05)
         points = np.array([wall[0] + np.array([x, 0.0, z]) for x in grid for z in grid])
-        cloud = cloud_of(points)
-        marker = Marker(header=Header(frame_id=BASE), type=Marker.SPHERE)
-        marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = wall[0]
-        marker.scale.x = marker.scale.y = marker.scale.z = 0.4
+        cloud = make_cloud(points)
+        marker = sphere(wall[0])
         cube, cylinder = (Marker(header=Header(frame_id=BASE), type=kind) for kind in (Marker.CUBE, Marker.CYLINDER))
         for solid in (cube, cylinder):
             solid.pose.position.x, solid.pose.position.y, solid.pose.position.z = wall[0]
@@ -118,22 +169,20 @@ class TestObstacles:
         moving.wait(lambda: moving.health().get("cloud_points") == str(len(points)), "the figures of the cloud")
 
     def test_an_obstacle_vanishes_with_its_lifetime(self, moving, wall):
-        marker = Marker(header=Header(frame_id=BASE), type=Marker.SPHERE)
-        marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = wall[0]
-        marker.scale.x = marker.scale.y = marker.scale.z = 0.4
+        marker = sphere(wall[0])
         marker.lifetime.nanosec = 300_000_000
         moving.publisher(Marker, "obstacle_marker").publish(marker)
         moving.wait_for_code("NO_FEASIBLE_PATH")
         moving.wait_for_code("OK")
 
-    def test_solids_and_clouds_are_shown_as_the_planner_sees_them(self, moving):
+    def test_solids_and_clouds_are_shown_as_the_planner_sees_them(self, moving, make_cloud):
         moving.listen(MarkerArray, "planner/markers")
         cube = Marker(header=Header(frame_id=BASE), type=Marker.CUBE)
         cube.pose.position.y, cube.pose.orientation.w = 0.8, 1.0
         cube.scale.x, cube.scale.y, cube.scale.z = 0.1, 0.2, 0.3
         moving.publisher(Marker, "obstacle_marker").publish(cube)
         points = np.array([[0.0, 0.7, 0.5], [0.0, 0.7, 0.6], [9.0, 9.0, 0.0], [np.nan, 0.0, 0.0]])
-        moving.publisher(PointCloud2, "obstacle_cloud").publish(cloud_of(points))
+        moving.publisher(PointCloud2, "obstacle_cloud").publish(make_cloud(points))
 
         def shown(namespace: str) -> Marker | None:
             newest = moving.heard["planner/markers"][-1:]

@@ -148,7 +148,7 @@ def test_without_a_clock_joint_states_are_of_no_use(bench, skill_folder, start_j
     bench.watch_planner()
     bench.add(PlannerNode, skill=str(skill_folder), **OPTIONS)
     bench.send_joint_states(start_joints)
-    bench.wait(lambda: "nothing has been heard on /clock" in bench.status().get("refused_input", ""), "the refusal")
+    bench.wait(lambda: "nothing has been received on /clock" in bench.status().get("refused_input", ""), "the refusal")
     assert bench.status()["code"] == "STALE_STATE"
     bench.listen(PoseStamped, "target_pose")
     SimulatedClock(bench)

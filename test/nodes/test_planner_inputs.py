@@ -25,6 +25,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 #: [m/s], [s].
 SPEED, PATIENCE = 0.5, 10.0
 BASE = "panda_link0"
+UNHEARD = "nothing has been received yet (required_obstacle_topics)"
 PARAMETERS = {parameter.name: parameter.default for parameter in PLANNER}
 
 
@@ -241,13 +242,13 @@ class TestRequired:
         return Bench(node, required_obstacle_topics=required, obstacle_silence_policy=request.param)
 
     def test_topics_are_unheard_until_each_has_spoken_and_after_all_was_cleared(self, bench):
-        assert bench.inputs.snapshot().unheard_sources == ("obstacles", "obstacle_point")
+        assert bench.inputs.snapshot().unusable_sources == {"obstacles": UNHEARD, "obstacle_point": UNHEARD}
         bench.tell()
-        assert bench.inputs.snapshot().unheard_sources == ("obstacle_point",)
+        assert bench.inputs.snapshot().unusable_sources == {"obstacle_point": UNHEARD}
         bench.inputs._on_point(PointStamped(header=bench.header()))
-        assert bench.inputs.snapshot().unheard_sources == ()
+        assert bench.inputs.snapshot().unusable_sources == {}
         bench.inputs.clear_obstacles()
-        assert bench.inputs.snapshot().unheard_sources == ("obstacles", "obstacle_point")
+        assert bench.inputs.snapshot().unusable_sources == {"obstacles": UNHEARD, "obstacle_point": UNHEARD}
 
     def test_one_that_deletes_its_last_obstacle_must_go_on(self, bench):
         bench.inputs._on_point(PointStamped(header=bench.header()))
@@ -255,15 +256,15 @@ class TestRequired:
             bench.tell(*markers)
             bench.go(0.4)
             assert "obstacles" not in bench.inputs.snapshot().silent_sources
-            assert bench.inputs.snapshot().unheard_sources == ()
+            assert bench.inputs.snapshot().unusable_sources == {}
         bench.tell(Marker(action=Marker.DELETEALL))
         bench.go(0.6)
         silent = bench.parameters["obstacle_silence_policy"] == "hold"
         assert ("obstacles" in bench.inputs.snapshot().silent_sources) is silent
-        assert bench.inputs.snapshot().unheard_sources == ()
+        assert bench.inputs.snapshot().unusable_sources == {}
 
     def test_none_is_by_default(self, node):
-        assert Bench(node).inputs.snapshot().unheard_sources == ()
+        assert Bench(node).inputs.snapshot().unusable_sources == {}
 
 
 def test_the_task_frame_has_an_age_once_it_was_heard_and_is_never_silent(bench):

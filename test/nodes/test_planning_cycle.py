@@ -94,12 +94,12 @@ def test_goes_to_the_goal_in_steps_no_longer_than_speed_allows(cycle, inputs, st
         ({"silent_sources": {"obstacle_point": 0.7}}, VerdictCode.STALE_OBSTACLES, "obstacle_point for 0.70 s"),
         ({"late_sources": {"obstacles": 2.0}}, VerdictCode.STALE_OBSTACLES, "stamps lag: obstacles by 2.00 s; sync"),
         (
-            {"unheard_sources": ("obstacles",)},
+            {"unusable_sources": {"obstacles": "received, never usable: frame 'camera_link' is unknown here"}},
             VerdictCode.STALE_OBSTACLES,
-            "obstacles: nothing has been heard yet (required_obstacle_topics)",
+            "obstacles: received, never usable: frame 'camera_link' is unknown here",
         ),
     ],
-    ids=["old state", "hold", "silent obstacles", "late obstacles", "unheard obstacles"],
+    ids=["old state", "hold", "silent obstacles", "late obstacles", "unusable obstacles"],
 )
 def test_a_reason_to_hold_brakes_and_its_end_resumes(cycle, inputs, change, code, reason):
     settings = cycle.planner.settings
@@ -300,7 +300,7 @@ def test_a_second_commander_stops_the_arm_and_drops_the_goal(cycle, inputs):
 @pytest.mark.parametrize(("speed", "cycles"), [(0.5, 120), (2.0, 30)])
 def test_the_stream_goes_on_with_a_simulated_clock(cycle, inputs, speed, cycles):
     """As far as in so much time of a real one, however fast it runs, and no further while it stands."""
-    simulated = dataclasses.replace(inputs, simulated=True)
+    simulated = dataclasses.replace(inputs, simulated=True, now=1.0)
     heard, path = 50.0, []
     for number in range(3 * cycles):
         stands = cycles <= number < 2 * cycles
@@ -315,9 +315,9 @@ def test_the_stream_goes_on_with_a_simulated_clock(cycle, inputs, speed, cycles)
 
 
 def test_a_leap_of_simulated_time_is_no_leap_of_the_arm(cycle, inputs):
-    follow(cycle, dataclasses.replace(inputs, simulated=True, heard=10.0), 2)
+    follow(cycle, dataclasses.replace(inputs, simulated=True, now=1.0, heard=10.0), 2)
     here = cycle.follower.position.copy()
-    leap = dataclasses.replace(inputs, measured=(here, cycle.follower.quaternion), simulated=True, heard=11.9)
+    leap = dataclasses.replace(inputs, measured=(here, cycle.follower.quaternion), simulated=True, now=1.0, heard=11.9)
     assert np.linalg.norm(cycle.run(leap, PERIOD).commanded[0] - here) <= 0.2 * LONGEST_ADVANCE
     assert cycle.planner.settings.speed * LONGEST_ADVANCE <= LARGEST_STEP_POSITION
     assert cycle.planner.settings.angular_speed * LONGEST_ADVANCE <= LARGEST_STEP
@@ -389,7 +389,7 @@ def test_faults_while_the_reference_brakes_do_not_brake_twice(cycle, inputs):
 
 
 def test_a_fault_while_a_simulation_stands_moves_nothing_and_stops_as_it_goes_on(cycle, inputs, monkeypatch):
-    simulated, heard = dataclasses.replace(inputs, simulated=True), 50.0
+    simulated, heard = dataclasses.replace(inputs, simulated=True, now=1.0), 50.0
     for _ in range(60):
         heard += PERIOD
         output = cycle.run(dataclasses.replace(simulated, heard=heard), PERIOD)

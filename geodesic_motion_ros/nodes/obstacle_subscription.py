@@ -1,0 +1,98 @@
+"""Subscriptions that receive every publisher of an obstacle topic: reliable or best effort, latched or not."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+
+# A second copy of a message, on another subscription of its topic, arrives within so long [s].
+_COPY_WITHIN = 1.0
+
+
+class ObstacleSubscription:
+    """Receives a topic whatever quality of service its publishers offer, and each message once.
+
+    DDS connects no best-effort publisher with a reliable subscription, and hands what a latched publisher sent
+    earlier to transient-local subscriptions only. So there is one subscription from the beginning on, and as soon as a
+    publisher appears that needs it another one beside it; what arrives on both is taken once.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        topic: str,
+        take: Callable[[Any], None],
+        depth: int,
+        reliability: ReliabilityPolicy,
+        raw: bool = False,
+    ) -> None:
+        """depth, reliability : of the first subscription. raw : `take` receives the message's bytes."""
+        self._node, self._kind, self._topic, self._take, self._depth, self._raw = node, kind, topic, take, depth, raw
+        self._subscriptions: dict[tuple[ReliabilityPolicy, DurabilityPolicy], Any] = {}
+        self._copies = _Copies()
+        self._subscribe(reliability, DurabilityPolicy.VOLATILE)
+
+    def _subscribe(self, reliability: ReliabilityPolicy, durability: DurabilityPolicy) -> None:
+        offered = reliability, durability
+        if offered in self._subscriptions:
+            return
+        self._subscriptions[offered] = None  # a publisher that appears meanwhile must not make a second one
+        profile = QoSProfile(depth=self._depth, reliability=reliability, durability=durability)
+        # Not rclpy's own callback: its warning says that no message will come, which the other subscription belies.
+        events = SubscriptionEventCallbacks(
+            matched=lambda _: self._look_for_latched(),
+            incompatible_qos=lambda _: self._subscribe(ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE),
+            use_default_callbacks=False,
+        )
+
+        def receive(message: bytes) -> None:
+            if len(self._subscriptions) == 1 or self._copies.is_new(message, offered, time.monotonic()):
+                self._take(message if self._raw else deserialize_message(message, self._kind))
+
+        self._subscriptions[offered] = self._node.create_subscription(
+            self._kind, self._topic, receive, profile, raw=True, event_callbacks=events
+        )
+
+    def _look_for_latched(self) -> None:
+        publishers = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(self._topic))
+        if any(found.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for found in publishers):
+            self._subscribe(ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@dataclass
+class _Received:
+    content: int
+    at: float
+    by: set[object]
+
+
+class _Copies:
+    """Tells the copies of a message on several subscriptions from messages that are sent again.
+
+    Each subscription receives what a publisher sends in its order: the first message with this content that one has
+    not received yet is the one that another has.
+    """
+
+    def __init__(self) -> None:
+        self._received: deque[_Received] = deque()
+
+    def is_new(self, message: bytes, subscription: object, now: float) -> bool:
+        """Whether no other subscription has received a message before, at a time [s] of a steady clock."""
+        while self._received and now - self._received[0].at > _COPY_WITHIN:
+            self._received.popleft()
+        content = hash(message)
+        for received in self._received:
+            if received.content == content and subscription not in received.by:
+                received.by.add(subscription)
+                return False
+        self._received.append(_Received(content, now, {subscription}))
+        return True

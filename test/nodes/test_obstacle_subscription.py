@@ -1,0 +1,117 @@
+"""Every publisher of an obstacle topic is received, whatever it offers, and every message once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from visualization_msgs.msg import Marker
+
+from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
+
+PATIENCE = 30.0
+RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
+LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
+
+
+class Topic:
+    """A node that subscribes, one that publishes, and the identities of the markers received so far."""
+
+    def __init__(self, context: Any) -> None:
+        self.listener, self.talker = (rclpy.create_node(name, context=context) for name in ("listener", "talker"))
+        self.received: list[int] = []
+        self._executor = EventsExecutor(context=context)
+        self._executor.add_node(self.listener)
+
+    def subscribe(self, reliability: ReliabilityPolicy = RELIABLE) -> None:
+        def take(marker: Marker) -> None:
+            self.received.append(marker.id)
+
+        ObstacleSubscription(self.listener, Marker, "marker", take, 50, reliability)
+
+    def publisher(self, reliability: ReliabilityPolicy = RELIABLE, **policies: Any) -> Any:
+        return self.talker.create_publisher(Marker, "marker", QoSProfile(depth=50, reliability=reliability, **policies))
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, self.received
+            self._executor.spin_once(timeout_sec=0.02)
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self.listener.destroy_node()
+        self.talker.destroy_node()
+
+
+@pytest.fixture
+def topic() -> Iterator[Topic]:
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    topic = Topic(context)
+    yield topic
+    topic.close()
+    rclpy.try_shutdown(context=context)
+
+
+def test_what_a_latched_publisher_sent_before_is_received_and_what_it_sends_then_once(topic):
+    latched = topic.publisher(durability=LATCHED)
+    for number in range(3):
+        latched.publish(Marker(id=number))
+    topic.subscribe()
+    topic.wait(lambda: len(topic.received) >= 3)
+    # Both of its subscriptions are there.
+    topic.wait(lambda: latched.get_subscription_count() == 2)
+    for number in range(3, 20):
+        latched.publish(Marker(id=number))
+    topic.wait(lambda: 19 in topic.received)
+    latched.publish(Marker(id=20))
+    topic.wait(lambda: 20 in topic.received)
+    assert topic.received == list(range(21))
+
+
+def test_the_same_message_sent_again_counts_again(topic):
+    topic.subscribe()
+    latched = topic.publisher(durability=LATCHED)
+    topic.wait(lambda: latched.get_subscription_count() == 2)
+    for _ in range(5):
+        latched.publish(Marker(id=7))
+    topic.wait(lambda: len(topic.received) >= 5)
+    latched.publish(Marker(id=8))
+    topic.wait(lambda: 8 in topic.received)
+    assert topic.received == [7, 7, 7, 7, 7, 8]
+
+
+def test_a_best_effort_publisher_is_received_beside_reliable_ones(topic):
+    topic.subscribe()
+    reliable, best_effort = topic.publisher(), topic.publisher(BEST_EFFORT)
+    topic.wait(lambda: best_effort.get_subscription_count() == 1 and reliable.get_subscription_count() == 2)
+    sent = []
+
+    def arrives() -> bool:
+        # One that was lost on its way is sent under another number.
+        if not set(sent) & set(topic.received):
+            sent.append(100 + len(sent))
+            best_effort.publish(Marker(id=sent[-1]))
+        return bool(set(sent) & set(topic.received))
+
+    topic.wait(arrives)
+    for number in range(20):
+        reliable.publish(Marker(id=number))
+    topic.wait(lambda: 19 in topic.received)
+    assert [number for number in topic.received if number < 100] == list(range(20))
+
+
+def test_a_reliable_burst_arrives_whole_and_in_order(topic):
+    topic.subscribe()
+    publisher = topic.publisher()
+    topic.wait(lambda: publisher.get_subscription_count() == 1)
+    for number in range(50):
+        publisher.publish(Marker(id=number))
+    topic.wait(lambda: len(topic.received) == 50)
+    assert topic.received == list(range(50))
