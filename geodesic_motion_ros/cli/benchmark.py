@@ -17,9 +17,10 @@ skills    of the whole arm (panda_reach_to_grasp): all of the arm is guarded; of
 families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone (not with skills of
           the tool); crossing; chasing; gate: closes on the hand's way, and opens again; crowd: five that stand and
           five that cross
-methods   ours; ours, hard (no soft metric); ours, soft (nothing removed or certified); replay (of the nearest
-          demonstration, blind: the control); free demonstration (the nearest that is free, another one joined where it
-          is blocked); and peers, which are left out where their libraries are not installed:
+methods   ours; ours, hard (no soft metric); ours, soft (the soft metric alone, nothing removed or certified; not the
+          paper's planner); replay (of the nearest demonstration, blind: the control); free demonstration (the nearest
+          that is free, another one joined where it is blocked); and peers, which are left out where their libraries are
+          not installed:
           pip install 'geodesic_motion_ros[benchmark]'
 columns   success: the goal within 10 mm and 0.1 rad, no contact; moving: scenes that ended as the arm touched a sphere
           in motion, standing: as a sphere touched the arm that stood; refused: ended short of the goal, untouched, with
@@ -31,7 +32,8 @@ columns   success: the goal within 10 mm and 0.1 rad, no contact; moving: scenes
           ticks within 10 ms of processor time; arm: scenes, ended or not, in which a part of the arm touched a sphere
           that is not guarded.
           Clearance, similarity, jerk and time are those of successes. Intervals: Wilson, bootstrap of the median
-tables    scenes in which at least half of the demonstrations stay free, and the rest; successes by family
+tables    all scenes; those in which at least half of the demonstrations stay free, where to copy a free one suffices,
+          and the rest; successes by family
 files     in the folder SKILL of the output folder, held_out in it with --held-out: table.txt and the same tables in
           table.md, figures.json, success.png, clearance.png, strip.png
 held out  with --held-out every method is given two thirds of the demonstrations, a skill trained on these alone; a
@@ -41,7 +43,8 @@ held out  with --held-out every method is given two thirds of the demonstrations
           results (minutes; with the settings that the skill was trained with, on what it keeps of its demonstrations)
 
 A slow method is flattered: however long it thinks, its answer reaches the arm one tick later. What was played is kept
-in the output folder and not played again as long as the skill and the method's settings are the same.
+in the output folder and not played again as long as the skill and the method's settings are the same, whichever
+version of the code played it: after a change of the code give another folder (--out).
 """
 _EPILOG = """\
 examples:

@@ -92,7 +92,7 @@ ROWS: dict[str, Row] = {
     ),
     "ours, soft": Row(
         partial(_geodesics, part="soft"),
-        "the same without the hard part: the metric grows towards obstacles, as in the paper",
+        "the soft metric alone: ours without the hard part, nothing removed or certified; not the paper's planner",
     ),
     "replay": Row(_replay, "the nearest demonstration, blind: the control"),
     "free demonstration": Row(

@@ -182,6 +182,7 @@ class Report:
                 row: {
                     "told": told,
                     "settings": next((item.settings for item in self.played if item.row == row), None),
+                    "all": self.figures(row, every),
                     "half_or_more_stay_free": self.figures(row, mostly_free),
                     "fewer_stay_free": self.figures(row, hardly_free),
                     "families": {
@@ -225,8 +226,8 @@ class Report:
 
     def _tables(self) -> list[_Table]:
         return [
-            self._by_row("half or more stay free", mostly_free), self._by_row("fewer stay free", hardly_free),
-            self._by_family(),
+            self._by_row("all", every), self._by_row("half or more stay free", mostly_free),
+            self._by_row("fewer stay free", hardly_free), self._by_family(),
         ]  # fmt: skip
 
     def _by_row(self, title: str, wanted: Callable[[Played], bool]) -> _Table:
@@ -250,6 +251,11 @@ class Report:
     def _successes(self, row: str, wanted: Callable[[Played], bool]) -> str:
         outcomes = [item.outcome for item in self.of(row, wanted)]
         return f"{sum(outcome.success for outcome in outcomes)}/{len(outcomes)}" if outcomes else "-"
+
+
+def every(item: Played) -> bool:
+    """Any scene."""
+    return True
 
 
 def mostly_free(item: Played) -> bool:

@@ -41,7 +41,8 @@ def results_folder(folder: Path, skill: str, held_out: bool = False) -> Path:
 class Results:
     """Outcomes by row, family and number, of one skill and one seed, with demonstrations held out or without.
 
-    An outcome is valid for what it was played with: the method's settings, and what was learned.
+    An outcome is valid for what it was played with: the method's settings, and what was learned; not for a version of
+    the code.
     """
 
     def __init__(self, folder: Path, skill: str, seed: int, held_out: bool = False) -> None:

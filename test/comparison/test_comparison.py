@@ -208,6 +208,9 @@ def test_the_table_tells_successes_hits_and_refusals_apart(tmp_path) -> None:
     assert [told[name] for name in names] == [6, 100.0 / 6, 2, 1, 1, 1]
     assert told["rate_held_percent"] == 99.0
     assert content["rows"]["ours"]["fewer_stay_free"]["success_percent"] == 100.0
+    total = content["rows"]["ours"]["all"]
+    assert (total["scenes"], total["success_percent"]) == (7, 200.0 / 7)
+    assert report.plain().index("all: 7 scenes") < report.plain().index("half or more stay free: 6 scenes")
     for table in (report.plain(), report.markdown()):
         assert "1/6, 1/1" in table
         assert "from the closest demonstration" in table
@@ -225,7 +228,7 @@ def test_both_kinds_of_tables_say_the_same() -> None:
     # 2 scenes in the first table: success, interval, contacts, refused, lost, clearance, DTW, and scenes of an arm.
     assert plain[0][:10] == ["ours", "100.0", "34.2..100.0", "0", "0", "0", "0", "50", "50", "2.0"]
     assert plain[0][-1] == "1"
-    assert plain[2] == ["ours", "1/1,", "-", "1/1,", "-"]
+    assert plain[3] == ["ours", "1/1,", "-", "1/1,", "-"]
     without_arm = replace(report, played=played[1:])
     assert "arm" not in without_arm.markdown().split()
     assert "arm" in report.markdown().split()

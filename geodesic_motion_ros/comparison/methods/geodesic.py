@@ -24,7 +24,9 @@ class Geodesics:
     """Shortest paths of the learned metric.
 
     *hard*: nodes in obstacles are removed and references certified, but the metric does not grow towards obstacles.
-    *soft*: the metric grows, but nothing is removed or certified, as in the paper.
+    *soft*: the metric grows, but nothing is removed or certified. This is not the paper's planner: endpoints are
+    normalised (canonical sheet), the graph is pruned, obstacles are predicted and the cost of a path is limited, as in
+    the other parts.
     """
 
     def __init__(self, arena: Arena, part: Part = "whole", planner: JointPlannerSettings | None = None) -> None:

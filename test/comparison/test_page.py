@@ -1,0 +1,64 @@
+"""The benchmark's page and the README's table of it: rows are those of the code, totals are the sums of their parts."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from geodesic_motion_ros.comparison.catalogue import ROWS
+from geodesic_motion_ros.comparison.report import wilson
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+Table = dict[str, dict[str, str]]
+
+
+def tables(file: str, corner: str) -> list[Table]:
+    """The tables of a Markdown file whose first head matches: cells by their row's first cell and by their head, the
+    first of two that are called alike.
+    """
+    found = []
+    for lines in re.findall(r"(?:^\|.*\n)+", (REPOSITORY / file).read_text(), flags=re.MULTILINE):
+        head, _, *rows = [[cell.strip(" *") for cell in line.strip("|\n").split("|")] for line in lines.splitlines()]
+        if re.fullmatch(corner, head[0]):
+            columns = {name: head.index(name) for name in head[1:]}
+            found.append({row[0]: {name: row[column] for name, column in columns.items()} for row in rows})
+    return found
+
+
+PAGE = "geodesic_motion_ros/comparison/README.md"
+TOTALS, FAMILIES = tables(PAGE, r"all \d+ scenes"), tables(PAGE, "successes: half or more free, fewer")
+PARTS = [table for table in tables(PAGE, "") if "success %" in next(iter(table.values()))]
+
+
+def test_the_methods_are_those_of_the_catalogue() -> None:
+    (methods,) = [table for table in tables(PAGE, "row") if "ours" in table]
+    assert list(methods) == list(ROWS)
+
+
+@pytest.mark.parametrize("skill", range(3), ids=["whole arm", "pouring", "bottle to shelf"])
+def test_totals_are_the_sums_of_their_parts(skill: int) -> None:
+    total, families = TOTALS[skill], FAMILIES[skill]
+    half, fewer = PARTS[2 * skill : 2 * skill + 2]
+    assert list(total) == list(half) == list(fewer) == list(families) == list(ROWS)
+    for name, row in total.items():
+        counts = [pair.split("/") for cell in families[name].values() for pair in cell.split(", ") if pair != "-"]
+        successes, scenes = (sum(map(int, column)) for column in zip(*counts, strict=True))
+        interval = "..".join(f"{100.0 * bound:.1f}" for bound in wilson(successes, scenes))
+        assert (row["successes"], row["success %"], row["95 %"]) == (
+            str(successes), f"{100.0 * successes / scenes:.1f}", interval,
+        )  # fmt: skip
+        for end in row.keys() - {"successes", "success %", "95 %"}:
+            assert int(row[end]) == int(half[name][end]) + int(fewer[name][end])
+        ends = ("touched, moving", "touched, standing", "refused", "lost")
+        assert successes + sum(int(row[end]) for end in ends) == scenes
+
+
+def test_the_readme_has_the_names_and_the_figures_of_the_page() -> None:
+    (table,) = tables("README.md", "success %")
+    rows = {name.partition(":")[0]: list(cells.values()) for name, cells in table.items()}
+    assert rows.keys() == ROWS.keys() - {"ours, hard"}
+    for name, cells in rows.items():
+        assert cells[:3] == [total[name]["success %"] for total in TOTALS]
+        assert cells[3] == f"{PARTS[0][name]['success %']} ({PARTS[0][name]['95 %']})"
