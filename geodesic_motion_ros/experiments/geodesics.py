@@ -6,7 +6,7 @@ straight line            in the latent space; no geodesic, the beginning of the 
 gradient, from line      cubic spline bent by gradient descent, begun as the straight line
 gradient, from graph     the same, begun as the path on the densest graph
 graph NxN, 8 or 16       polyline of the shortest path on a regular grid with 8 or 16 neighbours a node
-   ..., cubic spline     a cubic spline through the nodes of that path, as in the paper
+   ..., cubic spline     a cubic spline through every node of that path; the paper fits one by least squares instead
    ..., smoothed         the planner's smoothing of that path, for skills of the tool
    ..., refined          the planner's continuous refinement of that path, for skills of the whole arm
 
@@ -123,8 +123,12 @@ class GeodesicsReport:
         """The table as plain text."""
         head = ["method", "pairs", "length", "over shortest", "worst", "off mm", "left support", "ms", "build ms"]
         rows = [[method, *figures.values()] for method, figures in self.summary().items()]
-        note = "length: Riemannian, mean over pairs; over shortest: mean ratio to the shortest curve of the same pair"
-        return "\n".join([self.skill.name, text_table(head, rows, digits=3), note])
+        notes = (
+            "length: Riemannian, mean over pairs; over shortest: mean ratio to the shortest curve of the same pair",
+            "cubic spline: through every node, not fitted by least squares as in the paper",
+            "on a canonical sheet all demonstrations have the same latent ends: all pairs are one",
+        )
+        return "\n".join([self.skill.name, text_table(head, rows, digits=3), *notes])
 
 
 def compare_geodesics(skill: Skill, pairs: int = 5) -> GeodesicsReport:

@@ -6,7 +6,8 @@ mean way is free in the next (*one way*), and touches it, whatever else is free,
 scenes are planned in these ways:
 
 ignored         the way without obstacles, as a control
-soft alone      the Gaussian hill of `graph/ambient.py`, as in the paper: nothing is removed, nothing certified
+soft alone      the Gaussian hill of `graph/ambient.py`, the paper's law: nothing is removed, nothing certified. Sheet,
+                graph and the rest are the planner's, not the paper's
 hard alone      nodes in obstacles are removed, references certified; the metric does not grow
 soft and hard   the Gaussian hill, nodes removed, references certified: what the planner does
 completed       the metric without a top in the place of the Gaussian; nodes removed, references certified

@@ -2,11 +2,14 @@
 
 Seen at the robot's body the density of a configuration is p(theta | z) / V(theta), V = sqrt(det(J^T J)) of the stacked
 Jacobian of the body points (`manifold.body_layer`). Weighted by `volume_weight` in the evidence lower bound, -log V
-rewards postures in which the joints move the body little. Columns of the table, a row per weight:
+rewards postures in which the joints move the body little. What is compared is this package's model, with body_sigma's
+term (the paper has none), sigma fixed while the means are learned, on the canonical sheet. Columns of the table, a row
+per weight:
 
 seconds         of training; nothing where the skill came from the cache
 error_mm, _deg  of the tool in the training demonstrations that encoder and decoder give back
-log_volume      mean log V along the obstacle-free way from the mean start to the mean goal; least : its smallest value
+log_volume      mean log V along the obstacle-free way from the mean start to the mean goal; least : its smallest value.
+                Of the metric's body points; the training's are more
 from_mean_mm    mean distance of the tool on that way from the mean demonstration of the way's family
 """
 

@@ -47,7 +47,8 @@ class JointTrainingSettings:
     kl_weight, kl_warm_up : weight of the divergence in the evidence lower bound (the paper: 1), and the fraction of the
         steps over which it grows from 0.
     volume_weight : of the change of variables to the body's configurations, log p(theta | z) - volume_weight log V. The
-        paper's is 1. With sigma as small as it is here it changes nothing but the time; the default leaves it out.
+        paper's is 1. Beside body_sigma's term, with sigma fixed, on the canonical sheet it was measured to change next
+        to nothing but the time; the default leaves it out.
     progress_deviation : of the canonical sheet's prior along the strip.
     blends : random convex combinations of canonical demonstrations of one mode that are learned besides each.
     fixed_sigma : likelihood scale of the joints while the means are learned [rad].
