@@ -31,7 +31,7 @@ from geodesic_motion_ros.nodes.demo_run import (
     isolated_environment,
     termination_as_interrupt,
 )
-from geodesic_motion_ros.nodes.demo_scene import DemoScene
+from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
 from geodesic_motion_ros.nodes.hand_scene import HandScene
 from geodesic_motion_ros.quaternions import angle_between
@@ -59,8 +59,9 @@ It takes about a minute and ends by itself; Ctrl-C ends it and its processes ear
 
 _EPILOG = """\
 what it writes to the folder OUT:
-  summary.json   the figures of the table, one object a run, and whether the demo has passed; with a skill of the whole
-                 arm also the families of demonstrations that the arm was in, one after the other
+  summary.json   the figures of the table, one object a run, the planner parameters that are not the defaults, and
+                 whether the demo has passed; with a skill of the whole arm also the families of demonstrations that the
+                 arm was in, one after the other
   latent.png     the skill's latent space with the way of the arm, without and with the obstacle
   paths.png      the same ways in space, among the demonstrations
   strip.png, arm.gif    the arm, avoidance off above (left) and on below (right)
@@ -203,7 +204,7 @@ def slow_runs(summary: Mapping[str, Any]) -> list[str]:
 
 
 def table(summary: Mapping[str, Any]) -> str:
-    """The figures as a table, one row a run."""
+    """The figures as a table, one row a run, and with which planner parameters other than the defaults."""
     head = ("", "rate", "tick p50", "tick p99", "deadline", "goal error", "smallest", "steps with")
     units = ("", "Hz", "ms", "ms", "misses", "mm / deg", "clearance mm", "contact")
     rows = [head, units]
@@ -221,7 +222,9 @@ def table(summary: Mapping[str, Any]) -> str:
     lines = ["  ".join(f"{cell:>{width}}" if i else f"{cell:<{width}}" for i, (cell, width) in
              enumerate(zip(row, widths, strict=True))) for row in rows]  # fmt: skip
     rule = "-" * len(lines[0])
-    return "\n".join([*lines[:2], rule, *lines[2:]])
+    changed = [f"{name} {value:g} (default {DEFAULTS[name]:g})" for name, value in summary["parameters"].items()]
+    note = [f"planner parameters other than the defaults: {', '.join(changed)}"] if changed else []
+    return "\n".join([*lines[:2], rule, *lines[2:], *note])
 
 
 def perform(skill: str, out: Path, gui: bool, domain: int, pictures: bool) -> int:
@@ -237,7 +240,7 @@ def perform(skill: str, out: Path, gui: bool, domain: int, pictures: bool) -> in
     scene = demo.scene
     recordings: dict[str, Recording] = {}
     families: dict[str, list[int]] = {}
-    summary: dict[str, Any] = {"skill": scene.skill.name}
+    summary: dict[str, Any] = {"skill": scene.skill.name, "parameters": dict(scene.patience)}
     for number, run in enumerate(RUNS, 1):
         say(f"run {number} of {len(RUNS)}: {run.title}")
         recordings[run.key] = demo.run(run)

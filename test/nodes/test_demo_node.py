@@ -15,6 +15,7 @@ import pytest
 
 from geodesic_motion_ros.nodes import demo_node
 from geodesic_motion_ros.nodes.demo_run import DemoError, Processes, Recording, isolated_environment
+from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
 
 KEYS = {
     "rate_hz", "tick_ms_p50", "tick_ms_p99", "deadline_misses", "goal_error_mm", "goal_error_deg", "min_clearance_mm",
@@ -39,7 +40,8 @@ def recorded() -> Recording:
 def good_summary() -> dict:
     row = demo_node.figures(recorded(), GOAL, obstacle=True) | {"rate_hz": 100.0}
     off = row | {"contacts": 12, "min_clearance_mm": -4.0}
-    return {"no_obstacle": row | {"min_clearance_mm": None}, "avoidance_off": off, "avoidance_on": row}
+    free = row | {"min_clearance_mm": None}
+    return {"parameters": {}, "no_obstacle": free, "avoidance_off": off, "avoidance_on": row}
 
 
 def test_figures_are_those_of_the_recording() -> None:
@@ -104,6 +106,13 @@ def test_a_busy_machine_is_warned_of_and_fails_nothing() -> None:
     assert demo_node.missed_bars(summary) == []
 
 
+def test_parameters_that_are_not_the_defaults_stand_beside_the_figures() -> None:
+    loosened = demo_node.table(good_summary() | {"parameters": dict(ElbowScene.patience)})
+    assert "latency 0.1 (default 0.03)" in loosened
+    assert "tracking_tolerance_joint 0.3 (default 0.1)" in loosened
+    assert "default" not in demo_node.table(good_summary())
+
+
 def test_negative_clearance_is_a_hit_without_contact_points() -> None:
     summary = good_summary()
     summary["avoidance_off"] |= {"contacts": 0, "min_clearance_mm": -0.5}
@@ -152,7 +161,7 @@ def test_the_demo_hits_without_avoidance_and_passes_with_it(
     output, errors = process.communicate(timeout=280.0)
     summary = json.loads((tmp_path / "summary.json").read_text())
     runs = [run.key for run in demo_node.RUNS]
-    assert set(summary) == {"skill", "passed", "warnings", *extra, *runs}, errors
+    assert set(summary) == {"skill", "parameters", "passed", "warnings", *extra, *runs}, errors
     assert all(set(summary[run]) >= KEYS for run in runs)
     assert summary["no_obstacle"]["min_clearance_mm"] is None
     assert summary["avoidance_off"]["contacts"] > 0 or summary["avoidance_off"]["min_clearance_mm"] < 0.0
