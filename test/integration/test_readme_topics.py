@@ -1,0 +1,39 @@
+"""The README's tables of topics and services are those of the nodes."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from rclpy.node import Node
+
+from geodesic_motion_ros.nodes.planner_node import PlannerNode
+from geodesic_motion_ros.nodes.twin_node import TwinNode
+
+README = (Path(__file__).resolve().parents[2] / "README.md").read_text()
+#: What every node of rclpy has.
+EVERY = {"rcl_interfaces", "type_description_interfaces", "rosgraph_msgs"}
+
+
+def documented(node: str) -> set[str]:
+    """Names in the first column of the table of a node."""
+    table = README.split(f"opics and services of the {node} ")[1].split("\n\n")[1]
+    return {name for row in table.splitlines() for name in re.findall("`/?(.+?)`", row.split("|")[1])}
+
+
+def interface(node: Node) -> set[str]:
+    """Topics and services of a node, its own with `~/`, the others without a leading slash."""
+    ends = [(end.topic_name, end.msg_type) for end in (*node.publishers, *node.subscriptions)]
+    ends += [(end.srv_name, end.srv_type) for end in node.services]
+    names = {name for name, kind in ends if kind.__module__.partition(".")[0] not in EVERY}
+    own = f"/{node.get_name()}/"
+    return {f"~/{name.removeprefix(own)}" if name.startswith(own) else name.removeprefix("/") for name in names}
+
+
+def test_those_of_the_twin(bench):
+    assert interface(bench.add(TwinNode)) == documented("twin")
+
+
+def test_those_of_the_planner(bench):
+    planner = bench.add(PlannerNode, skill="panda_pouring")
+    assert interface(planner) | {"joint_trajectory"} == documented("planner")
