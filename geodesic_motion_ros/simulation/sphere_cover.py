@@ -59,7 +59,8 @@ def file_spheres(vertices: np.ndarray, protrusion: float) -> np.ndarray:
 def cover(vertices: np.ndarray, protrusion: float = PROTRUSION) -> np.ndarray:
     """Spheres (S, 4), centre and radius [m], that hold the whole convex hull of vertices (V, 3) [m].
 
-    No sphere sticks out of a plane of the hull by more than `protrusion` [m]. The same vertices give the same spheres.
+    No sphere sticks out of a plane of the hull by more than `protrusion` [m]. The same vertices give the same spheres
+    on the same machine; on another one, rounding may choose between candidates that cover equally much differently.
 
     Raises
     ------

@@ -110,7 +110,7 @@ def test_nodes_and_edges_stay_inside_the_support(reach_skill) -> None:
     middles = graph.latent[graph.edges].mean(axis=1)
     assert np.mean(rms_sigma(graph.decoder.uncertainty(middles)) <= 1.02 * reach_skill.sigma_limit) == 1.0
     energies = graph.transported(JointOffsets.none(ROBOT, graph.ridge_count)).energies()
-    assert energies.max() <= graph.energy_limit
+    assert energies.max() <= graph.energy_limit * (1.0 + 1e-9)
 
 
 def test_finer_pieces_see_walls_that_the_ends_do_not(reach_skill) -> None:
