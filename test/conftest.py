@@ -1,10 +1,14 @@
-"""What all tests share: small skills trained for them, real recordings where there are any, and the machine itself."""
+"""What all tests share: small skills, real recordings where there are any, and the machine itself.
+
+The small skills are stored in skills/, for what training finds differs from one processor to the next. A test asks for
+one by a fixture that says how it was trained; `python -m pytest -n 0 --train-skills` trains anew what the chosen tests
+ask for, and stores it.
+"""
 
 from __future__ import annotations
 
 import fcntl
 import os
-import pickle
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -83,22 +87,21 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
         return (yield)
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--train-skills", action="store_true", help="train the skills of test/skills anew, and store them")
+
+
 @pytest.fixture(scope="session")
-def once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[[], Skill]], Skill]:
-    """once(name, train) is what `train` returns, bit by bit: the worker that asks first trains, the others read it."""
-    folder = tmp_path_factory.getbasetemp()
-    if WORKER is not None:
-        folder = folder.parent  # the run's, where each worker has its own
+def stored(pytestconfig: pytest.Config) -> Callable[[str, Callable[[], Skill]], Skill]:
+    """stored(name, train) is the skill of that name in skills/; with --train-skills it is trained and stored first."""
 
-    def ask(name: str, train: Callable[[], Skill]) -> Skill:
-        file = folder / f"{name}.pickle"
-        file.touch()
-        with locked(file, fcntl.LOCK_EX):
-            if file.stat().st_size == 0:
-                file.write_bytes(pickle.dumps(train()))
-            return pickle.loads(file.read_bytes())
+    def load(name: str, train: Callable[[], Skill]) -> Skill:
+        folder = Path(__file__).parent / "skills" / name
+        if pytestconfig.getoption("--train-skills"):
+            train().save(folder)
+        return Skill.load(folder)
 
-    return ask
+    return load
 
 
 @pytest.fixture(scope="session")
@@ -125,7 +128,7 @@ def fan_of_demonstrations() -> Demonstrations:
     return Demonstrations(tuple(items))
 
 
-#: Of a skill small enough to be trained anew for every run of the tests.
+#: Of a skill small enough to be trained in seconds and stored with the tests.
 SMALL = {
     "steps": 800, "hidden": (64, 32), "samples": 100, "kernels": 100, "precision_samples": 2,
     "precision_iterations": 60,
@@ -159,12 +162,12 @@ def fan() -> Demonstrations:
 
 
 @pytest.fixture(scope="session")
-def fan_skill(once, fan: Demonstrations) -> Skill:
-    """A skill for a Panda on the raw sheet, really trained."""
+def fan_skill(stored, fan: Demonstrations) -> Skill:
+    """A skill for a Panda on the raw sheet."""
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
     settings = TrainingSettings(sheet="raw", **SMALL)
-    return once("fan", lambda: train_task_space_skill(fan, settings, name="fan"))
+    return stored("fan", lambda: train_task_space_skill(fan, settings, name="fan"))
 
 
 @pytest.fixture(scope="session")
@@ -174,12 +177,12 @@ def varying_fan() -> Demonstrations:
 
 
 @pytest.fixture(scope="session")
-def canonical_fan_skill(once, varying_fan: Demonstrations) -> Skill:
+def canonical_fan_skill(stored, varying_fan: Demonstrations) -> Skill:
     """A skill for a Panda on the canonical sheet, learned from demonstrations whose starts and goals vary."""
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
     settings = TrainingSettings(**SMALL)
-    return once("canonical fan", lambda: train_task_space_skill(varying_fan, settings, name="canonical fan"))
+    return stored("canonical_fan", lambda: train_task_space_skill(varying_fan, settings, name="canonical fan"))
 
 
 def reaches(count_per_family: int, connected: bool, seed: int = 0) -> JointDemonstrations:
@@ -207,12 +210,12 @@ def separated_demonstrations() -> JointDemonstrations:
 
 
 @pytest.fixture(scope="session")
-def reach_skill(once, reach_demonstrations: JointDemonstrations) -> Skill:
-    """A joint-space skill of the whole Panda on the canonical sheet, with two ways, really trained."""
+def reach_skill(stored, reach_demonstrations: JointDemonstrations) -> Skill:
+    """A joint-space skill of the whole Panda on the canonical sheet, with two families."""
     from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill
 
     settings = JointTrainingSettings(batch=128, **SMALL)
-    return once("reach", lambda: train_joint_space_skill(reach_demonstrations, Robot.panda(), settings, name="reach"))
+    return stored("reach", lambda: train_joint_space_skill(reach_demonstrations, Robot.panda(), settings, name="reach"))
 
 
 class Motions:

@@ -202,7 +202,7 @@ def test_a_new_goal_without_a_way_brings_the_moving_arm_to_rest(planner):
 
 
 @pytest.fixture(scope="module")
-def bent() -> tuple[Skill, np.ndarray]:
+def bent(stored) -> tuple[Skill, np.ndarray]:
     """A skill of arcs around a corner, whose inside is shorter, and the mean of what was shown (m, 3)."""
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstration
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
@@ -219,7 +219,8 @@ def bent() -> tuple[Skill, np.ndarray]:
     settings = TrainingSettings(
         steps=800, hidden=(64, 32), samples=100, kernels=100, precision_samples=2, precision_iterations=60
     )
-    return train_task_space_skill(shown, settings), canonical_form(shown, 200, 0.1).positions.mean(axis=0)
+    skill = stored("arcs", lambda: train_task_space_skill(shown, settings, name="arcs"))
+    return skill, canonical_form(shown, 200, 0.1).positions.mean(axis=0)
 
 
 def test_the_ridge_keeps_the_geodesic_at_the_mean_where_the_plain_metric_cuts_the_corner(bent):
@@ -251,13 +252,14 @@ def test_conditioning_changes_the_way_only_where_the_skill_regresses(canonical_f
     np.testing.assert_allclose(conditioned.reference.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
 
 
-def test_a_single_demonstration_is_a_skill_that_can_be_carried(varying_fan):
+def test_a_single_demonstration_is_a_skill_that_can_be_carried(stored, varying_fan):
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
     settings = TrainingSettings(
         steps=800, hidden=(64, 32), samples=100, kernels=60, precision_samples=2, precision_iterations=40
     )
-    skill = train_task_space_skill(Demonstrations((varying_fan[3],)), settings)
+    one = Demonstrations((varying_fan[3],))
+    skill = stored("single", lambda: train_task_space_skill(one, settings, name="single"))
     assert skill.ridges is None
     assert not skill.canonical.regresses
     planner = ReactivePlanner(skill)

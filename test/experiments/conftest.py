@@ -35,14 +35,14 @@ def reach_poses(reach_demonstrations) -> Demonstrations:
 
 
 @pytest.fixture(scope="session")
-def reach_pose_skill(once, reach_poses: Demonstrations) -> Skill:
-    """A skill of task space of the same reaches, on the canonical sheet, really trained."""
+def reach_pose_skill(stored, reach_poses: Demonstrations) -> Skill:
+    """A skill of task space of the same reaches, on the canonical sheet."""
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
     settings = TrainingSettings(
         steps=800, hidden=(64, 32), samples=80, kernels=100, precision_samples=2, precision_iterations=60
     )
-    return once("reach poses", lambda: train_task_space_skill(reach_poses, settings, name="reach poses"))
+    return stored("reach_poses", lambda: train_task_space_skill(reach_poses, settings, name="reach poses"))
 
 
 @pytest.fixture(scope="session")
@@ -56,12 +56,12 @@ def pouring_poses() -> Demonstrations:
 
 
 @pytest.fixture(scope="session")
-def pouring_pose_skill(once, pouring_poses: Demonstrations) -> Skill:
-    """A skill of task space of those pourings, on the raw sheet, really trained."""
+def pouring_pose_skill(stored, pouring_poses: Demonstrations) -> Skill:
+    """A skill of task space of those pourings, on the raw sheet."""
     from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 
     settings = TrainingSettings(
         steps=900, batch=128, learning_rate=6e-3, hidden=(64, 32), samples=60, kernels=100, precision_samples=2,
         precision_iterations=40, sheet="raw",
     )  # fmt: skip
-    return once("pouring poses", lambda: train_task_space_skill(pouring_poses, settings, name="pouring poses"))
+    return stored("pouring_poses", lambda: train_task_space_skill(pouring_poses, settings, name="pouring poses"))

@@ -13,9 +13,9 @@ from geodesic_motion_ros.tables import write_json
 
 
 @pytest.fixture(scope="module")
-def skill(demonstrations):
+def skill(stored, demonstrations):
     settings = TrainingSettings(sheet="raw", steps=600, hidden=(64, 32), kernels=150)
-    return train_task_space_skill(demonstrations, settings)
+    return stored("cup", lambda: train_task_space_skill(demonstrations, settings, name="cup"))
 
 
 def test_changing_clusters_is_dear_and_the_graph_of_the_planner_forbids_it(skill, demonstrations):

@@ -1,4 +1,4 @@
-"""The experiment with goals that vary, with a training of seconds: not how well, but that it measures what it says."""
+"""The experiment with goals that vary, on a small skill: not how well, but that it measures what it says."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments import goals
 from geodesic_motion_ros.experiments.goals import (
     COLUMNS,
     ROWS,
@@ -20,31 +21,41 @@ from geodesic_motion_ros.experiments.goals import (
     drawn,
     measure_goals,
 )
-from geodesic_motion_ros.manifold.training import TrainingSettings
+from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json
 
 SETTINGS = GoalsSettings(shown=5, held_out=3, seeds=(3,))
-IN_NO_TIME = TrainingSettings(
+SMALL = TrainingSettings(
     steps=500, hidden=(48, 32), samples=80, kernels=80, precision_samples=2, precision_iterations=40
 )
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("skills")
+def measured(stored, tmp_path_factory) -> tuple[GoalsReport, Skill]:
+    """The report, and the skill that was measured."""
+    taken: list[Skill] = []
+
+    def take(task, shown, settings, folder) -> Skill:
+        taken.append(stored(task, lambda: train_task_space_skill(shown, settings, name=task)))
+        return taken[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(goals, "trained_once", take)
+        report = measure_goals(SETTINGS, tmp_path_factory.mktemp("skills"), SMALL, show_progress=False)
+    (skill,) = taken
+    return report, skill
 
 
 @pytest.fixture(scope="module")
-def report(folder) -> GoalsReport:
-    return measure_goals(SETTINGS, folder, IN_NO_TIME, show_progress=False)
+def report(measured) -> GoalsReport:
+    return measured[0]
 
 
 @pytest.fixture(scope="module")
-def skill(report, folder) -> Skill:
-    (kept,) = folder.iterdir()
-    return Skill.load(kept)
+def skill(measured) -> Skill:
+    return measured[1]
 
 
 @pytest.fixture(scope="module")

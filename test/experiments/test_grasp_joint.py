@@ -30,8 +30,9 @@ ROBOT = Robot.panda()
 
 
 @pytest.fixture(scope="module")
-def report(separated_demonstrations, reach_skill) -> GraspJointReport:
-    separated = JointSpacePlanner(train_joint_space_skill(separated_demonstrations, ROBOT, SMALL), COARSE)
+def report(stored, separated_demonstrations, reach_skill) -> GraspJointReport:
+    skill = stored("separated", lambda: train_joint_space_skill(separated_demonstrations, ROBOT, SMALL))
+    separated = JointSpacePlanner(skill, COARSE)
     # Its families meet at both ends alone.
     meeting = JointSpacePlanner(reach_skill, COARSE)
     box = (20, 20, 20)

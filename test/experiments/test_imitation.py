@@ -13,18 +13,16 @@ HELD_OUT = (1, 4)
 
 
 @pytest.fixture(scope="module")
-def train_briefly():
-    """Train a small skill, or take it where the same demonstrations, seed and sheet were asked for before."""
-    trained = {}
+def train_briefly(stored):
+    """How `evaluate` gets small skills."""
 
     def train(demonstrations, seed, sheet, progress):
-        asked = (*(item.name for item in demonstrations), demonstrations.has_orientation, seed, sheet)
-        if asked not in trained:
-            settings = TrainingSettings(
-                seed=seed, sheet=sheet, steps=600, hidden=(64, 32), samples=100, kernels=150, precision_iterations=60
-            )
-            trained[asked] = train_task_space_skill(demonstrations, settings, progress=progress)
-        return trained[asked]
+        settings = TrainingSettings(
+            seed=seed, sheet=sheet, steps=600, hidden=(64, 32), samples=100, kernels=150, precision_iterations=60
+        )
+        kind = "poses" if demonstrations.has_orientation else "positions"
+        name = f"cup_{kind}_{sheet}_of_{len(demonstrations)}"
+        return stored(name, lambda: train_task_space_skill(demonstrations, settings, name=name, progress=progress))
 
     return train
 

@@ -1,4 +1,4 @@
-"""The experiment with two ways past a pillar, with a training of seconds and with controls that must fail."""
+"""The experiment with two ways past a pillar, on a small skill and with controls that must fail."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments import modes
 from geodesic_motion_ros.experiments.modes import (
     NEAR,
     Answer,
@@ -20,32 +21,42 @@ from geodesic_motion_ros.experiments.modes import (
     measure_modes,
     pillar_clearance,
 )
-from geodesic_motion_ros.manifold.training import TrainingSettings
+from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, two_mode_demonstrations
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json
 
 SETTINGS = ModesSettings(shown=3, cases=4, seeds=(2,))
-IN_NO_TIME = TrainingSettings(
+SMALL = TrainingSettings(
     steps=1000, hidden=(64, 32), samples=80, kernels=100, precision_samples=2, precision_iterations=60
 )
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("skills")
+def measured(stored, tmp_path_factory) -> tuple[ModesReport, Skill]:
+    """The report, and the skill that was measured."""
+    taken: list[Skill] = []
+
+    def take(task, shown, settings, folder) -> Skill:
+        taken.append(stored(task, lambda: train_task_space_skill(shown, settings, name=task)))
+        return taken[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(modes, "trained_once", take)
+        report = measure_modes(SETTINGS, tmp_path_factory.mktemp("skills"), SMALL, show_progress=False)
+    (skill,) = taken
+    return report, skill
 
 
 @pytest.fixture(scope="module")
-def report(folder) -> ModesReport:
-    return measure_modes(SETTINGS, folder, IN_NO_TIME, show_progress=False)
+def report(measured) -> ModesReport:
+    return measured[0]
 
 
 @pytest.fixture(scope="module")
-def skill(report, folder) -> Skill:
-    (kept,) = folder.iterdir()
-    return Skill.load(kept)
+def skill(measured) -> Skill:
+    return measured[1]
 
 
 def test_a_way_is_followed_and_the_other_taken_when_it_is_blocked(report) -> None:

@@ -37,12 +37,13 @@ def thinned(guidance: Guidance, every: int = 10) -> Guidance:
 
 
 @pytest.fixture(scope="module")
-def report() -> PouringJointReport:
+def report(stored) -> PouringJointReport:
     # As told to the arm, without physics.
     told = [thinned(guidance) for guidance in pouring_guidances(2, 0)]
     items = [JointDemonstration(configurations(ROBOT, g), g.motion.times, g.motion.name) for g in told]
     shown = JointDemonstrations(tuple(items), ROBOT.joint_names, "panda")
-    planner = JointSpacePlanner(train_joint_space_skill(shown, ROBOT, SMALL), COARSE)
+    skill = stored("pouring", lambda: train_joint_space_skill(shown, ROBOT, SMALL, name="pouring"))
+    planner = JointSpacePlanner(skill, COARSE)
     tools = shown.tool_demonstrations(ROBOT)
     pourings = pour_all(planner, tools, 0, [(1, 1), (0, 2)])
     return PouringJointReport(PouringJointSettings(2, (0,), COARSE), tuple(pourings), tools, planner)

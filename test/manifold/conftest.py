@@ -38,8 +38,13 @@ def demonstrations() -> Demonstrations:
 
 
 @pytest.fixture(scope="session")
-def skill(once, demonstrations):
-    return once("bend", lambda: train_task_space_skill(demonstrations, QUICK, name="bend"))
+def skill(stored, demonstrations):
+    return stored("bend", lambda: train_task_space_skill(demonstrations, QUICK, name="bend"))
+
+
+@pytest.fixture(scope="session")
+def trained_skill(demonstrations):
+    return train_task_space_skill(demonstrations, QUICK, name="bend")
 
 
 @pytest.fixture(scope="session")

@@ -1,3 +1,4 @@
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ def edge_energies(graph):
     return graph.transported(Offsets.none(), np.zeros((1, 3))).energies()
 
 
-def test_codes_box_and_poses_belong_to_the_demonstrations(skill, demonstrations):
+def test_codes_box_and_poses_belong_to_the_demonstrations(trained_skill, demonstrations):
+    skill = trained_skill
     assert skill.codes.shape == (8, 100, 2)
     assert np.all(skill.codes > skill.latent_lower)
     assert np.all(skill.codes < skill.latent_upper)
@@ -52,13 +54,15 @@ def test_each_of_two_modes_has_a_ridge_and_no_regression():
     assert below[25, 2] < 0.3
 
 
-def test_support_is_the_99th_percentile_of_sigma(skill):
-    sigma = rms_sigma(skill.decoder.decode(skill.codes.reshape(-1, 2)).sigma)
-    assert np.mean(sigma <= skill.sigma_support) == pytest.approx(0.99, abs=0.005)
+def test_support_is_the_99th_percentile_of_sigma(trained_skill):
+    sigma = rms_sigma(trained_skill.decoder.decode(trained_skill.codes.reshape(-1, 2)).sigma)
+    assert np.mean(sigma <= trained_skill.sigma_support) == pytest.approx(0.99, abs=0.005)
 
 
 def test_threshold_separates_the_demonstrations_from_the_walls(skill):
     """Steps along the demonstrations are feasible, steps over the wall around them are not."""
+    graph = replace(skill, energy_per_edge=np.inf).graph()
+    assert calibrated_energy_per_edge(graph, skill.codes) == pytest.approx(skill.energy_per_edge, rel=1e-9)
     everywhere = build_pose_graph(
         skill.decoder, skill.codes, skill.latent_lower, skill.latent_upper, skill.metric, np.inf
     )
@@ -81,7 +85,8 @@ def test_ends_that_the_support_does_not_connect_are_reported(skill):
         calibrated_energy_per_edge(skill.graph((60, 60)), crossing)
 
 
-def test_a_trained_skill_survives_the_disk(skill, tmp_path):
+def test_a_trained_skill_survives_the_disk(trained_skill, tmp_path):
+    skill = trained_skill
     loaded = Skill.load(skill.save(tmp_path / "bend"))
     np.testing.assert_array_equal(loaded.codes, skill.codes)
     assert loaded.energy_per_edge == skill.energy_per_edge

@@ -60,7 +60,7 @@ def test_progress_counts_every_stage_to_its_end(demonstrations):
 
 @pytest.mark.parametrize("model", ["two_cluster", "sign_blind"])
 def test_demonstrations_are_reconstructed(request, demonstrations, model):
-    skill = request.getfixturevalue("skill" if model == "two_cluster" else "sign_blind_skill")
+    skill = request.getfixturevalue("trained_skill" if model == "two_cluster" else "sign_blind_skill")
     positions, quaternions = poses_of(demonstrations)
     codes = TaskSpaceEncoder.from_arrays(skill.encoder_arrays).encode(positions, quaternions)
     decoded = skill.decoder.decode(codes.reshape(-1, 2))
@@ -68,21 +68,22 @@ def test_demonstrations_are_reconstructed(request, demonstrations, model):
     assert np.degrees(np.mean(angle_between(decoded.quaternions, quaternions.reshape(-1, 4)))) < 2.0
 
 
-def test_sigma_and_kappa_say_how_far_off_the_means_are(demonstrations, skill):
+def test_sigma_and_kappa_say_how_far_off_the_means_are(demonstrations, trained_skill):
     """Standardised residuals of the order of one on the demonstrations: the likelihood's maximum, not just any number.
 
     Somewhat below one: it was fitted on noisy codes, these are their means.
     """
     positions, quaternions = poses_of(demonstrations)
-    codes = TaskSpaceEncoder.from_arrays(skill.encoder_arrays).encode(positions, quaternions)
-    decoded = skill.decoder.decode(codes.reshape(-1, 2))
+    codes = TaskSpaceEncoder.from_arrays(trained_skill.encoder_arrays).encode(positions, quaternions)
+    decoded = trained_skill.decoder.decode(codes.reshape(-1, 2))
     standardised = (decoded.positions - positions.reshape(-1, 3)) / decoded.sigma
     assert 0.4 < np.sqrt(np.mean(standardised**2)) < 1.0
     half_angle = 0.5 * angle_between(decoded.quaternions, quaternions.reshape(-1, 4)) / decoded.spread
     assert 0.4 < np.sqrt(np.mean(half_angle**2) / 3.0) < 1.0
 
 
-def test_uncertainty_grows_away_from_the_demonstrations(skill):
+def test_uncertainty_grows_away_from_the_demonstrations(trained_skill):
+    skill = trained_skill
     on = skill.decoder.decode(skill.codes.reshape(-1, 2))
     far = skill.decoder.decode(np.array([[30.0, 30.0]]))
     assert np.median(on.sigma) < 0.01
@@ -90,7 +91,9 @@ def test_uncertainty_grows_away_from_the_demonstrations(skill):
     assert far.kappa[0] < 0.02 < np.median(on.kappa)
 
 
-def test_two_clusters_keep_the_signs_apart_and_the_mixture_does_not_care(skill, sign_blind_skill, demonstrations):
+def test_two_clusters_keep_the_signs_apart_and_the_mixture_does_not_care(
+    trained_skill, sign_blind_skill, demonstrations
+):
     positions, quaternions = poses_of(demonstrations)
 
     def signed_dot(skill):
@@ -98,9 +101,9 @@ def test_two_clusters_keep_the_signs_apart_and_the_mixture_does_not_care(skill, 
         codes = encoder.encode(positions, -quaternions).reshape(-1, 2)
         return np.sum(skill.decoder.decode(codes).quaternions * -quaternions.reshape(-1, 4), axis=1)
 
-    assert np.all(signed_dot(skill) > 0.99)
+    assert np.all(signed_dot(trained_skill) > 0.99)
     assert np.all(np.abs(signed_dot(sign_blind_skill)) > 0.99)
-    first, second = np.split(skill.codes, 2)
+    first, second = np.split(trained_skill.codes, 2)
     gap = np.linalg.norm(first[:, None, :, None] - second[None, :, None, :], axis=-1).min()
     assert gap > 0.0
 
