@@ -1,7 +1,7 @@
 """What all tests share: small skills, real recordings where there are any, and the machine itself.
 
 The small skills are stored in skills/, for what training finds differs from one processor to the next. A test asks for
-one by a fixture that says how it was trained; `python -m pytest -n 0 --train-skills` trains anew what the chosen tests
+one by a fixture that says how it was trained; `python -m pytest -n 0 --remake` trains anew what the chosen tests
 ask for, and stores it.
 """
 
@@ -88,16 +88,16 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--train-skills", action="store_true", help="train the skills of test/skills anew, and store them")
+    parser.addoption("--remake", action="store_true", help="make anew what is stored with the tests: skills, answers")
 
 
 @pytest.fixture(scope="session")
 def stored(pytestconfig: pytest.Config) -> Callable[[str, Callable[[], Skill]], Skill]:
-    """stored(name, train) is the skill of that name in skills/; with --train-skills it is trained and stored first."""
+    """stored(name, train) is the skill of that name in skills/; with --remake it is trained and stored first."""
 
     def load(name: str, train: Callable[[], Skill]) -> Skill:
         folder = Path(__file__).parent / "skills" / name
-        if pytestconfig.getoption("--train-skills"):
+        if pytestconfig.getoption("--remake"):
             train().save(folder)
         return Skill.load(folder)
 
