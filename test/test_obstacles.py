@@ -147,5 +147,5 @@ def test_places_where_what_moves_may_stop_leave_nothing_out_since_it_was_seen(se
         assert np.max(solid_distances(inside, places.solids)) < 1e-9
     # No more than needed: a place is enlarged by less than half of what is between two of them.
     apart = np.linalg.norm(velocities, axis=1) * 0.6 / 5
-    assert np.all(places.radii.reshape(6, 3) <= obstacles.radii + 0.5 * apart)
+    assert np.all(places.radii.reshape(6, 3) <= obstacles.radii + 0.5 * apart + 1e-12)
     assert obstacles.at_rest().stopping_places(0.4, 6).centres.size == 0

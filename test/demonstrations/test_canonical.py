@@ -82,7 +82,7 @@ def test_blends_stay_in_the_hull_and_a_corner_of_it_is_a_demonstration(form, see
     assert np.all(positions >= form.positions.min(axis=0) - 1e-12)
     widest = max(angle_between(form.quaternions, other).max() for other in form.quaternions)
     nearest = np.min([angle_between(quaternions, other) for other in form.quaternions], axis=0)
-    assert nearest.max() <= widest
+    assert nearest.max() <= widest + 1e-9
     np.testing.assert_allclose(np.linalg.norm(quaternions, axis=-1), 1.0, atol=1e-12)
     corners = form.blended(np.eye(count))
     np.testing.assert_allclose(corners[0], form.positions, atol=1e-12)

@@ -6,6 +6,7 @@ Only those whose criterion allows a second and more: a machine that others share
 from __future__ import annotations
 
 import os
+import warnings
 
 import pytest
 
@@ -24,7 +25,8 @@ QUICK = {
 }  # fmt: skip
 
 
-#: A machine that others share stands still for longer than criteria allow, now and then: then a fault is run again.
+#: A machine that others share stands still for longer than criteria allow, now and then: then a fault is run again,
+#: and a warning in the summary says what failed before.
 RUNS = 3
 
 
@@ -33,10 +35,13 @@ def test_quick_faults_pass(tmp_path, skill: str) -> None:
     todo = [case for name, phase in QUICK[skill].items() for case in cases(chosen([name], False), [phase], [0])]
     domain, said = int(os.environ["ROS_DOMAIN_ID"]), ""
     assert len(todo) == len(QUICK[skill])
-    for _ in range(RUNS):
+    for run in range(1, RUNS + 1):
         rows = list(run_cases(skill, tmp_path, domain, todo))
-        said += "".join(f"{row.name}: {row.measured}\n" for row in rows if not row.passed)
+        said += "".join(f"run {run} of {skill}, {row.name}: {row.measured}\n" for row in rows if not row.passed)
         todo = [case for case, row in zip(todo, rows, strict=True) if not row.passed]
         if not todo:
-            return
-    pytest.fail(said)
+            break
+    else:
+        pytest.fail(said)
+    if said:
+        warnings.warn(f"faults passed only when they were run again:\n{said}", stacklevel=1)

@@ -85,7 +85,7 @@ def test_more_obstacles_never_shorten_a_path(Scene, seed):
     cost = 0.0
     for count in range(7):
         _, _, longer = scene.solve(scene.among(centres[:count], radii[:count]), 0.0, source, target)
-        assert longer >= cost
+        assert longer >= cost * (1.0 - 1e-12)
         cost = longer
 
 

@@ -84,7 +84,7 @@ def test_displacements_keep_the_shape_of_progress():
     found = offsets.displacements(progress, shares)
     assert found.shape == (5, 3, 6)
     for i in range(5):
-        np.testing.assert_array_equal(found[i], offsets.displacements(progress[i], shares[i]))
+        np.testing.assert_allclose(found[i], offsets.displacements(progress[i], shares[i]), rtol=0.0, atol=1e-14)
 
 
 @pytest.mark.parametrize(("start", "goal"), [(0.9, 0.1), (0.5, 0.5)])

@@ -64,7 +64,7 @@ def test_where_a_curve_cannot_get_shorter_it_is_returned_as_it_was():
     corner = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
     stiff = GeodesicSettings(control_points=3, samples=81)
     found = continuous_geodesic(corridor, corner[0], corner[-1], corner, stiff)
-    assert found.length <= found.initial_length
+    assert found.length <= found.initial_length * (1.0 + 1e-12)
     assert found.length == pytest.approx(2.0, rel=1e-3)
 
 
