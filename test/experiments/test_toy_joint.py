@@ -31,7 +31,7 @@ def test_both_postures_hold_the_tool_where_it_is_to_be() -> None:
         np.testing.assert_allclose(reached, np.pad(points, [(0, 0), (0, 1)]), atol=1e-12)
 
 
-def test_postures_are_clusters_and_geodesics_stay_in_theirs(tmp_path, monkeypatch) -> None:
+def test_postures_are_clusters_and_a_small_run_leaves_table_and_picture(tmp_path, monkeypatch) -> None:
     for name, value in {"SIDE": 40, "PAIRS": 1}.items():
         monkeypatch.setattr(toy_joint, name, value)
     settings = replace(
@@ -42,7 +42,6 @@ def test_postures_are_clusters_and_geodesics_stay_in_theirs(tmp_path, monkeypatc
     ours = report.rows[0]
     assert ours.own_posture > 0.9
     assert min(ours.across, ours.within) > 0.0
-    assert ours.off("geodesics")[-1] == 0
     assert ours.crossing.switches % 2 == 1
     assert report.table().count("\n") == 3
     assert len(report.as_dict()["rows"]) == 2
