@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import nnls
 
+from geodesic_motion_ros.convex_hull import beyond_hull
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.graph.ridge import Ridges
@@ -160,10 +160,6 @@ def beyond_demonstrated(
 ) -> np.ndarray:
     """What of an offset (D,) lies outside the convex hull of demonstrated ones (N, D), as an offset (D,).
 
-    The nearest point of the hull is found by non-negative least squares; `scale` (D,) tells what each number counts.
+    `scale` (D,) tells what each number counts.
     """
-    # A heavy row keeps the weights' sum at 1.
-    heavy = 1e3
-    matrix = np.vstack([(scale * demonstrated).T, np.full(len(demonstrated), heavy)])
-    weights, _ = nnls(matrix, np.append(scale * offset, heavy))
-    return offset - weights @ demonstrated / weights.sum()
+    return beyond_hull(scale * offset, scale * demonstrated) / scale

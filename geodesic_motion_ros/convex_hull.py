@@ -1,0 +1,68 @@
+"""Convex hull of a few points, and what of another point lies outside of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Where the search ends: a squared error, over the distance found times the farthest corner's.
+_TOLERANCE = 1e-15
+#: A distance that rounding makes of none, over the farthest corner's.
+_ROUNDING = 1e-15
+#: Steps of the search. It takes a few times as many as there are dimensions.
+_MOST_STEPS = 200
+
+
+def beyond_hull(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """A point (D,) minus the nearest point of the convex hull of corners (N, D); zeros, up to rounding, inside.
+
+    P. Wolfe, "Finding the nearest point in a polytope", Mathematical Programming 11, 1976. With r_i = point - corner i,
+    x is the shortest convex combination of a few of the r_i, to which the one with the smallest r_i.x is added until
+    no r_i.x is smaller than x.x. The search always ends: after _MOST_STEPS, or where rounding leaves no shorter x.
+
+    Every x is the difference from a point of the hull, so it is never too short; it differs from the shortest by
+    sqrt(x.x - min r_i.x) at most.
+    """
+    size = np.max(np.abs(point - corners))
+    if size == 0.0:
+        return np.zeros_like(point)
+    differences = (point - corners) / size
+    lengths = np.linalg.norm(differences, axis=1)
+    farthest, chosen, weights = np.max(lengths), np.array([np.argmin(lengths)]), np.ones(1)
+    shortest = differences[chosen[0]]
+    for _ in range(_MOST_STEPS):
+        products, length = differences @ shortest, np.linalg.norm(shortest)
+        added = np.argmin(products)
+        gap = length**2 - products[added]
+        if length <= _ROUNDING * farthest or gap <= _TOLERANCE * length * farthest or added in chosen:
+            break
+        chosen, weights = _shortest_combination(differences, np.append(chosen, added), np.append(weights, 0.0))
+        found = weights @ differences[chosen]
+        if np.linalg.norm(found) >= length:
+            break
+        shortest = found
+    return size * shortest
+
+
+def _shortest_combination(
+    points: np.ndarray, chosen: np.ndarray, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The chosen points (N, D) and their weights, moved to the shortest affine combination of as many as keep positive
+    weights: each step towards it that would make weights negative ends at the first zero, and drops that point.
+    """
+    while True:
+        aimed = _affine_weights(points[chosen])
+        falling = aimed <= 0.0
+        if not np.any(falling):
+            return chosen, aimed
+        # A point that has just been added has no weight yet.
+        shares = weights[falling] / np.maximum(weights[falling] - aimed[falling], np.finfo(float).tiny)
+        weights = weights + np.min(shares) * (aimed - weights)
+        weights[np.flatnonzero(falling)[np.argmin(shares)]] = 0.0
+        kept = weights > 0.0
+        chosen, weights = chosen[kept], weights[kept]
+
+
+def _affine_weights(points: np.ndarray) -> np.ndarray:
+    """Weights (n,) with sum 1 of the shortest affine combination of points (n, D), which may depend on each other."""
+    others = np.linalg.lstsq((points[1:] - points[0]).T, -points[0])[0]
+    return np.append(1.0 - np.sum(others), others)
