@@ -154,7 +154,9 @@ class JointQueryBuilder:
         """Distinct configurations that hold the tool in a pose, and why there is not one more."""
         found: list[np.ndarray] = []
         reason = ""
-        for near in self._guesses(name, pose):
+        for guess in self._guesses(name, pose):
+            # A mean of configurations at a limit may lie beyond it by rounding, a decoded one by more.
+            near = np.clip(guess, self._robot.lower, self._robot.upper)
             try:
                 configuration = solve(self._robot, pose.position, pose.quaternion, start=near, attempts=1)
             except RobotError as error:
@@ -166,7 +168,7 @@ class JointQueryBuilder:
 
     def _guesses(self, name: Literal["start", "goal"], pose: Pose) -> list[np.ndarray]:
         if self._poles[name]:
-            return [self._robot.checked(pole.asked) for pole in self._poles[name]]
+            return [pole.asked for pole in self._poles[name]]
         trusted = np.flatnonzero(self._graph.sigma < ENDPOINT_MULTIPLE * self._skill.sigma_support)
         offset = np.linalg.norm(self._tool_positions[trusted] - pose.position, axis=1)
         turn = 1.0 - np.abs(self._tool_quaternions[trusted] @ pose.quaternion)

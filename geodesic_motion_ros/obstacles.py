@@ -9,6 +9,8 @@ import numpy as np
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.solids import NUMBERS, no_solids, solid_rows, solids_moved
 
+#: Nothing that an arm has to do with is farther away or larger [m], has turned further [rad], or is faster [m/s].
+LARGEST_NUMBER = 1000.0
 #: How far a rotation of a solid may be from one.
 _ROTATION_TOLERANCE = 1e-6
 
@@ -76,15 +78,16 @@ class Obstacles:
 
     def objection(self) -> str:
         """What is wrong with the first obstacle that is not one, or ''."""
-        good = np.all(np.isfinite(self.centres) & np.isfinite(self.velocities), axis=1)
-        good &= np.isfinite(self.radii) & (self.radii > 0.0)
+        good = np.all((np.abs(self.centres) <= LARGEST_NUMBER) & (np.abs(self.velocities) <= LARGEST_NUMBER), axis=1)
+        good &= (self.radii > 0.0) & (self.radii <= LARGEST_NUMBER)
         if not np.all(good):
             i = int(np.argmin(good))
             return (
                 f"obstacle {i} has centre {self.centres[i].tolist()}, radius {self.radii[i]} and velocity "
-                f"{self.velocities[i].tolist()}: all must be finite and the radius positive"
+                f"{self.velocities[i].tolist()}: all must be finite, at most {LARGEST_NUMBER:g}, and the radius "
+                "positive"
             )
-        good = np.all(np.isfinite(self.solids), axis=1) & np.all(np.isfinite(self.solid_velocities), axis=1)
+        good = np.all(np.abs(np.hstack([self.solids, self.solid_velocities])) <= LARGEST_NUMBER, axis=1)
         extents, radii = self.solids[:, 3:6], self.solids[:, 6]
         good &= np.all(extents >= 0.0, axis=1) & (radii >= 0.0) & (extents.min(axis=1, initial=np.inf) + radii > 0.0)
         turns = self.solids[:, 7:].reshape(-1, 3, 3)
@@ -95,8 +98,9 @@ class Obstacles:
         i = int(np.argmin(good))
         return (
             f"solid {i} has centre {self.solids[i, :3].tolist()}, half extents {extents[i].tolist()}, radius "
-            f"{radii[i]} and velocity {self.solid_velocities[i].tolist()}: all must be finite, extents and radius not "
-            f"negative, each extent with the radius positive, and the rotation one"
+            f"{radii[i]} and velocity {self.solid_velocities[i].tolist()}: all must be finite, at most "
+            f"{LARGEST_NUMBER:g}, extents and radius not negative, each extent with the radius positive, and the "
+            "rotation one"
         )
 
     def same_places(self, other: Obstacles) -> bool:

@@ -22,6 +22,7 @@ from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import Offsets, corrections_at
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
 from geodesic_motion_ros.latent_way import shown_cost
+from geodesic_motion_ros.obstacles import LARGEST_NUMBER
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
 from geodesic_motion_ros.sheet import POSE_SCALE, beyond_demonstrated
@@ -38,15 +39,16 @@ class Pose:
 
 
 def checked_pose(end: str, position: np.ndarray, quaternion: np.ndarray) -> tuple[Pose | None, str]:
-    """A pose with a unit quaternion, or None and what is wrong with it."""
+    """A pose with a unit quaternion, or None and what is wrong with it: numbers up to LARGEST_NUMBER are expected."""
     position, quaternion = np.array(position, dtype=float), np.array(quaternion, dtype=float)
     if position.shape != (3,) or quaternion.shape != (4,):
         return None, (
             f"{end} has position of shape {position.shape} and quaternion of shape {quaternion.shape}: "
             "expected (3,) and (4,)"
         )
-    if not (np.all(np.isfinite(position)) and np.all(np.isfinite(quaternion))):
-        return None, f"{end} position {position.tolist()}, quaternion {quaternion.tolist()}: must be finite"
+    if not np.all(np.abs(np.append(position, quaternion)) <= LARGEST_NUMBER):
+        numbers = f"{end} position {position.tolist()}, quaternion {quaternion.tolist()}"
+        return None, f"{numbers}: must be finite, at most {LARGEST_NUMBER:g}"
     if np.linalg.norm(quaternion) < 1e-6:
         return None, f"{end} quaternion {quaternion.tolist()} is zero: expected a unit quaternion (w, x, y, z)"
     return Pose(position, normalise(quaternion)), ""

@@ -58,6 +58,14 @@ def test_no_point_of_the_hull_is_nearer_than_what_is_said(seed):
     assert beyond <= np.linalg.norm(SCALE * (offset - hull), axis=1).min() + 1e-9
 
 
+@pytest.mark.parametrize("count", [10, 12, 15])
+def test_a_demonstrated_end_among_ends_of_widely_different_sizes_is_not_beyond(count):
+    for seed in range(1000):
+        random = np.random.default_rng(seed)
+        shown = random.normal(size=(count, 7)) * 10.0 ** random.uniform(-8.0, 0.0, (count, 1))
+        np.testing.assert_allclose(beyond_demonstrated(shown[0], shown, np.ones(7)), 0.0, atol=1e-7 * np.ptp(shown))
+
+
 def test_each_modes_weights_are_its_own_and_sum_to_one(sheet):
     modes = np.array([0, 0, 1, 0, 1, 1, 1])
     weights = replace(sheet, modes=modes).weights(np.zeros(6), np.zeros(6), conditioned=True)

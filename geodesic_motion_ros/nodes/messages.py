@@ -24,13 +24,11 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from geodesic_motion_ros.errors import GeodesicMotionError, RobotError
+from geodesic_motion_ros.obstacles import LARGEST_NUMBER
 from geodesic_motion_ros.quaternions import normalise
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.task_frame import TaskFrame
-
-# Nothing a robot arm has to do with is further away [m] or has turned further [rad] than this.
-LARGEST_COORDINATE = 1000.0
 
 # Points of a cloud beyond which it is refused.
 MOST_POINTS = 1_000_000
@@ -204,8 +202,8 @@ def read_cloud(message: PointCloud2, base_frame: str, lookup: FrameLookup = base
         points = _cloud_points(message)
         finite = np.isfinite(points.sum(axis=1))  # a sum with NaN or inf in it is not finite
     points = points if finite.all() else points[finite]
-    if len(points) and np.max(np.abs(points)) > LARGEST_COORDINATE:
-        raise MessageRefused(f"cloud: a coordinate exceeds {LARGEST_COORDINATE:g} m; metres are expected")
+    if len(points) and np.max(np.abs(points)) > LARGEST_NUMBER:
+        raise MessageRefused(f"cloud: a coordinate exceeds {LARGEST_NUMBER:g} m; metres are expected")
     return frame.points_to_base(points), len(finite) - len(points)
 
 
@@ -271,8 +269,8 @@ def check_number(value: float, name: str, unit: str) -> None:
     """Refuse what is not finite, or larger than a number of a unit may be here, by its name."""
     if not math.isfinite(value):
         raise MessageRefused(f"{name} holds {value}; finite numbers are needed")
-    if abs(value) > LARGEST_COORDINATE:
-        raise MessageRefused(f"{name} holds {value:g} {unit}; at most {LARGEST_COORDINATE:g} is plausible")
+    if abs(value) > LARGEST_NUMBER:
+        raise MessageRefused(f"{name} holds {value:g} {unit}; at most {LARGEST_NUMBER:g} is plausible")
 
 
 # ---------------------------------------------------------------- arrays to messages

@@ -163,6 +163,8 @@ def test_out_of_time_no_further_attempt_is_made(planner, monkeypatch):
     [
         ([np.nan, 0, 0], [1, 0, 0, 0], "finite"),
         ([0.4, 0, np.inf], [1, 0, 0, 0], "finite"),
+        ([0.4, 0, 1e200], [1, 0, 0, 0], "at most 1000"),
+        ([0.4, 0, 0.3], [1e160, 0, 0, 0], "at most 1000"),
         ([0.4, 0, 0.3], [0, 0, 0, 0], "zero"),
         ([0.4, 0], [1, 0, 0, 0], "expected"),
     ],

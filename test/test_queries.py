@@ -1,0 +1,220 @@
+"""No query raises: whatever is asked of a planner, it answers with a verdict, and with a reference where that is OK.
+
+GEODESIC_QUERIES queries are drawn for each skill: those shipped, and those in the folders of GEODESIC_SKILLS. Of their
+verdicts, and of the time that they took, a line is printed (`pytest -rP`).
+"""
+
+from __future__ import annotations
+
+import os
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.joint_solver import JointPlan
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.pose_solver import Plan
+from geodesic_motion_ros.quaternions import normalise
+from geodesic_motion_ros.reference import TaskSpaceReference
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.verdict import Verdict
+
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
+
+QUERIES = int(os.environ.get("GEODESIC_QUERIES", "300"))
+SKILLS = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp")
+SKILLS += tuple(filter(None, os.environ.get("GEODESIC_SKILLS", "").split(os.pathsep)))
+#: Obstacles stay for a few queries, and a goal for a few ticks.
+QUERIES_PER_SCENE, QUERIES_PER_GOAL = 5, 3
+IDENTITY = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+#: Numbers that have broken programs before.
+NUMBERS = (0.0, -0.0, 1e-320, 1e-160, 1e160, -1e300, np.nan, np.inf, -np.inf)
+
+
+class Draw:
+    """Draws what a planner of a skill is asked: near what was demonstrated, within reach, beyond it, and nonsense."""
+
+    def __init__(self, skill: Skill) -> None:
+        self.robot = Robot.named(skill.robot)
+        codes = skill.codes[:, ::9].reshape(-1, skill.codes.shape[-1])
+        if skill.space == "joint":
+            self.configurations = np.clip(skill.decoder.configurations(codes), self.robot.lower, self.robot.upper)
+            poses = [np.concatenate(self.robot.forward(shown)) for shown in self.configurations]
+        else:
+            self.configurations = self.robot.sample(100, np.random.default_rng(0))
+            decoded = skill.decoder.decode(codes)
+            poses = [*np.concatenate([decoded.positions, decoded.quaternions], axis=1)]
+        self.poses = np.array([skill.start_pose, skill.goal_pose, *poses])
+
+    def configuration(self, random: np.random.Generator) -> np.ndarray:
+        """(7,) [rad]."""
+        lower, upper = self.robot.lower, self.robot.upper
+        shown, anywhere = random.choice(self.configurations), self.robot.sample(1, random)[0]
+        at_limits = np.where(random.uniform(size=7) < 0.5, lower, upper)
+        return self._one(
+            random,
+            lambda: shown,
+            lambda: np.clip(shown + random.normal(size=7) * 10.0 ** random.uniform(-9.0, 0.0), lower, upper),
+            lambda: anywhere,
+            lambda: at_limits,
+            lambda: np.where(random.uniform(size=7) < 0.7, at_limits, anywhere),
+            # Stretched, with the axes of the wrist in line.
+            lambda: np.clip(anywhere * [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0], lower, upper),
+            lambda: at_limits * (1.0 + 10.0 ** random.uniform(-16.0, 3.0)),
+            lambda: self._spoilt(anywhere, random),
+            lambda: anywhere[:6],
+        )
+
+    def pose(self, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """(3,) [m] and (4,)."""
+        shown, turned = random.choice(self.poses), normalise(random.normal(size=4))
+        pose = self._one(
+            random,
+            lambda: self.poses[random.integers(2)],
+            lambda: shown,
+            lambda: shown + random.normal(size=7) * 10.0 ** random.uniform(-9.0, -0.5),
+            lambda: np.concatenate([shown[:3], turned]),
+            lambda: np.concatenate(self.robot.forward(self.robot.sample(1, random)[0])),
+            lambda: np.concatenate([random.normal(size=3) * 10.0 ** random.uniform(-1.0, 3.0), turned]),
+            lambda: shown * np.repeat([1.0, -(10.0 ** random.uniform(-7.0, 3.0))], [3, 4]),
+            lambda: self._spoilt(shown, random),
+            lambda: shown[:6],
+        )
+        return pose[:3], pose[3:]
+
+    def obstacles(self, random: np.random.Generator) -> Obstacles:
+        """That stand or move, near what was demonstrated or anywhere."""
+        centres = random.choice(self.poses, size=random.integers(1, 9))[:, :3] + 0.1 * random.normal(size=3)
+        radii, velocities = 10.0 ** random.uniform(-3.0, 0.0, len(centres)), 0.2 * random.normal(size=centres.shape)
+        return self._one(
+            random,
+            Obstacles.none,
+            lambda: Obstacles.of_spheres(centres, 0.1 * radii),
+            lambda: Obstacles.of_spheres(centres, radii),
+            lambda: Obstacles.of_spheres(centres, 0.1 * radii, velocities),
+            lambda: Obstacles.one_of_each(centres[0], velocities[0], 0.0),
+            lambda: Obstacles.of_spheres(centres * 10.0 ** random.uniform(0.0, 3.0), radii),
+            lambda: Obstacles.of_spheres(centres, radii * 10.0 ** random.uniform(0.0, 3.0)),
+            lambda: Obstacles.of_spheres(self._spoilt(centres, random), self._spoilt(radii, random)),
+        )
+
+    @staticmethod
+    def _one(random: np.random.Generator, *choices: Callable) -> object:
+        return choices[random.integers(len(choices))]()
+
+    @staticmethod
+    def _spoilt(array: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        """With one number replaced."""
+        spoilt = np.array(array)
+        spoilt.flat[random.integers(spoilt.size)] = random.choice(NUMBERS)
+        return spoilt
+
+
+class Asked:
+    """A planner, and the queries of each kind that are drawn for it: calls that return a verdict or a plan."""
+
+    def __init__(self, skill: Skill) -> None:
+        self.planner = (JointSpacePlanner if skill.space == "joint" else ReactivePlanner)(skill)
+        self._draw = Draw(skill)
+        self._now = 0.0
+
+    def change_scene(self, random: np.random.Generator) -> None:
+        """Other obstacles, another task frame; a planner of joints hears where the arm stands."""
+        self.planner.take_obstacles(self._draw.obstacles(random))
+        if isinstance(self.planner, JointSpacePlanner):
+            self.planner.stand_at(random.choice(self._draw.configurations), self._now)
+        else:
+            self.planner.set_task_frame(*(self._draw.pose(random) if random.uniform() < 0.2 else IDENTITY))
+
+    def goal(self, random: np.random.Generator) -> Callable[[], Verdict]:
+        """A goal pose, or a goal configuration where there are such."""
+        if isinstance(self.planner, JointSpacePlanner) and random.uniform() < 0.5:
+            return partial(self.planner.set_goal_configuration, self._draw.configuration(random))
+        return partial(self.planner.set_goal, *self._draw.pose(random))
+
+    def way(self, random: np.random.Generator) -> Callable[[], Plan | JointPlan]:
+        """A way between two poses."""
+        return partial(self.planner.plan, *self._draw.pose(random), *self._draw.pose(random))
+
+    def tick(self, random: np.random.Generator) -> Callable[[], Plan | JointPlan]:
+        """A tick of the stream, to the goal asked for last, in motion or from wherever the arm is then."""
+        self._now += 10.0 ** random.uniform(-3.0, 0.0)
+        if isinstance(self.planner, JointSpacePlanner):
+            if random.uniform() < 0.2:
+                self.planner.stand_at(self._draw.configuration(random), self._now)
+            return partial(self.planner.tick, self._now)
+        speed = random.choice([0.0, 0.05, 1.0])
+        return partial(self.planner.tick, *self._draw.pose(random), speed, now=self._now)
+
+
+@pytest.fixture(scope="module", params=SKILLS)
+def asked(request: pytest.FixtureRequest) -> Asked:
+    return Asked(Skill.load(request.param))
+
+
+@pytest.mark.parametrize(
+    ("kind", "count", "expected"),
+    [
+        ("goal", QUERIES, {"OK", "GOAL_OUT_OF_SUPPORT", "BAD_INPUT"}),
+        ("way", QUERIES // 10, {"OK", "GOAL_OUT_OF_SUPPORT", "START_OUT_OF_SUPPORT"}),
+        ("tick", QUERIES // 10, {"OK", "START_OUT_OF_SUPPORT", "IN_COLLISION"}),
+    ],
+    ids=["goals", "ways", "ticks"],
+)
+def test_no_query_raises(asked: Asked, kind: str, count: int, expected: set[str]) -> None:
+    verdicts: Counter[str] = Counter()
+    raised, seconds = [], 0.0
+    for number in range(count):
+        random = np.random.default_rng([0, number])
+        if number % QUERIES_PER_SCENE == 0:
+            asked.change_scene(random)
+        if kind == "tick" and number % QUERIES_PER_GOAL == 0:
+            asked.goal(random)()
+        query = getattr(asked, kind)(random)
+        began = time.perf_counter()
+        try:
+            answer = query()
+        except Exception:
+            raised.append(f"query {number}, {query}:\n{traceback.format_exc()}")
+            continue
+        seconds += time.perf_counter() - began
+        check(answer)
+        verdicts[verdict_of(answer).code.name] += 1
+    print(f"{asked.planner.skill.name}, {count} {kind}s: {dict(verdicts)}, {1e3 * seconds / count:.2f} ms each")
+    assert not raised, f"{len(raised)} of {count} raised, first {raised[0]}"
+    assert expected <= set(verdicts), verdicts
+
+
+def verdict_of(answer: Verdict | Plan | JointPlan) -> Verdict:
+    return answer if isinstance(answer, Verdict) else answer.verdict
+
+
+def check(answer: Verdict | Plan | JointPlan) -> None:
+    """A refusal has a reason, and what is commanded is a motion that is known to be clear."""
+    verdict, reference = verdict_of(answer), getattr(answer, "reference", None)
+    assert verdict.ok or verdict.reason, answer
+    if reference is not None:
+        assert np.all(np.isfinite(reference.positions)), answer
+        assert not (verdict.ok and np.isnan(verdict.clearance)), answer
+    if isinstance(reference, TaskSpaceReference):
+        np.testing.assert_allclose(np.linalg.norm(reference.quaternions, axis=1), 1.0, atol=1e-9)
+
+
+def test_demonstrations_that_end_at_a_joint_limit_are_no_exception() -> None:
+    """The mean of equal numbers may be larger than each of them, by rounding."""
+    skill, limit = Skill.load("panda_reach_to_grasp"), Robot.panda().upper[6]
+    poles = skill.canonical.goal_poles.copy()
+    poles[:, 6] = np.nextafter(limit, np.inf)
+    planner = JointSpacePlanner(replace(skill, canonical=replace(skill.canonical, goal_poles=poles)))
+    poles[:, 6] = limit
+    verdict = planner.set_goal(*planner.robot.forward(poles[0]))
+    assert verdict.ok, verdict
