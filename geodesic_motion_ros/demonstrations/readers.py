@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 from zipfile import BadZipFile
@@ -107,7 +107,10 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
     def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
         return _joint_arrays(_load(path, dict), names, robot, path)
 
-    tables = _read_tables(path, {".npz": read_npz, ".csv": _read_csv}, arm.joint_names, rate_hz)
+    def read_csv(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
+        return _read_csv(path, names, robot)
+
+    tables = _read_tables(path, {".npz": read_npz, ".csv": read_csv}, arm.joint_names, rate_hz)
     try:
         items = tuple(_joint_demonstration(name, table, arm, rate_hz) for name, table in tables.items())
         demonstrations = JointDemonstrations(items, arm.joint_names, robot)
@@ -277,7 +280,8 @@ def _times_of_each(times: np.ndarray, shape: tuple[int, ...], path: Path) -> np.
     return _shaped(np.broadcast_to(times, shape) if times.shape == shape[1:] else times, shape, "times", path)
 
 
-def _read_csv(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
+def _read_csv(path: Path, names: tuple[str, ...], robot: str = "") -> dict[str, Table]:
+    """robot : whose joints the names are, if they are joints."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = [(line, row) for line, row in enumerate(csv.reader(stream), start=1) if row]
@@ -286,6 +290,8 @@ def _read_csv(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
     if not rows:
         raise DemonstrationError(f"{path}: empty; it needs a header {','.join((DEMONSTRATION, *names))}")
     header = [cell.strip() for cell in rows[0][1]]
+    if robot and DEMONSTRATION in header and set(header).isdisjoint(names):
+        raise _other_arm([name for name in header if name not in (DEMONSTRATION, TIME)], names, robot, path)
     _check_header(header, names, path)
     samples: dict[str, list[list[float]]] = {}
     for line, row in rows[1:]:
@@ -363,10 +369,7 @@ def _joint_arrays(
     configurations = _numbers(arrays["configurations"], "configurations", path)
     present = tuple(map(str, np.atleast_1d(arrays["joint_names"])))
     if sorted(present) != sorted(joint_names):
-        raise DemonstrationError(
-            f"{path}: joint_names are {', '.join(present)}; "
-            f"those of '{robot}', in any order, are {', '.join(joint_names)}"
-        )
+        raise _other_arm(present, joint_names, robot, path)
     if configurations.ndim != 3 or configurations.shape[2] != len(present):
         raise DemonstrationError(
             f"{path}: configurations have shape {configurations.shape}, not (N, T, {len(present)}) for the joints named"
@@ -379,6 +382,13 @@ def _joint_arrays(
         times = _times_of_each(arrays["times"], configurations.shape[:2], path)
         tables = {name: table | {TIME: row} for (name, table), row in zip(tables.items(), times, strict=True)}
     return dict(zip(names, tables.values(), strict=True))
+
+
+def _other_arm(present: Sequence[str], joint_names: Sequence[str], robot: str, path: Path) -> DemonstrationError:
+    return DemonstrationError(
+        f"{path}: its joints are {', '.join(present)}; expected are those of '{robot}', in any order: "
+        f"{', '.join(joint_names)}. Recordings of other robots are not supported yet"
+    )
 
 
 def _joint_demonstration(name: str, table: Table, robot: Robot, rate_hz: float) -> JointDemonstration:

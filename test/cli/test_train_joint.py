@@ -135,3 +135,15 @@ def test_an_arm_that_stands_still_is_refused_by_name(reach_demonstrations, tmp_p
     save_joint_demonstrations(replace(short, items=(short[0], still, *short.items[2:])), tmp_path / "still.npz")
     assert main(["train", "--demos", str(tmp_path / "still.npz"), "--out", str(tmp_path / "s")]) == 2
     assert "demonstration 'idle' does not move" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("space", [["--space", "joint"], []], ids=["said", "recognised"])
+def test_a_recording_of_another_arm_is_refused_with_both_arms_joints(space, tmp_path, capsys) -> None:
+    joints = "shoulder_pan_joint,shoulder_lift_joint,elbow_joint,wrist_1_joint,wrist_2_joint,wrist_3_joint"
+    rows = [f"d0,{0.1 * step:.1f},{0.1 * step:.2f},-1.1,-1.6,-2.0,1.6,-2.4" for step in range(20)]
+    recording = tmp_path / "reach.csv"
+    recording.write_text("\n".join([f"demonstration,t,{joints}", *rows]))
+    assert main(["train", *space, "--demos", str(recording), "--out", str(tmp_path / "s")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    for said in (str(recording), joints.replace(",", ", "), "'panda'", "panda_joint7", "not supported yet"):
+        assert said in line
