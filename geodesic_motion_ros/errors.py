@@ -5,6 +5,10 @@ class GeodesicMotionError(Exception):
     """Base of every error this package raises on purpose."""
 
 
+class FileError(GeodesicMotionError):
+    """A file is not of the kind, size or format that it should be."""
+
+
 class DemonstrationError(GeodesicMotionError):
     """A recording cannot be used as demonstrations."""
 

@@ -37,12 +37,12 @@ class JointSheet(DemonstratedEnds):
 
     def check(self, count: int, samples: int) -> None:
         """Refuse arrays that do not belong to codes of `count` demonstrations with `samples` each (SkillError)."""
-        joints = self.configurations.shape[-1]
+        joints = (0, *self.configurations.shape)[-1]
         self.check_arrays({
-            "configurations": (count, samples, joints), "modes": (count,),
+            "configurations": (count, samples, joints),
             "start_offsets": (count, joints), "goal_offsets": (count, joints),
-            "start_groups": (count,), "goal_groups": (count,),
         })  # fmt: skip
+        self.check_numbers("modes")
         for end in ("start", "goal"):
             self.check_numbers(f"{end}_groups")
             groups = len(set(getattr(self, f"{end}_groups").tolist()))

@@ -13,6 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from geodesic_motion_ros.checked_files import brief
+from geodesic_motion_ros.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_range, check_unit
 from geodesic_motion_ros.convex_hull import beyond_hull
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
@@ -43,20 +45,23 @@ class DemonstratedEnds:
     penalty: float
 
     def check_arrays(self, shapes: dict[str, tuple[int, ...]]) -> None:
-        """Refuse arrays of other shapes, or with values that are not finite (SkillError)."""
+        """Refuse arrays of other shapes, with values that are not finite or that no arm moves by (SkillError)."""
         for name, shape in shapes.items():
-            array = getattr(self, name)
-            if array.shape != shape or not np.all(np.isfinite(array)):
-                raise SkillError(f"canonical {name} must be finite with shape {shape}, has shape {array.shape}")
-        self.check_numbers("modes")
+            check_array(f"canonical {name}", getattr(self, name), shape, -LARGEST_TURN, LARGEST_TURN)
         if not self.penalty > 0.0:
             raise SkillError(f"regression_penalty is {self.penalty}, must be positive, or .inf for no regression")
 
     def check_numbers(self, name: str) -> None:
-        """Refuse numbers of modes or groups that are not counted from 0 without gaps (SkillError)."""
-        numbers = set(getattr(self, name).tolist())
+        """Refuse numbers (N,) of modes or groups that are not counted from 0 without gaps (SkillError)."""
+        array = getattr(self, name)
+        if array.dtype.kind not in "iu" or array.shape != (len(self.start_offsets),):
+            raise SkillError(
+                f"canonical {name} must be whole numbers of shape {(len(self.start_offsets),)}, are of type "
+                f"{array.dtype} and shape {array.shape}"
+            )
+        numbers = set(array.tolist())
         if numbers != set(range(len(numbers))):
-            raise SkillError(f"{name} must be numbered from 0 without gaps, are {sorted(numbers)}")
+            raise SkillError(f"{name} must be numbered from 0 without gaps, are {brief(sorted(numbers))}")
 
     @property
     def has_ridges(self) -> bool:
@@ -111,8 +116,13 @@ class CanonicalSheet(DemonstratedEnds):
         """Refuse arrays that do not belong to codes of `count` demonstrations with `samples` each (SkillError)."""
         self.check_arrays({
             "positions": (count, samples, 3), "quaternions": (count, samples, 4),
-            "start_offsets": (count, 6), "goal_offsets": (count, 6), "modes": (count,),
+            "start_offsets": (count, 6), "goal_offsets": (count, 6),
         })  # fmt: skip
+        for name in ("positions", "start_offsets", "goal_offsets"):
+            lengths = getattr(self, name)[..., :3]
+            check_range(f"canonical {name}", lengths, -2.0 * ARM_REACH, 2.0 * ARM_REACH)
+        check_unit("canonical quaternions", self.quaternions)
+        self.check_numbers("modes")
 
     @property
     def scale(self) -> np.ndarray:

@@ -17,9 +17,9 @@ from typing import Any, Literal
 
 import numpy as np
 import yaml
-from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import save_file
 
+from geodesic_motion_ros.checked_files import PlainDumper, brief
 from geodesic_motion_ros.errors import GeodesicMotionError, SkillError
 from geodesic_motion_ros.graph.configuration_graph import (
     ConfigurationGraph,
@@ -34,8 +34,8 @@ from geodesic_motion_ros.joint_sheet import JointSheet
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.sheet import CanonicalSheet
-
-FORMAT_VERSION = 2
+from geodesic_motion_ros.skill_description import DESCRIPTION, FILES, FORMAT_VERSION, LATENT, METADATA, WEIGHTS
+from geodesic_motion_ros.skill_folder import CANONICAL_ARRAYS, LATENT_ARRAYS, read_folder
 
 #: The graphs that energy_per_edge is calibrated on, and the default ones, by the latent dimension.
 GRID_SHAPES = {2: (100, 100), 3: (50, 50, 50)}
@@ -45,20 +45,6 @@ NEIGHBOURS = {2: 16, 3: 26}
 SUPPORT_MULTIPLE = 5.0
 #: Ends of a path are chosen closer to the demonstrations than the rim of the support.
 ENDPOINT_MULTIPLE = 3.0
-
-_TEXT_FIELDS = ("name", "space", "robot", "base_frame", "tool_frame", "orientation_model")
-_METADATA = (*_TEXT_FIELDS, "metric", "sigma_support", "energy_per_edge", "quality", "provenance")
-_LATENT = ("codes", "latent_lower", "latent_upper", "start_pose", "goal_pose")
-_ENDS = ("start_offsets", "goal_offsets", "modes")
-_CANONICAL = {
-    "task": (*_ENDS, "positions", "quaternions"),
-    "joint": (*_ENDS, "configurations", "start_groups", "goal_groups", "start_poles", "goal_poles"),
-}
-_SPACES = {
-    "task": (TaskSpaceDecoder, MetricSettings, CanonicalSheet),
-    "joint": (JointSpaceDecoder, JointMetricSettings, JointSheet),
-}
-_FILES = ("weights.safetensors", "latent.npz")
 
 
 @dataclass(frozen=True)
@@ -155,16 +141,16 @@ class Skill:
         try:
             weights = {f"decoder.{name}": array for name, array in self.decoder.arrays().items()}
             weights |= {f"encoder.{name}": np.asarray(a, float) for name, a in self.encoder_arrays.items()}
-            save_file({k: np.array(v, order="C") for k, v in weights.items()}, draft / "weights.safetensors")
-            latent = {name: getattr(self, name) for name in _LATENT}
+            save_file({k: np.array(v, order="C") for k, v in weights.items()}, draft / WEIGHTS)
+            latent = {name: getattr(self, name) for name in LATENT_ARRAYS}
             described = {"format_version": FORMAT_VERSION, "sheet": self.sheet}
             if self.canonical is not None:
-                latent |= {f"canonical_{name}": getattr(self.canonical, name) for name in _CANONICAL[self.space]}
+                latent |= {f"canonical_{name}": getattr(self.canonical, name) for name in CANONICAL_ARRAYS[self.space]}
                 described["regression_penalty"] = self.canonical.penalty
-            np.savez(draft / "latent.npz", **latent)
-            described |= {name: getattr(self, name) for name in _METADATA} | {"metric": asdict(self.metric)}
-            described["sha256"] = {name: _digest(draft / name) for name in _FILES}
-            (draft / "skill.yaml").write_text(yaml.safe_dump(described, sort_keys=False, width=110))
+            np.savez(draft / LATENT, **latent)
+            described |= {name: getattr(self, name) for name in METADATA} | {"metric": asdict(self.metric)}
+            described["sha256"] = {name: hashlib.sha256((draft / name).read_bytes()).hexdigest() for name in FILES}
+            (draft / DESCRIPTION).write_text(yaml.dump(described, Dumper=PlainDumper, sort_keys=False, width=110))
             draft.chmod(0o755)
             for file in draft.iterdir():
                 file.chmod(0o644)
@@ -179,80 +165,10 @@ class Skill:
 
         Raises
         ------
-        SkillError : missing folder or file, wrong checksum, unknown format version, unreadable content; the
-            message names the file and the reason.
+        SkillError : missing folder or file, wrong checksum, unknown format version, unreadable content, numbers that
+            no skill has; the message names the file, the entry and the reason.
         """
-        path = _resolve(folder)
-        described = _read_description(path)
-        for name, digest in described["sha256"].items():
-            if not (path / name).is_file():
-                raise SkillError(f"{path}: {name} is missing; a skill folder holds skill.yaml, {', '.join(_FILES)}")
-            if _digest(path / name) != digest:
-                raise SkillError(f"{path}: {name} differs from its checksum in skill.yaml: truncated or altered")
-        try:
-            weights = load_file(path / "weights.safetensors")
-            with np.load(path / "latent.npz", allow_pickle=False) as archive:
-                latent = {name: np.asarray(archive[name], dtype=float) for name in _LATENT}
-                latent["canonical"] = _canonical(described, archive)
-            metadata = {name: described[name] for name in _METADATA}
-            decoder, metric, _ = _SPACES[described["space"]]
-            metadata["metric"] = metric(**described["metric"])
-            skill = cls(
-                decoder=decoder.from_arrays(_with_prefix(weights, "decoder.")),
-                encoder_arrays=_with_prefix(weights, "encoder."), **latent, **metadata,
-            )  # fmt: skip
-            skill._check()
-        except GeodesicMotionError as error:
-            raise SkillError(f"{path}: {error}") from error
-        except (KeyError, TypeError, ValueError, OSError, SafetensorError) as error:
-            raise SkillError(f"{path}: not a readable skill: {type(error).__name__}: {error}") from error
-        return skill
-
-    def _check(self) -> None:
-        d = self.decoder.latent_dimension
-        shapes = {
-            "latent_lower": (d,), "latent_upper": (d,), "start_pose": (7,), "goal_pose": (7,),
-            "codes": (*self.codes.shape[:2], d),
-        }  # fmt: skip
-        if self.space == "joint":
-            self._check_joints()
-        if self.canonical is not None:
-            self.canonical.check(*self.codes.shape[:2])
-        for name, shape in shapes.items():
-            array = getattr(self, name)
-            if array.shape != shape or not np.all(np.isfinite(array)):
-                raise SkillError(f"{name} must be finite with shape {shape}, has shape {array.shape}")
-        for name in ("sigma_support", "energy_per_edge"):
-            value = getattr(self, name)
-            if not (isinstance(value, float) and value > 0.0):
-                raise SkillError(f"{name} is {value!r}, must be a positive number")
-
-    def _check_joints(self) -> None:
-        joints = len(Robot.named(self.robot).joint_names)
-        counted = {"the decoder": self.decoder.joints}
-        if self.canonical is not None:
-            counted["the canonical sheet"] = self.canonical.configurations.shape[-1]
-        for what, count in counted.items():
-            if count != joints:
-                raise SkillError(f"{what} is of {count} joints; the robot {self.robot!r} has {joints}")
-
-
-def _canonical(described: dict[str, Any], archive: Any) -> CanonicalSheet | None:
-    if described["sheet"] == "raw":
-        return None
-    if described["sheet"] != "canonical":
-        raise SkillError(f"sheets of kind {described['sheet']!r} are not known here; known: 'canonical', 'raw'")
-    space = described["space"]
-    arrays = {name: archive[f"canonical_{name}"] for name in _CANONICAL[space]}
-    return _SPACES[space][2](**arrays, penalty=float(described["regression_penalty"]))
-
-
-def _with_prefix(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
-    return {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+        return cls(**read_folder(_resolve(folder)))
 
 
 def _replace_folder(draft: Path, target: Path) -> None:
@@ -273,8 +189,11 @@ def _replace_folder(draft: Path, target: Path) -> None:
 
 def _resolve(folder: str | os.PathLike[str]) -> Path:
     path = Path(folder).expanduser()  # a shell leaves the ~ of skill:=~/my_skill as it is
-    if path.is_dir():
-        return path
+    try:
+        if path.is_dir():
+            return path
+    except OSError as error:
+        raise SkillError(f"skill folder {brief(folder)} cannot be opened ({error.strerror})") from error
     if path.parent == Path("."):
         try:
             return find_shared(f"models/{path.name}")
@@ -290,29 +209,3 @@ def _shipped() -> list[str]:
         return sorted(file.parent.name for file in find_shared("models").glob("*/skill.yaml"))
     except GeodesicMotionError:
         return []
-
-
-def _read_description(path: Path) -> dict[str, Any]:
-    file = path / "skill.yaml"
-    try:
-        described = yaml.safe_load(file.read_text())
-    except FileNotFoundError as error:
-        raise SkillError(f"{path}: skill.yaml is missing, so this is no skill folder") from error
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SkillError(f"{file}: unreadable: {error}") from error
-    if not isinstance(described, dict) or "format_version" not in described:
-        raise SkillError(f"{file}: no format_version, so this is no skill of this package")
-    if described["format_version"] != FORMAT_VERSION:
-        raise SkillError(
-            f"{file}: format version {described['format_version']}, this release reads {FORMAT_VERSION}: "
-            "install a matching release or train the skill again"
-        )
-    if described.get("space") not in _SPACES:
-        known = ", ".join(map(repr, _SPACES))
-        raise SkillError(f"{file}: skills of space {described.get('space')!r} are not known here; known: {known}")
-    missing = [name for name in ("sheet", *_METADATA, "sha256") if name not in described]
-    if missing:
-        raise SkillError(f"{file}: lacks {', '.join(missing)}")
-    if not isinstance(described["sha256"], dict) or set(described["sha256"]) != set(_FILES):
-        raise SkillError(f"{file}: sha256 must list exactly {', '.join(_FILES)}")
-    return described

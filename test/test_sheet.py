@@ -113,7 +113,7 @@ def test_blends_do_not_depend_on_signs(sheet):
         ({"quaternions": np.full((7, 100, 4), np.nan)}, "quaternions must be finite"),
         ({"start_offsets": np.zeros((7, 3))}, r"start_offsets must be finite with shape \(7, 6\)"),
         ({"goal_offsets": np.full((7, 6), np.inf)}, "goal_offsets must be finite"),
-        ({"modes": np.zeros(6, dtype=int)}, r"modes must be finite with shape \(7,\)"),
+        ({"modes": np.zeros(6, dtype=int)}, r"modes must be whole numbers of shape \(7,\)"),
         ({"modes": np.array([0, 0, 2, 2, 0, 0, 0])}, "without gaps"),
         ({"modes": np.full(7, 1)}, "without gaps"),
         ({"penalty": 0.0}, "regression_penalty is 0.0"),

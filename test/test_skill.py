@@ -103,7 +103,7 @@ def test_broken_arrays_of_the_sheet_are_named(canonical_folder, name, array):
         ({"sheet": "flat"}, "sheets of kind 'flat' are not known here; known: 'canonical', 'raw'"),
         ({"sheet": None}, "lacks sheet"),
         ({"regression_penalty": -1.0}, "regression_penalty is -1.0"),
-        ({"regression_penalty": "none"}, "not a readable skill"),
+        ({"regression_penalty": "none"}, "regression_penalty is 'none'"),
         ({"regression_penalty": None}, "regression_penalty"),
     ],
 )
@@ -259,7 +259,7 @@ def test_broken_arrays_of_a_joint_sheet_are_named(joint_folder, name, array):
     ("changes", "words"),
     [
         ({"robot": "kuka"}, "robot 'kuka' is not known here; known: 'panda'"),
-        ({"space": "task"}, "not a readable skill"),
+        ({"space": "task"}, "orientation_model is 'none'"),
         ({"metric": {"sigma_weight": 1.0, "orientation_scale": "spread"}}, "orientation_scale"),
     ],
 )
@@ -274,7 +274,7 @@ def test_a_skill_of_an_arm_with_other_joints_is_refused_with_both_numbers(reach_
     without_last = {name: getattr(decoder, name)[:6] for name in ("W3", "b3", "joint_offset", "sigma_weights")}
     shorter = replace(decoder, **without_last, sigma_floor=decoder.sigma_floor[:6])
     folder = replace(reach_skill, decoder=shorter).save(tmp_path / "six")
-    with pytest.raises(SkillError, match=r"the decoder is of 6 joints; the robot 'panda' has 7"):
+    with pytest.raises(SkillError, match=r"the decoder is of 6 joints; the robot has 7"):
         Skill.load(folder)
     sheet = reach_skill.canonical
     sheet = replace(sheet, configurations=sheet.configurations[..., :6])

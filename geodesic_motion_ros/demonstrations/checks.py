@@ -12,6 +12,8 @@ from geodesic_motion_ros.errors import DemonstrationError
 Abscissa = Literal["arc_length", "time"]
 """What samples can be equally spaced in."""
 Item = TypeVar("Item")
+LATEST_TIME = 1e10
+"""Seconds since 1970 are below 2e9; larger times are milliseconds or nanoseconds."""
 
 
 def columns(array: np.ndarray, names: Sequence[str], demonstration: str) -> np.ndarray:
@@ -33,8 +35,14 @@ def columns(array: np.ndarray, names: Sequence[str], demonstration: str) -> np.n
 
 
 def increasing_times(times: np.ndarray, demonstration: str) -> np.ndarray:
-    """A float64 copy of times (T,) [s], finite and strictly increasing; DemonstrationError otherwise."""
+    """A float64 copy of times (T,) [s], within LATEST_TIME and strictly increasing; DemonstrationError otherwise."""
     copy = columns(np.reshape(times, (-1, 1)), ("t",), demonstration)[:, 0]
+    late = np.flatnonzero(np.abs(copy) > LATEST_TIME)
+    if len(late):
+        raise DemonstrationError(
+            f"demonstration '{demonstration}', sample {late[0]}, column t: {copy[late[0]]:.4g} s is beyond "
+            f"{LATEST_TIME:g} s; times must be in seconds"
+        )
     falls = np.flatnonzero(np.diff(copy) <= 0.0)
     if len(falls):
         sample = falls[0] + 1

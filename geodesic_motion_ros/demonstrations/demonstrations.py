@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geodesic_motion_ros.checked_numbers import ARM_REACH, UNIT_NORM_TOLERANCE
 from geodesic_motion_ros.demonstrations.checks import (
     Abscissa,
     check_equal_lengths,
@@ -20,10 +21,6 @@ from geodesic_motion_ros.demonstrations.curves import PoseCurve, arc_length, int
 from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.quaternions import continuous_signs, normalise
 
-ARM_REACH = 3.0
-"""No arm this package is meant for carries its tool farther than this [m] from its base."""
-UNIT_NORM_TOLERANCE = 1e-2
-"""Quaternions this close to length 1 are normalised: rounding passes, mixed-up columns do not."""
 SHORTEST_PATH = 1e-4
 """A path shorter than this [m] is noise of a hand that stood still: nothing to resample by."""
 

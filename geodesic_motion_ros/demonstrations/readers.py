@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import csv
-import zlib
-from collections.abc import Callable, Mapping, Sequence
+import io
+import re
+from array import array as numbers
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
-from zipfile import BadZipFile
+from typing import IO, TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.demonstrations import ARM_REACH, Demonstration, Demonstrations
+from geodesic_motion_ros.checked_files import array_names, brief, opened, read_array, read_arrays
+from geodesic_motion_ros.checked_numbers import ARM_REACH
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.errors import DemonstrationError
+from geodesic_motion_ros.errors import DemonstrationError, FileError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.robot.kinematics import Robot
@@ -28,10 +31,17 @@ DEMONSTRATION = "demonstration"
 SHORTEST_MOTION = 0.01
 """When no demonstration of a file moves this far [m], its units were taken for too small ones."""
 
+LARGEST_RECORDING = 128 << 20
+"""Of a file [B]: half an hour of poses at 1 kHz."""
+MOST_DEMONSTRATIONS, MOST_JOINTS = 10_000, 100
+LONGEST_NAME, LONGEST_LINE = 200, 10_000
+"""Of a demonstration and of a line of text, in characters."""
+
 Table = dict[str, np.ndarray]
 """One demonstration as read: column name -> values (T,), positions still in the units of the file."""
 Reader = Callable[[Path, tuple[str, ...]], dict[str, Table]]
 """From a file and the names of its columns to tables by the names of the demonstrations."""
+Content = TypeVar("Content")
 
 
 def read_demonstrations(
@@ -105,7 +115,7 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
     arm = Robot.named(robot)
 
     def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
-        return _joint_arrays(_load(path, dict), names, robot, path)
+        return _joint_arrays(_load(path, read_arrays), names, robot, path)
 
     def read_csv(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
         return _read_csv(path, names, robot)
@@ -129,12 +139,13 @@ def holds_joints(path: str | Path) -> bool:
     path = Path(path)
     try:
         if path.suffix.lower() == ".npz":
-            return "configurations" in _load(path, dict)
+            return "configurations" in _load(path, array_names)
         if path.suffix.lower() == ".csv":
-            with path.open(newline="", encoding="utf-8-sig") as stream:
-                header = {cell.strip() for cell in next(csv.reader(stream), [])}
+            with opened(path, LARGEST_RECORDING) as stream:
+                first = next(_lines(stream, path), "")
+            header = {cell.strip() for cell in re.split("[,;\t]", first)}
             return DEMONSTRATION in header and not header & {*POSITION, *QUATERNION}
-    except (OSError, UnicodeDecodeError, csv.Error, DemonstrationError):
+    except (OSError, UnicodeDecodeError, FileError, DemonstrationError):
         return False
     return False
 
@@ -178,6 +189,8 @@ def _read_tables(path: Path, readers: Mapping[str, Reader], names: tuple[str, ..
         tables = reader(path, names)
     except OSError as error:
         raise DemonstrationError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except FileError as error:
+        raise DemonstrationError(f"{path}: {error}") from error
     if not tables:
         raise DemonstrationError(f"{path}: holds no demonstrations")
     return tables
@@ -190,43 +203,35 @@ def _metres_per(units: str) -> float:
 
 
 def _read_npy(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
-    return _split_array(_load(path, np.ndarray), names, path)
+    return _split_array(_load(path, read_array), names, path)
 
 
 def _read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
-    arrays = _load(path, dict)
+    arrays = _load(path, read_arrays)
     if "positions" in arrays:
         return _named_arrays(arrays, path)
     if len(arrays) != 1:
+        held = brief(", ".join(arrays)) if arrays else "nothing"
         raise DemonstrationError(
-            f"{path}: holds {', '.join(arrays) or 'nothing'}; it needs keys positions (and quaternions, "
-            "times), or one array alone"
+            f"{path}: holds {held}; it needs keys positions (and quaternions, times), or one array alone"
         )
     return _split_array(next(iter(arrays.values())), names, path)
 
 
-def _load(path: Path, kind: type) -> np.ndarray | dict[str, np.ndarray]:
-    """numpy's own format, without pickle: a pickle in a file runs code of its author's choice."""
-    try:
-        with path.open("rb") as stream:
-            loaded = np.load(stream, allow_pickle=False)
-            content = dict(loaded) if isinstance(loaded, np.lib.npyio.NpzFile) else loaded
-    except (ValueError, EOFError) as error:
-        raise DemonstrationError(
-            f"{path}: not a {path.suffix} file of plain numbers ({error}); pickled objects are refused, save "
-            "a numeric array instead"
-        ) from error
-    except (BadZipFile, zlib.error) as error:
-        raise DemonstrationError(f"{path}: damaged or cut short ({error})") from error
-    if not isinstance(content, kind):
-        raise DemonstrationError(f"{path}: the content is not that of a {path.suffix} file")
-    return content
+def _load(path: Path, read: Callable[[IO[bytes]], Content]) -> Content:
+    """What `read` makes of a regular file; DemonstrationError: it cannot."""
+    with opened(path, LARGEST_RECORDING) as stream:
+        try:
+            return read(stream)
+        except FileError as error:
+            raise DemonstrationError(f"{path}: not a {path.suffix} file of plain numbers: {error}") from error
 
 
 def _numbers(array: np.ndarray, what: str, path: Path) -> np.ndarray:
     if array.dtype.kind not in "iuf":
         raise DemonstrationError(f"{path}: {what} has dtype {array.dtype}; real numbers are needed")
-    return array.astype(float)
+    with np.errstate(over="ignore"):  # what is too large becomes infinite, and is refused by its place
+        return array.astype(float, copy=False)
 
 
 def _split_array(array: np.ndarray, names: tuple[str, ...], path: Path) -> dict[str, Table]:
@@ -234,6 +239,8 @@ def _split_array(array: np.ndarray, names: tuple[str, ...], path: Path) -> dict[
     array = array[None] if array.ndim == 2 else array
     if array.ndim != 3:
         raise DemonstrationError(f"{path}: shape {array.shape}; needed is (demonstrations, samples, columns)")
+    if len(array) > MOST_DEMONSTRATIONS:
+        raise DemonstrationError(f"{path}: {len(array)} demonstrations; at most {MOST_DEMONSTRATIONS} are read")
     if array.shape[2] != len(names):
         raise DemonstrationError(
             f"{path}: {array.shape[2]} columns, but {len(names)} were announced: {','.join(names)}; name the "
@@ -250,7 +257,7 @@ def _named_arrays(arrays: dict[str, np.ndarray], path: Path) -> dict[str, Table]
     unknown = [key for key in arrays if key not in ("positions", "quaternions", "times")]
     if unknown:
         raise DemonstrationError(
-            f"{path}: unknown key '{unknown[0]}'; known are positions, quaternions, times"
+            f"{path}: unknown key {brief(unknown[0])}; known are positions, quaternions, times"
         )
     positions = _numbers(arrays["positions"], "positions", path)
     if positions.ndim != 3 or positions.shape[2] not in (2, 3):
@@ -282,26 +289,59 @@ def _times_of_each(times: np.ndarray, shape: tuple[int, ...], path: Path) -> np.
 
 def _read_csv(path: Path, names: tuple[str, ...], robot: str = "") -> dict[str, Table]:
     """robot : whose joints the names are, if they are joints."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = [(line, row) for line, row in enumerate(csv.reader(stream), start=1) if row]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DemonstrationError(f"{path}: not a csv text file ({error})") from error
-    if not rows:
-        raise DemonstrationError(f"{path}: empty; it needs a header {','.join((DEMONSTRATION, *names))}")
-    header = [cell.strip() for cell in rows[0][1]]
-    if robot and DEMONSTRATION in header and set(header).isdisjoint(names):
-        raise _other_arm([name for name in header if name not in (DEMONSTRATION, TIME)], names, robot, path)
-    _check_header(header, names, path)
-    samples: dict[str, list[list[float]]] = {}
-    for line, row in rows[1:]:
-        if len(row) != len(header):
-            raise DemonstrationError(f"{path}, line {line}: {len(row)} cells under {len(header)} columns")
-        cells = dict(zip(header, row, strict=True))
-        name = cells.pop(DEMONSTRATION).strip()
-        samples.setdefault(name, []).append([_number(cell, path, line, key) for key, cell in cells.items()])
+    samples: dict[str, numbers] = {}
+    with opened(path, LARGEST_RECORDING) as stream:
+        rows = csv.reader(_lines(stream, path))
+        try:
+            header = [cell.strip() for cell in next(rows, [])]
+            if robot and DEMONSTRATION in header and set(header).isdisjoint(names):
+                raise _other_arm([name for name in header if name not in (DEMONSTRATION, TIME)], names, robot, path)
+            _check_header(header, names, path)
+            for row in rows:
+                if row:
+                    _add_sample(samples, row, header, f"{path}, line {rows.line_num}")
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise DemonstrationError(f"{path}: not a csv text file ({error})") from error
     values = [name for name in header if name != DEMONSTRATION]
-    return {name: dict(zip(values, np.array(table).T, strict=True)) for name, table in samples.items()}
+    return {
+        name: dict(zip(values, np.frombuffer(table).reshape(-1, len(values)).T, strict=True))
+        for name, table in samples.items()
+    }
+
+
+def _lines(stream: IO[bytes], path: Path) -> Iterator[str]:
+    """Lines of a text file; DemonstrationError: one is longer than LONGEST_LINE."""
+    text = io.TextIOWrapper(stream, encoding="utf-8-sig", newline="")
+    number = 0
+    while line := text.readline(LONGEST_LINE + 1):
+        number += 1
+        if len(line) > LONGEST_LINE:
+            raise DemonstrationError(
+                f"{path}, line {number}: longer than {LONGEST_LINE} characters; a csv file has one sample a line"
+            )
+        yield line
+
+
+def _add_sample(samples: dict[str, numbers], row: list[str], header: list[str], where: str) -> None:
+    """Append the numbers of a row, in the order of the header, to those of the demonstration that it names."""
+    if len(row) != len(header):
+        raise DemonstrationError(f"{where}: {len(row)} cells under {len(header)} columns")
+    at = header.index(DEMONSTRATION)
+    name = row[at].strip()
+    if name not in samples:
+        _check_name(name, where)
+        if len(samples) == MOST_DEMONSTRATIONS:
+            raise DemonstrationError(f"{where}: more than {MOST_DEMONSTRATIONS} demonstrations")
+    table = samples.setdefault(name, numbers("d"))
+    table.extend(_number(cell, where, key) for key, cell in zip(header, row, strict=True) if key != DEMONSTRATION)
+
+
+def _check_name(name: str, where: str) -> None:
+    """Refuse names of demonstrations that do not fit into a message: DemonstrationError."""
+    if len(name) > LONGEST_NAME or not name.isprintable():
+        raise DemonstrationError(
+            f"{where}: a demonstration is called {brief(name)}; names are one line of at most {LONGEST_NAME} characters"
+        )
 
 
 def _check_header(header: list[str], names: tuple[str, ...], path: Path) -> None:
@@ -310,19 +350,26 @@ def _check_header(header: list[str], names: tuple[str, ...], path: Path) -> None
     unknown = [name for name in header if name not in allowed]
     repeated = [name for name in header if header.count(name) > 1]
     expected = f"expected are {', '.join((DEMONSTRATION, *names))} in any order"
+    if not any(header):
+        raise DemonstrationError(f"{path}: empty; it needs a header {','.join((DEMONSTRATION, *names))}")
+    for separator, called in ((";", "semicolons"), ("\t", "tabs")):
+        if separator in header[0]:
+            raise DemonstrationError(
+                f"{path}: the header has {called} between its columns; write commas there, and decimals with points"
+            )
     if unknown:
-        raise DemonstrationError(f"{path}: unknown column '{unknown[0]}' in the header; {expected}")
+        raise DemonstrationError(f"{path}: unknown column {brief(unknown[0])} in the header; {expected}")
     if missing:
         raise DemonstrationError(f"{path}: the header lacks {', '.join(missing)}; {expected}")
     if repeated:
         raise DemonstrationError(f"{path}: column {repeated[0]} stands more than once in the header")
 
 
-def _number(cell: str, path: Path, line: int, column: str) -> float:
+def _number(cell: str, where: str, column: str) -> float:
     try:
         return float(cell)
     except ValueError:
-        raise DemonstrationError(f"{path}, line {line}, column {column}: '{cell}' is not a number") from None
+        raise DemonstrationError(f"{where}, column {column}: {brief(cell)} is not a number") from None
 
 
 _READERS: dict[str, Reader] = {
@@ -359,14 +406,19 @@ def _joint_arrays(
     missing = [key for key in ("configurations", "joint_names") if key not in arrays]
     unknown = [key for key in arrays if key not in ("configurations", "joint_names", "times", "names", "robot")]
     if missing or unknown:
-        what = f"lacks {missing[0]}" if missing else f"has the unknown key '{unknown[0]}'"
+        what = f"lacks {missing[0]}" if missing else f"has the unknown key {brief(unknown[0])}"
         raise DemonstrationError(
             f"{path}: {what}; a recording of joints has the keys configurations and joint_names, and may have times, "
             "names and robot"
         )
     if "robot" in arrays and str(arrays["robot"]) != robot:
-        raise DemonstrationError(f"{path}: recorded with the robot '{arrays['robot']}', not with '{robot}'")
+        raise DemonstrationError(f"{path}: recorded with the robot {brief(str(arrays['robot']))}, not with '{robot}'")
     configurations = _numbers(arrays["configurations"], "configurations", path)
+    for key, most in (("joint_names", MOST_JOINTS), ("names", MOST_DEMONSTRATIONS)):
+        if key in arrays and (arrays[key].ndim > 1 or arrays[key].size > most):
+            raise DemonstrationError(
+                f"{path}: {key} have shape {brief(arrays[key].shape)}; at most {most} in a row are read"
+            )
     present = tuple(map(str, np.atleast_1d(arrays["joint_names"])))
     if sorted(present) != sorted(joint_names):
         raise _other_arm(present, joint_names, robot, path)
@@ -376,6 +428,8 @@ def _joint_arrays(
         )
     tables = _split_array(configurations, present, path)
     names = tuple(map(str, np.atleast_1d(arrays.get("names", list(tables)))))
+    for name in names:
+        _check_name(name, str(path))
     if len(set(names)) != len(configurations) or len(names) != len(configurations):
         raise DemonstrationError(f"{path}: {len(set(names))} different names for {len(configurations)} demonstrations")
     if "times" in arrays:
@@ -386,7 +440,7 @@ def _joint_arrays(
 
 def _other_arm(present: Sequence[str], joint_names: Sequence[str], robot: str, path: Path) -> DemonstrationError:
     return DemonstrationError(
-        f"{path}: its joints are {', '.join(present)}; expected are those of '{robot}', in any order: "
+        f"{path}: its joints are {brief(', '.join(present), 200)}; expected are those of '{robot}', in any order: "
         f"{', '.join(joint_names)}. Recordings of other robots are not supported yet"
     )
 

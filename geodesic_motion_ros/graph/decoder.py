@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from geodesic_motion_ros.checked_numbers import SMALLEST_SCALE
 from geodesic_motion_ros.graph.perceptron import Perceptron
 from geodesic_motion_ros.graph.radial_basis import radial_basis
 from geodesic_motion_ros.quaternions import normalise
@@ -51,6 +52,10 @@ class TaskSpaceDecoder(Perceptron):
     """
 
     network: ClassVar[str] = "decoder"
+    lowest: ClassVar[dict[str, float]] = {
+        "position_scale": SMALLEST_SCALE, "rbf_rate": SMALLEST_SCALE, "sigma_weights": 0.0, "kappa_weights": 0.0,
+        "sigma_floor": SMALLEST_SCALE, "kappa_floor": SMALLEST_SCALE,
+    }  # fmt: skip
 
     position_offset: np.ndarray
     position_scale: np.ndarray

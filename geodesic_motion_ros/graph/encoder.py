@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from geodesic_motion_ros.checked_numbers import SMALLEST_SCALE
 from geodesic_motion_ros.graph.perceptron import Perceptron
 
 
@@ -19,6 +20,7 @@ class TaskSpaceEncoder(Perceptron):
     """
 
     network: ClassVar[str] = "encoder"
+    lowest: ClassVar[dict[str, float]] = {"position_scale": SMALLEST_SCALE}
 
     position_offset: np.ndarray
     position_scale: np.ndarray
@@ -37,6 +39,7 @@ class JointSpaceEncoder(Perceptron):
     """Mean of q(z | theta): the perceptron's outputs at y = (theta - joint_offset) / joint_scale."""
 
     network: ClassVar[str] = "encoder"
+    lowest: ClassVar[dict[str, float]] = {"joint_scale": SMALLEST_SCALE}
 
     joint_offset: np.ndarray
     joint_scale: np.ndarray

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from geodesic_motion_ros.checked_numbers import SMALLEST_SCALE
 from geodesic_motion_ros.graph.perceptron import Perceptron
 from geodesic_motion_ros.graph.radial_basis import radial_basis
 
@@ -35,6 +36,9 @@ class JointSpaceDecoder(Perceptron):
     """
 
     network: ClassVar[str] = "decoder"
+    lowest: ClassVar[dict[str, float]] = {
+        "joint_scale": SMALLEST_SCALE, "rbf_rate": SMALLEST_SCALE, "sigma_weights": 0.0, "sigma_floor": SMALLEST_SCALE,
+    }  # fmt: skip
 
     joint_offset: np.ndarray
     joint_scale: np.ndarray

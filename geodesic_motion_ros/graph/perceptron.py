@@ -7,6 +7,7 @@ from typing import ClassVar, TypeVar
 
 import numpy as np
 
+from geodesic_motion_ros.checked_numbers import LARGEST_WEIGHT, check_range, check_real
 from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.graph.hyperbolic_tangent import tanh
 
@@ -22,6 +23,8 @@ class Perceptron:
 
     #: What error messages call it.
     network: ClassVar[str]
+    #: Smallest values of weights that cannot be any number, by their names.
+    lowest: ClassVar[dict[str, float]] = {}
 
     W1: np.ndarray
     b1: np.ndarray
@@ -47,18 +50,24 @@ class Perceptron:
 
     @classmethod
     def from_arrays(cls: type[Network], arrays: dict[str, np.ndarray]) -> Network:
-        """Build from weights by name; SkillError names missing, non-finite or ill-shaped ones."""
+        """Build from weights by name; SkillError names missing, non-finite, ill-shaped or absurdly large ones."""
         names = [field.name for field in fields(cls)]
         missing = [name for name in names if name not in arrays]
         if missing:
             raise SkillError(f"{cls.network} weights lack {', '.join(missing)}; they must hold {', '.join(names)}")
+        for name in names:
+            check_real(f"{cls.network} weight {name}", np.asarray(arrays[name]))
         network = cls(**{name: np.asarray(arrays[name], dtype=float) for name in names})
         for name, shape in network.expected_shapes().items():
             array = getattr(network, name)
             if array.shape != shape:
                 raise SkillError(f"{cls.network} weight {name} has shape {array.shape}, expected {shape}")
+            if array.size == 0:
+                raise SkillError(f"{cls.network} weight {name} is empty: shape {array.shape}")
             if not np.all(np.isfinite(array)):
                 raise SkillError(f"{cls.network} weight {name} holds NaN or infinite values")
+            lowest = cls.lowest.get(name, -LARGEST_WEIGHT)
+            check_range(f"{cls.network} weight {name}", array, lowest, LARGEST_WEIGHT)
         return network
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:

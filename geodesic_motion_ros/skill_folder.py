@@ -1,0 +1,182 @@
+"""What is in a skill folder, read and checked: every file before it is parsed, every number before it is used."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geodesic_motion_ros.checked_files import opened, read_arrays, read_tensors, read_yaml
+from geodesic_motion_ros.checked_numbers import (
+    ARM_REACH,
+    LARGEST_CODE,
+    LARGEST_TURN,
+    SMALLEST_BOX,
+    check_array,
+    check_pose,
+    check_real,
+)
+from geodesic_motion_ros.errors import GeodesicMotionError, SkillError
+from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
+from geodesic_motion_ros.graph.encoder import JointSpaceEncoder, TaskSpaceEncoder
+from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.graph.pose_graph import MetricSettings
+from geodesic_motion_ros.joint_sheet import JointSheet
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.sheet import CanonicalSheet
+from geodesic_motion_ros.skill_description import DESCRIPTION, LATENT, METADATA, WEIGHTS, check_description
+
+#: Arrays of latent.npz, and by the space those of the canonical demonstrations.
+LATENT_ARRAYS = ("codes", "latent_lower", "latent_upper", "start_pose", "goal_pose")
+_ENDS = ("start_offsets", "goal_offsets", "modes")
+CANONICAL_ARRAYS = {
+    "task": (*_ENDS, "positions", "quaternions"),
+    "joint": (*_ENDS, "configurations", "start_groups", "goal_groups", "start_poles", "goal_poles"),
+}
+
+_NETWORKS = {"task": (TaskSpaceDecoder, TaskSpaceEncoder), "joint": (JointSpaceDecoder, JointSpaceEncoder)}
+_METRICS = {"task": MetricSettings, "joint": JointMetricSettings}
+_SHEETS = {"task": CanonicalSheet, "joint": JointSheet}
+#: Sizes of the files [B]. Those of 16 demonstrations and a whole arm take 1.6 kB, 0.4 MB and 0.1 MB.
+_LARGEST = {DESCRIPTION: 64 << 10, WEIGHTS: 16 << 20, LATENT: 16 << 20}
+_DIMENSIONS = (2, 3)
+#: Codes that are decoded to see whether an arm could do what a decoder says.
+_TRIED_CODES = 1000
+
+
+def read_folder(path: Path) -> dict[str, Any]:
+    """The attributes of the skill in a folder, by their names.
+
+    Raises
+    ------
+    SkillError : names the file, the entry or array, and what it must be.
+    """
+    content = {DESCRIPTION: _content(path, DESCRIPTION)}
+    with _about(path / DESCRIPTION):
+        described = read_yaml(content[DESCRIPTION])
+        check_description(described)
+        joints = len(Robot.named(described["robot"]).joint_names)
+    for name, digest in described["sha256"].items():
+        content[name] = _content(path, name)
+        if hashlib.sha256(content[name]).hexdigest() != digest:
+            raise SkillError(f"{path}: {name} differs from its checksum in {DESCRIPTION}: truncated or altered")
+    space = described["space"]
+    attributes = {name: described[name] for name in METADATA} | {"metric": _METRICS[space](**described["metric"])}
+    with _about(path / WEIGHTS):
+        attributes |= _networks(content[WEIGHTS], space, joints)
+    decoder = attributes["decoder"]
+    with _about(path / LATENT):
+        arrays = read_arrays(io.BytesIO(content[LATENT]))
+        attributes |= _latent(arrays, decoder.latent_dimension)
+        attributes["canonical"] = _canonical(arrays, described, attributes["codes"], joints)
+    with _about(path / WEIGHTS):
+        _check_decoded(decoder, attributes["codes"], space)
+    return attributes
+
+
+def _content(path: Path, name: str) -> bytes:
+    try:
+        with _about(path / name), opened(path / name, _LARGEST[name]) as stream:
+            return stream.read(_LARGEST[name])
+    except FileNotFoundError as error:
+        files = ", ".join(_LARGEST)
+        raise SkillError(f"{path}: {name} is missing, so this is no skill folder; one holds {files}") from error
+    except OSError as error:
+        raise SkillError(f"{path / name}: cannot be read ({error.strerror or error})") from error
+
+
+@contextmanager
+def _about(file: Path) -> Iterator[None]:
+    """Name the file that an error is about, and make it a SkillError."""
+    try:
+        yield
+    except GeodesicMotionError as error:
+        raise SkillError(f"{file}: {error}") from error
+
+
+def _networks(content: bytes, space: str, joints: int) -> dict[str, Any]:
+    """Decoder, and the encoder's weights by their names: none, or all that an encoder has."""
+    weights = read_tensors(content)
+    decoder_type, encoder_type = _NETWORKS[space]
+    decoder = decoder_type.from_arrays(_with_prefix(weights, "decoder."))
+    d = decoder.latent_dimension
+    if d not in _DIMENSIONS:
+        raise SkillError(f"the decoder is of {d} latent dimensions; it must be of {' or '.join(map(str, _DIMENSIONS))}")
+    if space == "joint" and decoder.joints != joints:
+        raise SkillError(f"the decoder is of {decoder.joints} joints; the robot has {joints}")
+    encoder = _with_prefix(weights, "encoder.")
+    if encoder:
+        outputs = encoder_type.from_arrays(encoder).b3.size
+        if outputs != d:
+            raise SkillError(f"the encoder is of {outputs} latent dimensions; the decoder of {d}")
+    return {"decoder": decoder, "encoder_arrays": encoder}
+
+
+def _with_prefix(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
+    return {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
+
+
+def _latent(arrays: dict[str, np.ndarray], d: int) -> dict[str, np.ndarray]:
+    """Codes, box and ends of a skill of d latent dimensions."""
+    for name in LATENT_ARRAYS:
+        if name not in arrays:
+            raise SkillError(f"lacks {name}; it must hold {', '.join(LATENT_ARRAYS)}")
+        check_real(name, arrays[name])
+    latent = {name: np.array(arrays[name], dtype=float) for name in LATENT_ARRAYS}
+    codes, lower, upper = (latent[name] for name in ("codes", "latent_lower", "latent_upper"))
+    if codes.ndim != 3 or len(codes) == 0 or codes.shape[1] < 2:
+        raise SkillError(f"codes have shape {codes.shape}; it must be (demonstrations, samples, {d})")
+    for name, shape in {"codes": (*codes.shape[:2], d), "latent_lower": (d,), "latent_upper": (d,)}.items():
+        check_array(name, latent[name], shape, -LARGEST_CODE, LARGEST_CODE)
+    size = upper - lower
+    if np.any(size < SMALLEST_BOX):
+        raise SkillError(f"latent_upper lies {size.min():.4g} above latent_lower; at least {SMALLEST_BOX} is needed")
+    rounding = 1e-6 * size
+    if np.any(codes < lower - rounding) or np.any(codes > upper + rounding):
+        raise SkillError("codes lie outside the box; they must be between latent_lower and latent_upper")
+    for name in ("start_pose", "goal_pose"):
+        check_pose(name, latent[name])
+    return latent
+
+
+def _canonical(
+    arrays: dict[str, np.ndarray], described: dict[str, Any], codes: np.ndarray, joints: int
+) -> CanonicalSheet | JointSheet | None:
+    """The canonical demonstrations of codes (N, S, d); None on the raw sheet."""
+    if described["sheet"] == "raw":
+        return None
+    space = described["space"]
+    named = {name: f"canonical_{name}" for name in CANONICAL_ARRAYS[space]}
+    for name in named.values():
+        if name not in arrays:
+            raise SkillError(f"lacks {name}; the canonical sheet needs {', '.join(named.values())}")
+    sheet = _SHEETS[space](
+        **{name: arrays[stored] for name, stored in named.items()}, penalty=float(described["regression_penalty"])
+    )
+    if space == "joint":
+        count = (0, *sheet.configurations.shape)[-1]
+        if count != joints:
+            raise SkillError(f"the canonical sheet is of {count} joints; the robot has {joints}")
+    sheet.check(*codes.shape[:2])
+    return sheet
+
+
+def _check_decoded(decoder: TaskSpaceDecoder | JointSpaceDecoder, codes: np.ndarray, space: str) -> None:
+    """Refuse a decoder that makes of the demonstrations' codes what no arm can do."""
+    flat = codes.reshape(-1, codes.shape[-1])
+    decoded = decoder.decode(flat[:: -(-len(flat) // _TRIED_CODES)])
+    what, values, largest = (
+        ("joint angle [rad]", decoded.configurations, LARGEST_TURN) if space == "joint"
+        else ("tool position [m]", decoded.positions, ARM_REACH)
+    )  # fmt: skip
+    farthest = float(np.abs(values).max())
+    if not farthest <= largest:
+        raise SkillError(
+            f"the decoder makes of the demonstrations' codes a {what} of {farthest:.4g}; none is beyond {largest:.3g}"
+        )
