@@ -60,8 +60,8 @@ def add_recording(
     )  # fmt: skip
     group.add_argument(
         "--columns", metavar="NAMES",
-        help="columns of the file in their order; `t` [s] where it has times, `px,py,pz` without orientation, "
-        f"`px,py` for a plane; {DEFAULT_COLUMNS} without it",
+        help="columns of the file in their order; `t` [s] where it has times, `qx,qy,qz,qw` at the end for quaternions "
+        f"as in ROS messages, `px,py,pz` without orientation, `px,py` for a plane; {DEFAULT_COLUMNS} without it",
     )  # fmt: skip
     group.add_argument(
         "--rate", type=float, default=100.0, metavar="HZ", help="samples a second of files without times"

@@ -24,6 +24,14 @@ from geodesic_motion_ros.cli.arguments import (
     seed,
     writable,
 )
+from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_last, tilts
+from geodesic_motion_ros.demonstrations.readers import (
+    DEFAULT_COLUMNS,
+    POSITION,
+    QUATERNION,
+    parse_columns,
+    quaternion_order,
+)
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.tables import write_json
 
@@ -32,6 +40,7 @@ if TYPE_CHECKING:
 
 # Motions smaller than this [m] look like a wrong unit; an error of this share of the motion is no skill.
 _SMALL, _POOR = 0.02, 0.2
+_ROS_COLUMNS = ",".join((*POSITION, *QUATERNION[1:], QUATERNION[0]))
 _SPACES = {"task": train_task, "joint": train_joint}
 _TOLD = {
     "task": "poses of the tool: a skill of poses is learned",
@@ -115,6 +124,8 @@ def run(arguments: argparse.Namespace) -> None:
     shown = training.tool_demonstrations()
     extent = _extent(shown)
     _note_the_recording(shown, extent, space)
+    if space == "task" and shown.has_orientation:
+        _report_orientations(arguments, shown)
     # A log that no person watches gets a line now and then.
     interval = 0.1 if sys.stderr.isatty() else 10.0
     with tqdm(desc=arguments.demos.stem, unit="step", mininterval=interval) as bar:
@@ -170,6 +181,24 @@ def _note_the_recording(demonstrations: Demonstrations, extent: float, space: st
     if extent < _SMALL:
         doubt = ": is --units right?" if space == "task" else ", as the tool moves"
         _note(f"the motions are only {1e3 * extent:.2g} mm large{doubt}")
+
+
+def _report_orientations(arguments: argparse.Namespace, demonstrations: Demonstrations) -> None:
+    """Print the order in which quaternions were read and how the tool points then; ask where that looks wrong."""
+    by_name = arguments.demos.suffix.lower() == ".csv"
+    order = ",".join(quaternion_order(parse_columns(arguments.columns or DEFAULT_COLUMNS)))
+    if by_name:
+        order = "the header names them"
+    first, last = tilts(demonstrations)
+    print(
+        f"quaternions read as {order}: the tool's z axis begins {first:.0f} and ends {last:.0f} deg from straight down"
+    )
+    if arguments.columns is None and not by_name and looks_scalar_last(demonstrations):
+        _note(
+            f"with the quaternions of {arguments.demos.name} read as qw,qx,qy,qz the tool does not point down, as "
+            f"qx,qy,qz,qw it does: in which order are they? In that of ROS: say --columns {_ROS_COLUMNS}; otherwise "
+            f"say --columns {DEFAULT_COLUMNS}, and this is not asked again"
+        )
 
 
 def _note_the_result(quality: Mapping[str, Any], extent: float) -> None:

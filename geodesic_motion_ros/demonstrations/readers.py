@@ -54,7 +54,7 @@ def read_demonstrations(
     path : one of
         `.npy`: an array (N, T, C), or (T, C) for a single demonstration, columns as `columns` says;
         `.npz`: the same array alone under any key, or keys `positions` (N, T, 3 or 2), `quaternions` (N, T,
-        4), scalar first, and `times` (N, T) or (T,); without `quaternions` it holds positions alone;
+        4), in the order of `columns`, and `times` (N, T) or (T,); without `quaternions` it holds positions alone;
         `.csv`: a header, then one row a sample; column `demonstration` says which one it belongs to, the
         others are those of `columns`, in any order; `t` may always be among them.
     units : "m", "cm" or "mm", of the positions.
@@ -166,6 +166,11 @@ def parse_columns(columns: str) -> tuple[str, ...]:
     return names
 
 
+def quaternion_order(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The order of qw, qx, qy, qz in names of columns; scalar first where they are not among them."""
+    return tuple(name for name in names if name in QUATERNION) or QUATERNION
+
+
 def _check_complete(names: tuple[str, ...], where: str) -> None:
     """Allowed: px,py - px,py,pz - px,py,pz and the whole quaternion; each with or without t."""
     needed = POSITION[:2] if set(names) <= {TIME, *POSITION[:2]} else POSITION
@@ -209,7 +214,7 @@ def _read_npy(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
 def _read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
     arrays = _load(path, read_arrays)
     if "positions" in arrays:
-        return _named_arrays(arrays, path)
+        return _named_arrays(arrays, quaternion_order(names), path)
     if len(arrays) != 1:
         held = brief(", ".join(arrays)) if arrays else "nothing"
         raise DemonstrationError(
@@ -252,8 +257,8 @@ def _split_array(array: np.ndarray, names: tuple[str, ...], path: Path) -> dict[
     }
 
 
-def _named_arrays(arrays: dict[str, np.ndarray], path: Path) -> dict[str, Table]:
-    """positions (N, T, 2 or 3), quaternions (N, T, 4), times (N, T) or (T,)."""
+def _named_arrays(arrays: dict[str, np.ndarray], order: tuple[str, ...], path: Path) -> dict[str, Table]:
+    """positions (N, T, 2 or 3), quaternions (N, T, 4) in an order of qw, qx, qy, qz, times (N, T) or (T,)."""
     unknown = [key for key in arrays if key not in ("positions", "quaternions", "times")]
     if unknown:
         raise DemonstrationError(
@@ -268,7 +273,7 @@ def _named_arrays(arrays: dict[str, np.ndarray], path: Path) -> dict[str, Table]
     stacked = [positions]
     if "quaternions" in arrays:
         stacked.append(_shaped(arrays["quaternions"], (*positions.shape[:2], 4), "quaternions", path))
-        names = (*names, *QUATERNION)
+        names = (*names, *order)
     if "times" in arrays:
         stacked.append(_times_of_each(arrays["times"], positions.shape[:2], path)[..., None])
         names = (*names, TIME)

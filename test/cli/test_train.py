@@ -93,3 +93,35 @@ def test_a_single_small_and_badly_learned_demonstration_is_remarked_on(recording
 def test_a_good_recording_is_not_remarked_on(trained, recording, tmp_path, capsys) -> None:
     assert main(["train", "--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "s"), *BRIEFLY]) == 0
     assert "warning" not in capsys.readouterr().err
+
+
+def poured(tmp_path, order: str) -> list[str]:
+    """Arguments to train on a tool that tips over from level, its quaternions in an order."""
+    share = np.linspace(0.0, 1.0, 40)[:, None]
+    half = np.pi / 4.0 * (1.0 + share)
+    quaternions = {"qw": np.cos(half), "qx": np.sin(half), "qy": 0.0 * share, "qz": 0.0 * share}
+    start = np.array([0.4, -0.2, 0.3]) + np.array([-0.02, 0.0, 0.02])[:, None, None]
+    positions = start + share * [0.05, 0.4, 0.0]
+    turned = np.broadcast_to(np.hstack([quaternions[name] for name in order.split(",")]), (3, 40, 4))
+    np.save(tmp_path / "pour.npy", np.concatenate([positions, turned], axis=2))
+    out = ["--demos", str(tmp_path / "pour.npy"), "--units", "m", "--out", str(tmp_path / "skill")]
+    return ["train", *out, "--steps", "1", "--kernels", "10"]
+
+
+def test_a_recording_in_the_order_of_ros_is_asked_about(tmp_path, capsys) -> None:
+    arguments = poured(tmp_path, "qx,qy,qz,qw")
+    assert main(arguments) == 0
+    shown = capsys.readouterr()
+    assert "quaternions read as qw,qx,qy,qz: the tool's z axis begins 180 and ends 180 deg from" in shown.out
+    assert "say --columns px,py,pz,qx,qy,qz,qw; otherwise say --columns px,py,pz,qw,qx,qy,qz" in shown.err
+    assert main([*arguments, "--columns", "px,py,pz,qx,qy,qz,qw"]) == 0
+    shown = capsys.readouterr()
+    assert "quaternions read as qx,qy,qz,qw: the tool's z axis begins 90 and ends 0 deg from straight down" in shown.out
+    assert "--columns" not in shown.err
+    assert main([*arguments, "--columns", "px,py,pz,qw,qx,qy,qz"]) == 0
+    assert "--columns" not in capsys.readouterr().err
+
+
+def test_a_recording_in_the_order_of_the_scalar_first_is_not_asked_about(tmp_path, capsys) -> None:
+    assert main(poured(tmp_path, "qw,qx,qy,qz")) == 0
+    assert "--columns" not in capsys.readouterr().err
