@@ -31,7 +31,7 @@ MAY_TRAIN = {"manifold", "experiments", "cli"}
 GROUND = {
     "graph", "robot", "skill", "sheet", "joint_sheet", "regression", "quaternions", "errors", "verdict", "deadline",
     "shared_files", "obstacles", "solids", "distance_field", "checked_files", "checked_numbers", "skill_description",
-    "skill_folder",
+    "skill_folder", "convex_hull",
 }  # fmt: skip
 RUN = {
     *GROUND, "planner", "planner_settings", "query", "task_frame", "reference", "motion_curve", "time_law",
