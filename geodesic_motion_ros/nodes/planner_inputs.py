@@ -32,6 +32,7 @@ from geodesic_motion_ros.nodes.messages import (
     seconds,
 )
 from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
+from geodesic_motion_ros.nodes.obstacle_load import ObstacleLoad
 from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.parameters import NodeParameters
@@ -94,6 +95,7 @@ class PlannerInputs:
         self._task_frame_taken: float | None = None
         self._hold = False
         self._publishers: tuple[str, ...] = ()
+        self._load = ObstacleLoad()
         self._cloud_figures = CloudFigures()
         self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
         self._subscribe(JointState, "joint_states", self._on_joint_states, RECENT)
@@ -160,6 +162,12 @@ class PlannerInputs:
                 ages["task_frame"] = now - self._task_frame_taken
         return ages
 
+    def obstacle_load(self) -> tuple[int, float]:
+        """How many obstacles there are, and the share of the time since the last call that their messages took."""
+        with self._lock:
+            count = len(self._tracker.current(self._time.running()))
+        return count, self._load.share()
+
     def cloud_figures(self) -> CloudFigures:
         """Of the newest point cloud."""
         with self._lock:
@@ -199,7 +207,7 @@ class PlannerInputs:
         raw: bool = False,
     ) -> None:
         def receive(message: Any) -> None:
-            with self._obstacle_guard(topic):
+            with self._load.counted(), self._obstacle_guard(topic):
                 take(message)
 
         ObstacleSubscription(self._node, kind, topic, receive, depth, reliability, raw)

@@ -208,6 +208,7 @@ class PlannerNode(LoopingNode):
             refusals.counts,
             refusals.newest(1.0),
             self._inputs.cloud_figures(),
+            *self._inputs.obstacle_load(),
         )
 
     def _look_for_rivals(self) -> None:

@@ -36,6 +36,7 @@ from geodesic_motion_ros.nodes.messages import (
     image_message,
     path_message,
 )
+from geodesic_motion_ros.nodes.obstacle_load import advice
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.publishers import publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
@@ -146,9 +147,11 @@ class PlannerOutputs:
         dropped: Mapping[str, int],
         refused: str,
         cloud: CloudFigures,
+        obstacles: int,
+        obstacle_share: float,
     ) -> None:
-        """The health of the loop: rate [Hz], tick [ms], misses, ages of inputs [s], refused messages by
-        topic, and the newest point cloud.
+        """The health of the loop: rate [Hz], tick [ms], misses, ages of inputs [s], refused messages by topic, the
+        newest point cloud, how many obstacles there are, and which share of the time their messages took.
         """
         values: dict[str, object] = {
             "rate_hz": loop.rate,
@@ -164,10 +167,15 @@ class PlannerOutputs:
             "cloud_points_not_finite": cloud.not_finite,
             "cloud_points_out_of_reach": cloud.out_of_reach,
             "cloud_ms": 1e3 * cloud.duration,
+            "obstacles": obstacles,
+            "obstacle_share": obstacle_share,
         }
         slow = loop.rate < 0.95 * rate
         level = DiagnosticStatus.WARN if slow or refused else DiagnosticStatus.OK
-        message = f"DEGRADED: {loop.rate:.1f} of {rate:g} Hz" if slow else refused or "running"
+        message = refused or "running"
+        if slow:
+            why = advice(obstacles, obstacle_share, rate, loop.tick_p50)
+            message = f"DEGRADED: {loop.rate:.1f} of {rate:g} Hz: {why}"
         self._publish_status(self._diagnostics, level, "loop", message, values)
 
     @property

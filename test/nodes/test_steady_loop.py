@@ -93,7 +93,7 @@ def test_a_tick_before_its_time_is_the_only_one_of_its_period():
 
 
 @pytest.mark.parametrize("slow_for", [1.5, 3.0])
-def test_the_rate_is_that_of_the_last_second(slow_for):
+def test_rate_and_durations_are_those_of_the_last_second(slow_for):
     recorder, now = _Recorder(1000), 0.0
     for _ in range(500):
         recorder.add(now, 0.001)
@@ -101,9 +101,11 @@ def test_the_rate_is_that_of_the_last_second(slow_for):
     assert recorder.statistics(0, now - 0.01).rate == pytest.approx(100.0)
     end = now + slow_for
     while now < end:
-        recorder.add(now, 0.001)
+        recorder.add(now, 0.015)
         now += 0.02
-    assert recorder.statistics(0, now - 0.02).rate == pytest.approx(50.0)
+    statistics = recorder.statistics(0, now - 0.02)
+    assert statistics.rate == pytest.approx(50.0)
+    assert statistics.tick_p50 == pytest.approx(0.015)
 
 
 def test_after_a_long_pause_the_rate_is_low():
