@@ -18,7 +18,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles import Obstacles, nearness
 from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
@@ -138,7 +138,7 @@ class ArmCertifier:
         i, j = int(np.argmin(certificate.clearance)), int(np.argmin(certificate.self_clearance))
         if certificate.clearance[i] < margin:
             return (
-                f"'{self._link(certificate.sphere[i])}' comes within {certificate.clearance[i]:.3f} m of an obstacle "
+                f"'{self._link(certificate.sphere[i])}' {nearness(certificate.clearance[i])} "
                 f"after {max(0.0, certificate.times[i]):.2f} s; {margin:.3f} m are to be kept"
             )
         if certificate.self_clearance[j] < 0.0:

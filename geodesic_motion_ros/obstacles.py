@@ -192,3 +192,10 @@ def _distinct_rows(rows: np.ndarray) -> np.ndarray:
     """Rows (n, k) in lexical order, each once: numpy's `unique` takes half a millisecond for ten of them."""
     rows = rows[np.lexsort(rows.T[::-1])]
     return rows[np.append(True, np.any(rows[1:] != rows[:-1], axis=1))] if len(rows) > 1 else rows
+
+
+def nearness(clearance: float) -> str:
+    """How near an obstacle something comes, for a person, by its clearance [m], which is negative inside."""
+    if clearance < 0.0:
+        return f"goes {-clearance:.3f} m into an obstacle"
+    return f"comes within {clearance:.3f} m of an obstacle"

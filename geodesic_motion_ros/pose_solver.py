@@ -21,7 +21,7 @@ from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
 from geodesic_motion_ros.motion_curve import MotionCurve, distinct
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles import Obstacles, nearness
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
 from geodesic_motion_ros.pose_smoothing import corners_cut
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
@@ -397,7 +397,7 @@ class PoseSolver:
         nearest = float(np.min(reference.clearance))
         objection = None
         if settings.avoidance and nearest <= needed:
-            objection = f"the best path comes within {nearest:.3f} m of an obstacle; {needed:.3f} m are to be kept"
+            objection = f"the best path {nearness(nearest)}; {needed:.3f} m are to be kept"
         verdict = way_verdict(self.skill, self.graph, query, sigma, way, nearest, correction, objection)
         if not verdict.ok:
             return Plan(None, verdict)

@@ -293,7 +293,7 @@ def test_it_objects_by_name_and_only_with_reason():
     assert CERTIFIER.objection(free, 0.02) is None
     small = np.array([0.01])
     touched = CERTIFIER.certify(reference, Obstacles.of_spheres(hand[None], small), HORIZON)
-    assert f"'{ROBOT.tool_link}' comes within" in CERTIFIER.objection(touched, 0.02)
+    assert f"'{ROBOT.tool_link}' goes " in CERTIFIER.objection(touched, 0.02)
     near = CERTIFIER.certify(reference, Obstacles.of_spheres(hand[None] + [0.0, 0.0, 0.5], small), HORIZON)
     kept = float(near.clearance.min())
     assert CERTIFIER.objection(near, kept - 0.001) is None

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.graph.ambient import obstacle_clearances
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles import Obstacles, nearness
 from geodesic_motion_ros.solids import solid_distances, solid_rows
 
 
@@ -152,3 +152,11 @@ def test_places_where_what_moves_may_stop_leave_nothing_out_since_it_was_seen(se
     apart = np.linalg.norm(velocities, axis=1) * 0.6 / 5
     assert np.all(places.radii.reshape(6, 3) <= obstacles.radii + 0.5 * apart + 1e-12)
     assert obstacles.at_rest().stopping_places(0.4, 6).centres.size == 0
+
+
+@pytest.mark.parametrize(
+    ("clearance", "said"),
+    [(0.012, "comes within 0.012 m of an obstacle"), (-0.054, "goes 0.054 m into an obstacle")],
+)
+def test_nearness_is_a_distance_or_a_depth_never_negative(clearance, said):
+    assert nearness(clearance) == said
