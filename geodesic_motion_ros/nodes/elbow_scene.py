@@ -49,7 +49,7 @@ class ElbowScene(DemoScene):
 
     # Where a trajectory comes too late, or the simulation stands still for a moment, the arm is soon far from where it
     # was sent: its joints make one radian a second. A robot's own controller does not pause.
-    patience = MappingProxyType({"latency": 0.1, "state_timeout": 0.25, "tracking_tolerance_joint": 0.3})
+    patience = MappingProxyType({"latency": 0.1, "tracking_tolerance_joint": 0.3})
 
     def __init__(self, skill: Skill) -> None:
         self.planner = JointSpacePlanner(skill, joint_settings(DEFAULTS | self.patience))

@@ -169,8 +169,9 @@ PLANNER = (
     ),
     Parameter(
         "state_timeout",
-        0.1,
-        "A joint state older than this stops the motion",
+        0.25,
+        "A joint state older than this stops the motion: longer than the pauses of an ordinary desktop; 0.1 where the "
+        "machine is the robot's own",
         "s",
         0.01,
         10.0,

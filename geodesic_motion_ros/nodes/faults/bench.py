@@ -22,7 +22,7 @@ from geodesic_motion_ros.nodes.demo_run import Processes, isolated_environment
 from geodesic_motion_ros.nodes.faults.asking import Asking
 from geodesic_motion_ros.nodes.faults.bench_clock import BenchClock
 from geodesic_motion_ros.nodes.faults.commands import Commands
-from geodesic_motion_ros.nodes.faults.fault import MOTION, START, Fault, Findings, NotSeenError
+from geodesic_motion_ros.nodes.faults.fault import MOTION, START, STATE_TIMEOUT, Fault, Findings, NotSeenError
 from geodesic_motion_ros.nodes.faults.record import Record, Status
 from geodesic_motion_ros.nodes.faults.relay import Relay
 from geodesic_motion_ros.nodes.faults.standstill import Standstill
@@ -35,7 +35,7 @@ from geodesic_motion_ros.skill import Skill
 START_PATIENCE, PATIENCE = 60.0, 25.0
 #: Topics between twin and planner that a relay stands in.
 RELAYED = {"joint_states": JointState, "obstacles": MarkerArray, "obstacle_point": PointStamped}
-_PLANNER = {"latent_view_rate": 0.0}
+_PLANNER = {"latent_view_rate": 0.0, "state_timeout": STATE_TIMEOUT}
 #: An arm whose joints are so far off [rad] is where it begins.
 _AT_START = 0.02
 

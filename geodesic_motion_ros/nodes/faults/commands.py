@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.nodes.faults.bench_clock import BenchClock
 from geodesic_motion_ros.nodes.faults.command_ear import Command, CommandEar
-from geodesic_motion_ros.nodes.faults.fault import Findings
+from geodesic_motion_ros.nodes.faults.fault import STATE_TIMEOUT, Findings
 from geodesic_motion_ros.nodes.faults.judge import LARGEST_STEP, Target, TargetJudge, Trajectory, TrajectoryJudge
 from geodesic_motion_ros.nodes.faults.record import Record
 from geodesic_motion_ros.nodes.messages import MessageRefused, read_joint_trajectory, read_pose, seconds
@@ -25,8 +25,6 @@ from geodesic_motion_ros.skill import Skill
 #: A status that explains a command is heard this long [s] after it at most.
 _TOLD_AFTER = 0.1
 _DEFAULTS = {parameter.name: parameter.default for parameter in PLANNER}
-#: What the planner takes for the place of the arm is no older than this [s].
-_STATE_TIMEOUT = _DEFAULTS["state_timeout"]
 _SCALES = _DEFAULTS["speed_scale"], _DEFAULTS["acceleration_scale"]
 #: No tool is accelerated by more [m/s^2]: a way entered in motion exceeds the planner's limit by a tenth.
 _MOST_ACCELERATION = 2.0 * _DEFAULTS["acceleration"]
@@ -109,5 +107,5 @@ class Commands:
     def _places(self, moment: float) -> np.ndarray | None:
         """Configurations (k, eta) [rad] one of which the planner took for that of the arm; None where none is known."""
         before = [state for state in self._record.states if state.arrived <= moment]
-        recent = [state.configuration for state in before if state.arrived > moment - _STATE_TIMEOUT]
+        recent = [state.configuration for state in before if state.arrived > moment - STATE_TIMEOUT]
         return np.array(recent or [state.configuration for state in before[-1:]]) if before else None

@@ -20,6 +20,11 @@ START, MOTION, GOAL = "start", "motion", "goal"
 PHASES = (START, MOTION, GOAL)
 
 
+#: The planner under test stops the arm when joint states are older than this [s]: less than by default, which leaves an
+#: ordinary desktop its pauses.
+STATE_TIMEOUT = 0.1
+
+
 class FaultSkipped(GeodesicMotionError):
     """A fault cannot be injected on this machine, or means nothing for this skill; says why."""
 

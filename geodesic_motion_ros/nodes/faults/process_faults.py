@@ -13,12 +13,11 @@ from contextlib import contextmanager
 import numpy as np
 
 from geodesic_motion_ros.nodes.faults.bench import START_PATIENCE, Bench
-from geodesic_motion_ros.nodes.faults.fault import MOTION, START, Fault, Findings
+from geodesic_motion_ros.nodes.faults.fault import MOTION, START, STATE_TIMEOUT, Fault, Findings
 from geodesic_motion_ros.nodes.faults.obstacle_faults import require_no_contact
 from geodesic_motion_ros.nodes.faults.state_faults import REACTION, STOP
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER, TWIN
 
-_STATE_TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == "state_timeout")
 _COMMAND_TIMEOUT = next(parameter.default for parameter in TWIN if parameter.name == "command_timeout")
 _HORIZON = next(parameter.default for parameter in PLANNER if parameter.name == "horizon")
 _RATE = next(parameter.default for parameter in PLANNER if parameter.name == "rate")
@@ -35,6 +34,31 @@ os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 os.setpriority(os.PRIO_PROCESS, 0, 0)
 while True:
     sum(range(100_000))
+"""
+#: A guest is given so long [s], its share of the start of their process included.
+PATIENCE_WITH_GUESTS = 5.0
+#: Participants one after the other, each with a node that listens to the planner and the twin for a while.
+_GUESTS = """
+import sys, time
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+for number in range(int(sys.argv[1])):
+    context = rclpy.Context()
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node(f"guest_{number}", context=context)
+    for kind, topic in ((JointState, "joint_states"), (DiagnosticArray, "planner/status")):
+        node.create_subscription(kind, topic, lambda message: None, 10)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    end = time.monotonic() + 0.3
+    while time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.05)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
 """
 
 
@@ -64,7 +88,7 @@ class TwinKilled(Fault):
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         bench.processes.end("twin", signal.SIGKILL)
-        since = bench.seen.states[-1].arrived + _STATE_TIMEOUT
+        since = bench.seen.states[-1].arrived + STATE_TIMEOUT
         status = bench.verdict("STALE_STATE", "joint_states", since)
         findings.at_most("STALE_STATE after", 1000.0 * (status.sent - since), 1000.0 * REACTION, "ms")
         bench.spend(STOP)
@@ -139,6 +163,32 @@ class SecondCommander(Fault):
         bench.finish(findings)
 
 
+class ParticipantsJoin(Fault):
+    """Attributes: guests, how many join; most, the longest time [s] between two ticks."""
+
+    name = "participants_join"
+    criterion = "50 participants join and leave, one after the other: no STALE_STATE, at most 60 ms between two ticks"
+    phases = (START, MOTION)
+    guests, most = 50, 0.060
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        bench.set_out(phase)
+        since = time.monotonic()
+        guests = subprocess.Popen([sys.executable, "-c", _GUESTS, str(self.guests)], env=bench.environment)
+        try:
+            bench.wait(lambda: guests.poll() is not None, "the guests to leave", PATIENCE_WITH_GUESTS * self.guests)
+        finally:
+            guests.kill()
+            guests.wait()
+        findings.require(guests.returncode == 0, f"the guests ended with exit code {guests.returncode}")
+        seen = bench.seen.since(since)
+        gaps = np.diff([status.sent for status in seen])
+        findings.at_most("between two ticks", 1000.0 * float(np.max(gaps)), 1000.0 * self.most, "ms")
+        stale = sum(status.code == "STALE_STATE" for status in seen)
+        findings.at_most("ticks with STALE_STATE", stale, 0, "")
+        bench.finish(findings)
+
+
 @contextmanager
 def _busy_cores(each: int) -> Iterator[None]:
     """So many processes on each core that do nothing but work, no more important than others."""
@@ -155,4 +205,4 @@ def _busy_cores(each: int) -> Iterator[None]:
             worker.wait()
 
 
-PROCESS_FAULTS = (PlannerKilled, TwinKilled, PlannerStopped, CoresLoaded, SecondCommander)
+PROCESS_FAULTS = (PlannerKilled, TwinKilled, PlannerStopped, CoresLoaded, SecondCommander, ParticipantsJoin)

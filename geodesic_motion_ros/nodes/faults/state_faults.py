@@ -10,15 +10,13 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 from geodesic_motion_ros.nodes.faults.bench import Bench
-from geodesic_motion_ros.nodes.faults.fault import START, Fault, Findings
+from geodesic_motion_ros.nodes.faults.fault import START, STATE_TIMEOUT, Fault, Findings
 from geodesic_motion_ros.nodes.faults.record import Status
-from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 
 #: A hold comes this long [s] after an input has exceeded its timeout, and the arm rests this long after at most.
 REACTION, STOP = 0.1, 1.0
 #: How far off a joint state is that is wrong once [rad].
 _GLITCH = 0.5
-_TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == "state_timeout")
 
 
 def require_hold(bench: Bench, findings: Findings, code: str, text: str, since: float) -> None:
@@ -66,7 +64,7 @@ class StateStops(Fault):
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         relay = bench.relays["joint_states"]
         relay.passing = False
-        require_hold(bench, findings, "STALE_STATE", "joint_states", relay.last_passed + _TIMEOUT)
+        require_hold(bench, findings, "STALE_STATE", "joint_states", relay.last_passed + STATE_TIMEOUT)
         relay.release()
         bench.finish(findings)
 
@@ -78,7 +76,7 @@ class StateLate(Fault):
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         relay = bench.relays["joint_states"]
         relay.delay = lambda: 0.2
-        require_hold(bench, findings, "STALE_STATE", "joint_states", relay.last_passed + _TIMEOUT)
+        require_hold(bench, findings, "STALE_STATE", "joint_states", relay.last_passed + STATE_TIMEOUT)
         # Late messages arrive by now, and must not be taken for new ones.
         since = time.monotonic() + 0.2
         bench.wait(lambda: bench.seen.status.sent > since + 0.2, "late messages")
@@ -139,7 +137,7 @@ class StateLacksJoint(Fault):
             return [message]
 
         relay, before = bench.relays["joint_states"], refused(bench, "joint_states")
-        since = relay.last_passed + _TIMEOUT
+        since = relay.last_passed + STATE_TIMEOUT
         relay.change = lacking
         require_hold(bench, findings, "STALE_STATE", "joint_states", since)
         require_refused(bench, findings, "joint_states", 1, before, bench.robot.joint_names[lost])

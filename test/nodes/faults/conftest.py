@@ -26,7 +26,7 @@ from geodesic_motion_ros.nodes.faults import (
     relay,
     state_faults,
 )
-from geodesic_motion_ros.nodes.faults.fault import Findings
+from geodesic_motion_ros.nodes.faults.fault import STATE_TIMEOUT, Findings
 from geodesic_motion_ros.nodes.marker_messages import read_marker, sphere_marker
 from geodesic_motion_ros.nodes.messages import MessageRefused, read_joint_positions, seconds
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
@@ -134,7 +134,7 @@ class MadePlanner:
         return record.Status(now, {key: str(value) for key, value in values.items()})
 
     def _judged(self, now: float) -> tuple[str, str]:
-        timeout = 0.03 if "knows no patience" in self.flaws else TIMEOUTS["state_timeout"]
+        timeout = 0.03 if "knows no patience" in self.flaws else STATE_TIMEOUT
         deaf = "does not mind silence" in self.flaws
         if now - self.stamp > timeout and not deaf:
             return "STALE_STATE", "no joint_states"
