@@ -38,7 +38,7 @@ class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescript
     """Descriptions keep their lines, and options show their defaults where there are any."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        if action.default in (None, False, argparse.SUPPRESS):
+        if action.default in (None, False, (), argparse.SUPPRESS):
             return action.help
         if isinstance(action.default, tuple):  # as it is typed
             return f"{action.help} (default: {' '.join(map(str, action.default))})"

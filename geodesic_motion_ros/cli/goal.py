@@ -33,7 +33,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     )  # fmt: skip
     parser.add_argument("--print", action="store_true", dest="only_print", help="only print the command, send nothing")
     parser.add_argument(
-        "--ros-args", nargs=argparse.REMAINDER, default=[], metavar="...",
+        "--ros-args", nargs=argparse.REMAINDER, default=(), metavar="...",
         help="arguments of ROS, the last ones: -r __ns:=/left for a planner in a namespace, -r goal_pose:=..., ...",
     )  # fmt: skip
     parser.set_defaults(run=run)

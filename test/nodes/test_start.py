@@ -66,6 +66,9 @@ class Node(running.LoopingNode):
     def _build(self):
         threading.Thread(target=threading.Event().wait, daemon=True).start()
 
+    def _introduction(self):
+        return "ready"
+
     def start(self):
         self.failure.set()
 
