@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-#: Where the search ends: a squared error, over the distance found times the farthest corner's.
+#: The search ends at this bound on the squared error, over the distance found times the farthest corner's.
 _TOLERANCE = 1e-15
-#: A distance that rounding makes of none, over the farthest corner's.
+#: A shorter distance, over the farthest corner's, is rounding.
 _ROUNDING = 1e-15
-#: Steps of the search. It takes a few times as many as there are dimensions.
+#: Steps of the search; in seven dimensions it takes about ten.
 _MOST_STEPS = 200
 
 

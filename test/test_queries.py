@@ -127,13 +127,13 @@ class Asked:
         self._draw = Draw(skill)
         self._now = 0.0
 
-    def change_scene(self, random: np.random.Generator) -> None:
-        """Other obstacles, another task frame; a planner of joints hears where the arm stands."""
+    def change_scene(self, random: np.random.Generator, stands: bool) -> None:
+        """Other obstacles and another task frame, or, for a planner of joints, another place where the arm stands."""
         self.planner.take_obstacles(self._draw.obstacles(random))
-        if isinstance(self.planner, JointSpacePlanner):
-            self.planner.stand_at(random.choice(self._draw.configurations), self._now)
-        else:
+        if isinstance(self.planner, ReactivePlanner):
             self.planner.set_task_frame(*(self._draw.pose(random) if random.uniform() < 0.2 else IDENTITY))
+        elif stands:
+            self.planner.stand_at(random.choice(self._draw.configurations), self._now)
 
     def goal(self, random: np.random.Generator) -> Callable[[], Verdict]:
         """A goal pose, or a goal configuration where there are such."""
@@ -176,7 +176,8 @@ def test_no_query_raises(asked: Asked, kind: str, count: int, expected: set[str]
     for number in range(count):
         random = np.random.default_rng([0, number])
         if number % QUERIES_PER_SCENE == 0:
-            asked.change_scene(random)
+            # Once it is known where the arm stands the graph is carried to every goal, which takes long.
+            asked.change_scene(random, stands=kind != "goal" or number >= 0.9 * count)
         if kind == "tick" and number % QUERIES_PER_GOAL == 0:
             asked.goal(random)()
         query = getattr(asked, kind)(random)
