@@ -1,4 +1,4 @@
-"""The planar arm with two postures, smaller: two clusters, a wall between them, geodesics that keep their posture."""
+"""The planar arm with two postures, smaller: two clusters, and what is drawn of them."""
 
 from __future__ import annotations
 
