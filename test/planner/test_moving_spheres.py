@@ -45,9 +45,9 @@ def crossing_contact(planner, told: bool, speed: float, side: float) -> tuple[fl
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("speed", [0.25, 0.6])
-def test_a_sphere_that_crosses_is_grazed_where_its_motion_is_not_known_and_not_where_it_is(planner, speed, side):
+def test_a_sphere_that_crosses_is_met_where_its_motion_is_not_known_and_not_where_it_is(planner, speed, side):
     blind, _ = crossing_contact(planner, False, speed, side)
-    assert blind < 0.002
+    assert blind < -0.01
     least, left = crossing_contact(planner, True, speed, side)
     assert least > 0.01
     # It has passed, and the tool goes on by itself.
@@ -242,14 +242,14 @@ def test_a_tool_that_nothing_comes_to_stays_where_it_has_no_way(planner):
 
 
 def stopping_sphere(planner, meeting: float) -> float:
-    """Least clearance [m] from a sphere that comes across at 0.6 m/s and stops on the way, before the tool gets there.
+    """Least clearance [m] from a sphere that comes across at 0.8 m/s and stops on the path, before the tool gets there.
 
     That it stands is told 50 ms late, as its track does. meeting : when it stops, as a share of the motion.
     """
     direct = planner.nominal().reference
-    place, _ = direct.sample(0.45 * direct.duration)
-    across = np.cross(direct.velocity(0.45 * direct.duration)[:3], [0.0, 0.0, 1.0])
-    velocity, stops = 0.6 * across / np.linalg.norm(across), meeting * direct.duration
+    place, _ = direct.sample(0.5 * direct.duration)
+    across = np.cross(direct.velocity(0.5 * direct.duration)[:3], [0.0, 0.0, 1.0])
+    velocity, stops = 0.8 * across / np.linalg.norm(across), meeting * direct.duration
 
     def coming(now: float) -> Obstacles:
         told = velocity if now < stops + 0.05 else np.zeros(3)
@@ -258,11 +258,16 @@ def stopping_sphere(planner, meeting: float) -> float:
     return min(gap for *_, gap in played(planner, planner.skill.start_pose, coming, stops + 1.0))
 
 
-@pytest.mark.parametrize("meeting", [0.25, 0.35, 0.42, 0.45])
+#: When it stops.
+MEETINGS = [0.38, 0.42, 0.46]
+
+
+@pytest.mark.parametrize("meeting", MEETINGS)
 def test_what_stops_before_it_has_passed_is_kept_off(planner, meeting):
     assert stopping_sphere(planner, meeting) > 0.01
 
 
-def test_a_tool_that_counts_on_what_moves_to_move_on_all_but_touches_what_stops(planner, monkeypatch):
+@pytest.mark.parametrize("meeting", MEETINGS)
+def test_a_tool_that_counts_on_what_moves_to_move_on_runs_into_what_stops(planner, monkeypatch, meeting):
     monkeypatch.setattr(PoseStream, "objection", lambda *_: "")
-    assert stopping_sphere(planner, 0.42) < 0.002
+    assert stopping_sphere(planner, meeting) < -0.01
