@@ -87,7 +87,7 @@ def test_a_raw_skill_of_two_dimensions_is_whole(reach_demonstrations) -> None:
 
 
 def test_a_skill_reproduces_what_it_was_shown(reach_demonstrations) -> None:
-    """The motions are half a metre long, and turn the tool by 90 degrees; what is left differs between machines."""
+    """Half a metre long, they turn the tool by 90 degrees. What is left differs from machine to machine."""
     settings = replace(IN_NO_TIME, latent_dimension=2, steps=600, hidden=(64, 32), samples=60, batch=128, kernels=100)
     skill = train_joint_space_skill(reach_demonstrations, ROBOT, settings, name="reach")
     assert skill.quality["training_position_error_mm"] < 80.0

@@ -267,7 +267,7 @@ def test_what_stops_before_it_has_passed_is_kept_off(planner, meeting):
     assert stopping_sphere(planner, meeting) > 0.01
 
 
-@pytest.mark.parametrize("meeting", MEETINGS)
-def test_a_tool_that_counts_on_what_moves_to_move_on_runs_into_what_stops(planner, monkeypatch, meeting):
+def test_a_tool_that_counts_on_what_moves_to_move_on_runs_into_what_stops(another, monkeypatch):
+    """Not whenever it stops, but at some time."""
     monkeypatch.setattr(PoseStream, "objection", lambda *_: "")
-    assert stopping_sphere(planner, meeting) < -0.01
+    assert min(stopping_sphere(another(), meeting) for meeting in MEETINGS) < -0.01
