@@ -46,7 +46,6 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 # out the good one before it.
 RECENT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 GOALS = QoSProfile(depth=10)
-_BEST_EFFORT, _RELIABLE = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE
 
 
 #: Goals with this frame id are relative to the task frame, and move with it.
@@ -104,10 +103,12 @@ class PlannerInputs:
         self._subscribe(PoseStamped, "task_frame", self._on_task_frame, GOALS)
         # Markers are edits of a set: each of them is needed. Of points and clouds the next one replaces what was lost;
         # clouds are large, and only the newest counts.
-        self._subscribe_obstacles(MarkerArray, "obstacles", self._on_obstacles, 50, _RELIABLE, raw=True)
-        self._subscribe_obstacles(Marker, "obstacle_marker", self._on_marker, 50, _RELIABLE, raw=True)
-        self._subscribe_obstacles(PointStamped, "obstacle_point", self._on_point, 10, _BEST_EFFORT)
-        self._subscribe_obstacles(PointCloud2, "obstacle_cloud", self._on_cloud, 1, _BEST_EFFORT)
+        edits = {"depth": 50, "reliability": ReliabilityPolicy.RELIABLE, "raw": True}
+        self._subscribe_obstacles(MarkerArray, "obstacles", self._on_obstacles, **edits)
+        self._subscribe_obstacles(Marker, "obstacle_marker", self._on_marker, **edits)
+        best_effort = ReliabilityPolicy.BEST_EFFORT
+        self._subscribe_obstacles(PointStamped, "obstacle_point", self._on_point, depth=10, reliability=best_effort)
+        self._subscribe_obstacles(PointCloud2, "obstacle_cloud", self._on_cloud, depth=1, reliability=best_effort)
 
     def start(self) -> None:
         """Begin to look at point clouds."""
@@ -197,20 +198,14 @@ class PlannerInputs:
 
         self._node.create_subscription(kind, topic, receive, qos)
 
-    def _subscribe_obstacles(
-        self,
-        kind: type,
-        topic: str,
-        take: Callable[[Any], None],
-        depth: int,
-        reliability: ReliabilityPolicy,
-        raw: bool = False,
-    ) -> None:
+    def _subscribe_obstacles(self, kind: type, topic: str, take: Callable[[Any], None], **offered: Any) -> None:
+        """offered : depth, reliability and raw as of `ObstacleSubscription`."""
+
         def receive(message: Any) -> None:
             with self._load.counted(), self._obstacle_guard(topic):
                 take(message)
 
-        ObstacleSubscription(self._node, kind, topic, receive, depth, reliability, raw)
+        ObstacleSubscription(self._node, kind, topic, receive, **offered)
 
     @contextmanager
     def _obstacle_guard(self, topic: str) -> Iterator[None]:
