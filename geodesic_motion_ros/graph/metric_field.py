@@ -184,7 +184,7 @@ def look_around(field: MetricField, reshaping: Reshaping, points: np.ndarray) ->
         look_at(unknown[:count], reshaping)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def tensor_at(
     point: np.ndarray,
     shape: tuple[int, ...],
@@ -261,7 +261,7 @@ def tensor_at(
     return inside * total, room
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def _squared(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: int, s: int) -> float:
     """(z - r_k(s))^T C_k(s)^-1 (z - r_k(s))."""
     squared = 0.0
@@ -284,7 +284,7 @@ def nearest_samples(point: np.ndarray, centres: np.ndarray, precisions: np.ndarr
                 best, nearest[k] = squared, s
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def _nearest(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: int, s: int) -> tuple[float, int]:
     """The same at the sample nearest to a point along a ridge, and which it is; found where s is not far from it."""
     begin, squared = s, _squared(point, centres, precisions, k, s)
@@ -305,7 +305,7 @@ def nearest_along(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray
         _, nearest[k] = _nearest(point, centres, precisions, k, nearest[k])
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def conformal_exponent(
     point: np.ndarray,
     centres: np.ndarray,

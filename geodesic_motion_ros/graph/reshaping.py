@@ -186,7 +186,7 @@ def _cells_around(
         last[a] = int(min(float(shape[a]), max(0.0, (centre[a] + around - lower[a]) / cell + 1.0)))
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def look(
     node: int,
     points: np.ndarray,

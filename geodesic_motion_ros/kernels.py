@@ -1,0 +1,190 @@
+"""Compiles the kernels of the planners ahead, all cores at work, and says how far it is.
+
+numba compiles a kernel where it is first called, and keeps the result in a cache beside the source. Right after an
+installation that takes a minute, one kernel after the other, without a word. So programs call `compile_kernels` before
+they load numba: processes of their own (`kernel_worker`) compile what `kernels.json` lists and the cache lacks.
+
+The list may be out of date: that costs time, never correctness. `python -m geodesic_motion_ros.kernels` compiles,
+`python -m geodesic_motion_ros.kernels --write` makes the list anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import fcntl
+import hashlib
+import json
+import math
+import os
+import selectors
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from importlib.metadata import version
+from pathlib import Path
+
+PACKAGE = Path(__file__).parent
+LIST = PACKAGE / "kernels.json"
+#: More processes gain nothing: what remains is one kernel that takes a third of all the time.
+_MOST_PROCESSES = 4
+#: Between two lines about the progress [s].
+_SAID_EVERY = 1.0
+
+
+def say(text: str) -> None:
+    """Write a line to standard error, at once."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def compile_kernels(report: Callable[[str], None] = say) -> None:
+    """Compile the listed kernels that numba's cache lacks; takes milliseconds where all are known to be there.
+
+    report : called with a line about the progress, at most about once a second; never where nothing is to do. A kernel
+    that cannot be compiled here is reported and left to its first call. Programs that start together compile once.
+    """
+    folder, mark = _cache_folder(), _fingerprint()
+    if folder is None:
+        return
+    finished = folder / "kernels.finished"
+    if _is_finished(finished, mark):
+        return
+    with _locked(folder / "kernels.lock", report):
+        if _is_finished(finished, mark):
+            return
+        counts = _compile_listed(report)
+        if counts is not None:
+            finished.write_text(json.dumps({"mark": mark, "counts": counts}))
+
+
+def _cache_folder() -> Path | None:
+    """Where the mark of finished work is kept: as numba's cache, beside the source if possible; None where nowhere."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / PACKAGE.name
+    for folder in [Path(chosen)] if chosen else [PACKAGE / "__pycache__", user]:
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            if os.access(folder, os.W_OK):
+                return folder
+    return None
+
+
+def _fingerprint() -> str:
+    """Of all that numba's cache depends on: the listed kernels and their files, the versions, the processor."""
+    sources = [PACKAGE / f"{name.replace('.', '/')}.py" for name in sorted({row[0] for row in listed()})]
+    stamps = [(stat.st_mtime_ns, stat.st_size) for stat in (path.stat() for path in sources if path.exists())]
+    processor = [line for line in _lines("/proc/cpuinfo") if line.startswith(("flags", "model name", "Features"))]
+    chosen = {name: value for name, value in os.environ.items() if name.startswith("NUMBA_")}
+    whole = sys.version, version("numba"), version("llvmlite"), LIST.read_text(), stamps, processor[:2], chosen
+    return hashlib.sha256(repr(whole).encode()).hexdigest()
+
+
+def _lines(path: str) -> list[str]:
+    try:
+        return Path(path).read_text().splitlines()
+    except OSError:
+        return []
+
+
+def listed() -> list[list[str]]:
+    """The kernels as rows of module (within the package), function, and types of the arguments, longest work first."""
+    return json.loads(LIST.read_text())
+
+
+def _is_finished(finished: Path, mark: str) -> bool:
+    """Whether all was compiled for a mark, and the cache still holds as many files as then."""
+    try:
+        known = json.loads(finished.read_text())
+        return known["mark"] == mark and all(count_cached(folder) >= n for folder, n in known["counts"].items())
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return False
+
+
+def count_cached(folder: str) -> int:
+    """How many kernels a folder of numba's cache holds."""
+    return sum(name.endswith(".nbi") for name in os.listdir(folder))
+
+
+@contextmanager
+def _locked(path: Path, report: Callable[[str], None]) -> Iterator[None]:
+    """Hold a lock on a file, which may not exist yet; says so where another process holds it."""
+    with path.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            report("another process compiles the kernels: waiting for it")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _compile_listed(report: Callable[[str], None]) -> dict[str, int] | None:
+    """Let workers compile the list; returns how many kernels each folder of the cache holds then.
+
+    None where workers ended before the list did.
+    """
+    total = len(listed())
+    waiting, folders = iter(range(total)), set()
+    began, said, done = time.monotonic(), -math.inf, 0
+    with ExitStack() as stack, selectors.DefaultSelector() as selector:
+        locks = stack.enter_context(tempfile.TemporaryDirectory())
+        for _ in range(min(_MOST_PROCESSES, len(os.sched_getaffinity(0)))):
+            worker = stack.enter_context(_worker(locks))
+            selector.register(worker.stdout, selectors.EVENT_READ, worker)
+        while selector.get_map():
+            if done < total and time.monotonic() - said >= _SAID_EVERY:
+                said = time.monotonic()
+                report(f"compiling kernels, once: {done} of {total}")
+            for key, _ in selector.select(_SAID_EVERY):
+                answer = key.fileobj.readline()
+                if not answer:
+                    selector.unregister(key.fileobj)
+                    continue
+                for folder, problem in json.loads(answer):
+                    done += 1
+                    if not problem:
+                        folders.add(folder)
+                    else:
+                        report(f"not compiled ahead: {problem}")
+                with suppress(BrokenPipeError):  # one that has ended is unregistered above
+                    if (number := next(waiting, None)) is None:
+                        key.data.stdin.close()
+                    else:
+                        key.data.stdin.write(f"{number}\n")
+                        key.data.stdin.flush()
+    report(f"compiled {done} of {total} kernels in {time.monotonic() - began:.0f} s")
+    return {folder: count_cached(folder) for folder in folders} if done == total else None
+
+
+@contextmanager
+def _worker(locks: str) -> Iterator[subprocess.Popen[str]]:
+    """A process that compiles the kernels whose numbers it reads; killed on leaving, where it has not ended by itself.
+
+    In a session of its own: Ctrl-C reaches this process alone.
+    """
+    worker = subprocess.Popen(
+        [sys.executable, "-m", f"{PACKAGE.name}.kernel_worker", str(os.getpid()), locks],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    try:
+        yield worker
+    finally:
+        worker.kill()
+        worker.wait()
+
+
+def main() -> None:
+    """Compile the listed kernels, or make the list anew."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--write", action="store_true", help=f"make {LIST.name} anew: two minutes")
+    if not parser.parse_args().write:
+        return compile_kernels()
+    with tempfile.TemporaryDirectory() as cache:
+        command = [sys.executable, "-m", f"{PACKAGE.name}.kernel_list"]
+        done = subprocess.run(command, env=os.environ | {"NUMBA_CACHE_DIR": cache}, check=True, stdout=subprocess.PIPE)
+    LIST.write_bytes(done.stdout)
+
+
+if __name__ == "__main__":
+    main()
