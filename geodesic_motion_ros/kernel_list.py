@@ -64,16 +64,17 @@ def build_planners() -> None:
 
 
 class _Stopwatch(event.Listener):
-    """Notes each kernel that is compiled by itself, not for another one, and for how long [s]."""
+    """Counts the kernels that are compiled; notes each that is so by itself, not for another one, and how long [s]."""
 
     def __init__(self) -> None:
-        self._depth, self._began = 0, 0.0
+        self._depth, self._began, self.kernels = 0, 0.0, 0
         self.seconds: dict[tuple[str, str, str], float] = {}
 
     def on_start(self, event: event.Event) -> None:
         if self._depth == 0:
             self._began = time.monotonic()
         self._depth += 1
+        self.kernels += event.data["dispatcher"].py_func.__module__.startswith(f"{PACKAGE}.")
 
     def on_end(self, event: event.Event) -> None:
         self._depth -= 1
@@ -87,7 +88,8 @@ def main() -> None:
     with event.install_listener("numba:compile", stopwatch):
         build_planners()
     rows = sorted(stopwatch.seconds, key=stopwatch.seconds.__getitem__, reverse=True)
-    print("[\n" + ",\n".join(json.dumps(one) for one in rows) + "\n]")
+    called = ",\n".join(map(json.dumps, rows))
+    print(f'{{"kernels": {stopwatch.kernels}, "called": [\n{called}\n]}}')
 
 
 if __name__ == "__main__":

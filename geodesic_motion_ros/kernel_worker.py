@@ -14,6 +14,7 @@ import json
 import os
 import signal
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -27,10 +28,13 @@ _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of linux/prctl.h
 
 
 class Turns:
-    """Stands between numba and its dispatchers, for the two things above. `locks` : a folder that the workers share."""
+    """Stands between numba and its dispatchers, for the two things above.
 
-    def __init__(self, locks: Path) -> None:
-        self._locks, self._held, self._importing = locks, set(), False
+    turns : a file that the workers share. done : called with the name of each kernel that has been compiled or read.
+    """
+
+    def __init__(self, turns: Path, done: Callable[[str], None]) -> None:
+        self._turns, self._done, self._importing = turns.open("w"), done, False
         self._written: dict[Dispatcher, Any] = {}
         compile_now, disable, template = Dispatcher.compile, Dispatcher.disable_compile, Dispatcher.get_call_template
 
@@ -69,31 +73,36 @@ class Turns:
             kernel.disable_compile()
 
     def _in_turn(self, kernel: Dispatcher, types: Any, compile_now: Any) -> Any:
-        name = hashlib.sha256(repr((row(kernel, ()), types)).encode()).hexdigest()
-        if name in self._held:  # it calls itself
+        if not kernel.py_func.__module__.startswith(f"{PACKAGE}."):  # numba's own, which no cache holds
             return compile_now(kernel, types)
-        self._held.add(name)
+        name = hashlib.sha256(repr((row(kernel, ()), types)).encode()).hexdigest()
+        place = int(name[:15], 16)  # a byte of the shared file for each kernel
+        fcntl.lockf(self._turns, fcntl.LOCK_EX, 1, place)
         try:
-            with (self._locks / name).open("w") as file:
-                fcntl.flock(file, fcntl.LOCK_EX)
-                return compile_now(kernel, types)
+            result = compile_now(kernel, types)
         finally:
-            self._held.remove(name)
+            fcntl.lockf(self._turns, fcntl.LOCK_UN, 1, place)
+        self._done(name)
+        return result
 
 
-def main(parent: int, locks: Path) -> None:
-    """Answer each number with a line: a list of the (folder of the cache, what went wrong or "") of its kernel."""
+def main(parent: int, turns: Path) -> None:
+    """Answer each number with lines of JSON: {"kernel": NAME} for each kernel that is done; in the end {"folder": of
+    the cache}, or {"problem": what went wrong}. The first line, {"ready": true}, answers nothing.
+    """
     ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
-    turns, rows = Turns(locks), listed()
-    print("[]", flush=True)  # ready
+
+    def say(**answer: Any) -> None:
+        print(json.dumps(answer), flush=True)
+
+    worker, rows = Turns(turns, lambda name: say(kernel=name)), listed()
+    say(ready=True)
     for line in sys.stdin if os.getppid() == parent else ():
-        folder = problem = ""
         module, function, types = rows[int(line)]
         try:
-            folder = turns.compile(module, function, types)
+            say(folder=worker.compile(module, function, types))
         except Exception as error:  # no kernel is worth a program that does not start
-            problem = f"{module}.{function}: {' '.join(str(error).split())[:300]}"
-        print(json.dumps([(folder, problem)]), flush=True)
+            say(problem=f"{module}.{function}: {' '.join(str(error).split())[:300]}")
 
 
 if __name__ == "__main__":

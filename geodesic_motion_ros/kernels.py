@@ -54,7 +54,7 @@ def compile_kernels(report: Callable[[str], None] = say) -> None:
     with _locked(folder / "kernels.lock", report):
         if _is_finished(finished, mark):
             return
-        counts = _compile_listed(report)
+        counts = _compile_listed(folder / "kernels.turns", report)
         if counts is not None:
             finished.write_text(json.dumps({"mark": mark, "counts": counts}))
 
@@ -90,7 +90,7 @@ def _lines(path: str) -> list[str]:
 
 def listed() -> list[list[str]]:
     """The kernels as rows of module (within the package), function, and types of the arguments, longest work first."""
-    return json.loads(LIST.read_text())
+    return json.loads(LIST.read_text())["called"]
 
 
 def _is_finished(finished: Path, mark: str) -> bool:
@@ -119,53 +119,55 @@ def _locked(path: Path, report: Callable[[str], None]) -> Iterator[None]:
         yield
 
 
-def _compile_listed(report: Callable[[str], None]) -> dict[str, int] | None:
+def _compile_listed(turns: Path, report: Callable[[str], None]) -> dict[str, int] | None:
     """Let workers compile the list; returns how many kernels each folder of the cache holds then.
 
-    None where workers ended before the list did.
+    turns : a file whose locks tell the workers what the others are at. None where workers ended before the list did.
     """
-    total = len(listed())
-    waiting, folders = iter(range(total)), set()
-    began, said, done = time.monotonic(), -math.inf, 0
+    content = json.loads(LIST.read_text())
+    waiting, asked, total = iter(range(len(content["called"]))), len(content["called"]), content["kernels"]
+    began, said, answered, kernels, folders = time.monotonic(), -math.inf, 0, set(), set()
     with ExitStack() as stack, selectors.DefaultSelector() as selector:
-        locks = stack.enter_context(tempfile.TemporaryDirectory())
         for _ in range(min(_MOST_PROCESSES, len(os.sched_getaffinity(0)))):
-            worker = stack.enter_context(_worker(locks))
+            worker = stack.enter_context(_worker(turns))
             selector.register(worker.stdout, selectors.EVENT_READ, worker)
         while selector.get_map():
-            if done < total and time.monotonic() - said >= _SAID_EVERY:
+            if answered < asked and time.monotonic() - said >= _SAID_EVERY:
                 said = time.monotonic()
-                report(f"compiling kernels, once: {done} of {total}")
+                report(f"compiling kernels, once: {len(kernels)} of {max(total, len(kernels))}")
             for key, _ in selector.select(_SAID_EVERY):
-                answer = key.fileobj.readline()
-                if not answer:
+                line = key.fileobj.readline()
+                if not line:  # it has ended
                     selector.unregister(key.fileobj)
                     continue
-                for folder, problem in json.loads(answer):
-                    done += 1
-                    if not problem:
-                        folders.add(folder)
-                    else:
-                        report(f"not compiled ahead: {problem}")
-                with suppress(BrokenPipeError):  # one that has ended is unregistered above
+                answer = json.loads(line)
+                if "kernel" in answer:
+                    kernels.add(answer["kernel"])
+                    continue
+                answered += "ready" not in answer
+                if "folder" in answer:
+                    folders.add(answer["folder"])
+                if "problem" in answer:
+                    report(f"not compiled ahead: {answer['problem']}")
+                with suppress(BrokenPipeError):  # it has ended, and its next line says so
                     if (number := next(waiting, None)) is None:
                         key.data.stdin.close()
                     else:
-                        key.data.stdin.write(f"{number}\n")
-                        key.data.stdin.flush()
-    report(f"compiled {done} of {total} kernels in {time.monotonic() - began:.0f} s")
-    return {folder: count_cached(folder) for folder in folders} if done == total else None
+                        key.data.stdin.write(b"%d\n" % number)
+    report(f"compiled {len(kernels)} kernels in {time.monotonic() - began:.0f} s")
+    return {folder: count_cached(folder) for folder in folders} if answered == asked else None
 
 
 @contextmanager
-def _worker(locks: str) -> Iterator[subprocess.Popen[str]]:
+def _worker(turns: Path) -> Iterator[subprocess.Popen[bytes]]:
     """A process that compiles the kernels whose numbers it reads; killed on leaving, where it has not ended by itself.
 
-    In a session of its own: Ctrl-C reaches this process alone.
+    In a session of its own: Ctrl-C reaches this process alone. Without buffers: a line that has been read already would
+    wake no selector.
     """
     worker = subprocess.Popen(
-        [sys.executable, "-m", f"{PACKAGE.name}.kernel_worker", str(os.getpid()), locks],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
+        [sys.executable, "-m", f"{PACKAGE.name}.kernel_worker", str(os.getpid()), str(turns)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True,
     )  # fmt: skip
     try:
         yield worker

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from geodesic_motion_ros.errors import PlanningError
-from geodesic_motion_ros.graph.ambient import LAWS, AmbientLaw
+from geodesic_motion_ros.graph.ambient_law import LAWS, AmbientLaw
 from geodesic_motion_ros.motion_curve import MotionLimits
 
 #: Ways among obstacles that move are certified with this multiple of the obstacle margin: nothing moves exactly as

@@ -26,6 +26,7 @@ from geodesic_motion_ros.cli import (
 )
 from geodesic_motion_ros.cli.arguments import HelpFormatter
 from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.kernels import compile_kernels
 
 _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.
@@ -67,6 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; returns the exit status. argparse leaves by SystemExit on a wrong command line and on --help."""
     arguments = build_parser().parse_args(argv)
     try:
+        compile_kernels()
         status = arguments.run(arguments) or 0
         sys.stdout.flush()
         return status

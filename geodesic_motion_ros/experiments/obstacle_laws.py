@@ -46,7 +46,7 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.blocked_arm import arm_clearance, every
 from geodesic_motion_ros.experiments.obstacle_law_scenes import CHECK_PERIOD, LawScene, draw_scene
-from geodesic_motion_ros.graph.ambient import AmbientLaw
+from geodesic_motion_ros.graph.ambient_law import AmbientLaw
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
 from geodesic_motion_ros.joint_solver import JointSolver, MotionState

@@ -24,7 +24,6 @@ does all of a point cloud, with the thickness that it was given.
 from __future__ import annotations
 
 import math
-from typing import Literal, get_args
 
 import numba
 import numpy as np
@@ -36,9 +35,6 @@ from geodesic_motion_ros.solids import solid_distance, solid_distances
 #: Distance, in Gaussian widths, at which an obstacle's influence has fallen to nothing (from 1.1 % before the shift).
 CUTOFF = 3.0
 _SHIFT = math.exp(-0.5 * CUTOFF**2)
-
-AmbientLaw = Literal["gaussian", "completed", "hard"]
-LAWS: tuple[AmbientLaw, ...] = get_args(AmbientLaw)
 
 
 @numba.njit(cache=True, nogil=True)

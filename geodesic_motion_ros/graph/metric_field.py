@@ -139,7 +139,7 @@ def piecewise(
     factors, touched, room, within = reshaping.factors, reshaping.touched, reshaping.clearance, reshaping.within
     count, d = len(points) - 1, len(shape)
     energies, support, clearance = np.empty(count), np.empty(count), np.empty(count)
-    tensor, slopes, share, lean = np.empty(len(rows)), np.empty((d, len(rows))), np.empty(d), np.empty((3, d))
+    tensor, slopes, share, lean = np.empty(len(rows)), np.empty((0, len(rows))), np.empty(d), np.empty((3, d))
     middle, gradient, curvature = np.empty(d), np.empty(d), np.empty((d, d))
     nearest = np.empty(len(centres), dtype=np.int64)
     nearest_samples(points[0], centres, precisions, nearest)
@@ -148,7 +148,7 @@ def piecewise(
         for a in range(d):
             middle[a] = 0.5 * (points[i, a] + points[i + 1, a])
         support[i], clearance[i] = tensor_at(
-            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean, False
+            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean
         )
         exponent = conformal_exponent(
             middle, centres, precisions, penalties, strength, cap, nearest, gradient, curvature
@@ -199,15 +199,14 @@ def tensor_at(
     slopes: np.ndarray,
     share: np.ndarray,
     lean: np.ndarray,
-    derived: bool,
 ) -> tuple[float, float]:
-    """Fill the tensor (T,) at a point (d,), without the conformal factor; where they are asked for its slopes (d, T).
+    """Fill the tensor (T,) at a point (d,), without the conformal factor, and its slopes (d, T), or none (0, T).
 
     factors to within : of a reshaping that has looked at the cell's nodes; share (d,), lean (3, d) : for the kernel's
     own use. Returns the share of the cell that nodes hold, weighted, and 0 outside the grid; and the clearance [m]
     there, at most `within`, -inf without any node. For use within compiled loops; one by one as in `reshaping.look`.
     """
-    d = len(shape)
+    d, derived = len(shape), len(slopes) > 0
     packed = d * (d + 1) // 2
     begin, total, room, inside = 0, 0.0, 0.0, 1.0
     for a in range(d):
@@ -219,7 +218,7 @@ def tensor_at(
         lean[1, a] = 0.0
     for j in range(packed):
         tensor[j] = 0.0
-        for a in range(d):
+        for a in range(len(slopes)):
             slopes[a, j] = 0.0
     for corner in range(1 << d):
         at, weight = begin, 1.0
@@ -254,7 +253,7 @@ def tensor_at(
         room /= total
         for j in range(packed):
             tensor[j] /= total
-            for a in range(d):
+            for a in range(len(slopes)):
                 slopes[a, j] = (slopes[a, j] - tensor[j] * lean[1, a]) / total
     else:
         room = -math.inf

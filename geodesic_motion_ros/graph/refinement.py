@@ -50,24 +50,35 @@ def refined(field: MetricField, reshaping: Reshaping, margin: float, path: np.nd
     It stays where nodes are and, as far as the polyline does, where they have a clearance of at least a margin [m]. It
     is never longer; where it would be it is the polyline.
     """
-    coordinates = field.coordinates(path)
-    curve, shorter = _refined(field, reshaping, margin, coordinates)
-    return field.latent(curve) if shorter else path
+    best = field.coordinates(path)
+    begun, moved, cells = _refined(field, reshaping, margin, best)
+    if not cells > 0.0:
+        return path
+    # Where the metric changes within a piece its middle may tell too little of it: then what was begun from is better.
+    (faults, length), shorter = _judged(field, reshaping, margin, best, cells), False
+    for curve in (begun, moved):
+        new_faults, new_length = _judged(field, reshaping, margin, curve, cells)
+        if new_faults <= faults and new_length < length:
+            best, shorter, faults, length = curve, True, new_faults, new_length
+    return field.latent(best) if shorter else path
 
 
 @numba.njit(cache=True, nogil=True)
 def _refined(
     field: MetricField, reshaping: Reshaping, margin: float, path: np.ndarray
-) -> tuple[np.ndarray, bool]:
-    """The curve (N + 1, d) after a few of Newton's steps, or smoothed alone where that is shorter, and whether it is
-    better than the path (p, d) it began from.
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """The curve (N + 1, d) to begin from, which is a path (p, d), smoothed where that makes it shorter; that curve
+    after a few of Newton's steps; and how many cells the path is long, 0 where it has no length.
 
     Each step keeps, or betters, how well nodes support each piece and how far it is from obstacles: where it would not
     the piece's points are held, and the step is looked for anew. Where the energy does not sink the step is halved.
     """
     cells, d = 0.0, path.shape[1]
     for i in range(len(path) - 1):
-        cells += math.sqrt(np.sum((path[i + 1] - path[i]) ** 2))
+        squared = 0.0
+        for a in range(d):
+            squared += (path[i + 1, a] - path[i, a]) ** 2
+        cells += math.sqrt(squared)
     count = int(min(_MOST_PIECES, max(_LEAST_PIECES, math.ceil(cells))))
     curve = evenly(path, count)
     trial, nearest = curve.copy(), np.zeros((count, len(field.centres)), dtype=np.int64)
@@ -78,21 +89,21 @@ def _refined(
     held = np.empty(count + 1, dtype=np.bool_)
     nearest_samples(curve[0], field.centres, field.precisions, nearest[0])
     for i in range(1, count):
-        nearest[i] = nearest[i - 1]
+        for k in range(nearest.shape[1]):
+            nearest[i, k] = nearest[i - 1, k]
         nearest_along(curve[i], field.centres, field.precisions, nearest[i])
     _assemble(field, reshaping, curve, weights, nearest, energies, support, clearance, gradient, diagonal, beside)
-    length = np.sum(np.sqrt(energies))
+    length = _length(energies)
     _smooth(curve, trial)
     _assemble(
         field, reshaping, trial, weights, nearest, new_energies, new_support, new_clearance, gradient, diagonal, beside
     )
-    if np.sum(np.sqrt(new_energies)) < length and not _worse(
-        support, clearance, new_support, new_clearance, margin, held
-    ):
-        curve[:], energies[:], support[:], clearance[:] = trial, new_energies, new_support, new_clearance
-        length = np.sum(np.sqrt(energies))
+    new_length = _length(new_energies)
+    if new_length < length and not _worse(support, clearance, new_support, new_clearance, margin, held):
+        length, curve, trial, energies = new_length, trial, curve, new_energies
+        support, clearance, new_support, new_clearance = new_support, new_clearance, support, clearance
     if not length > 0.0:
-        return path, False
+        return path, path, 0.0
     for i in range(count):
         weights[i] = length / max(math.sqrt(energies[i]), _SHORTEST * length / count)
     before = _assemble(
@@ -101,7 +112,8 @@ def _refined(
     begun = curve.copy()
     for _ in range(_SWEEPS):
         after, share = math.inf, 1.0
-        held[:] = False
+        for i in range(count + 1):
+            held[i] = False
         for _ in range(_ATTEMPTS):
             step = _newton_step(gradient, diagonal, beside, held)
             for i in range(1, count):
@@ -119,25 +131,35 @@ def _refined(
             after = math.inf
         if not after < before:
             break
-        curve[:], support[:], clearance[:] = trial, new_support, new_clearance
-        gradient[:], diagonal[:], beside[:] = new_gradient, new_diagonal, new_beside
+        curve, trial = trial, curve
+        support, clearance, new_support, new_clearance = new_support, new_clearance, support, clearance
+        gradient, new_gradient = new_gradient, gradient
+        diagonal, new_diagonal = new_diagonal, diagonal
+        beside, new_beside = new_beside, beside
         gained, before = before - after, after
         if gained < _GAIN * before:
             break
-    # Where the metric changes within a piece its middle may tell too little of it: then what was begun from is better.
-    faults, length = _judged(field, reshaping, margin, path, cells)
-    best, better = path, False
-    for found in (begun, curve):
-        new_faults, new_length = _judged(field, reshaping, margin, found, cells)
-        if new_faults <= faults and new_length < length:
-            best, better, faults, length = found, True, new_faults, new_length
-    return best, better
+    return begun, curve, cells
+
+
+# Loops, here and above, where numpy has a word for it: an array that is copied into another takes a second to compile.
+
+
+@numba.njit(cache=True, nogil=True)
+def _length(energies: np.ndarray) -> float:
+    """Of a curve, by the squared lengths (N,) of its pieces."""
+    length = 0.0
+    for squared in energies:
+        length += math.sqrt(squared)
+    return length
 
 
 @numba.njit(cache=True, nogil=True)
 def _smooth(curve: np.ndarray, smoothed: np.ndarray) -> None:
     """Take the corners off a curve (N + 1, d), ends fixed."""
-    smoothed[:] = curve
+    for i in range(len(curve)):
+        for a in range(curve.shape[1]):
+            smoothed[i, a] = curve[i, a]
     for _ in range(_SMOOTHINGS):
         for a in range(curve.shape[1]):
             before = smoothed[0, a]
@@ -170,11 +192,10 @@ def _judged(
 ) -> tuple[int, float]:
     """How many of the pieces of a curve, one a step of the grid, are not as they should be, and its length."""
     energies, support, clearance = piecewise(field, reshaping, evenly(curve, math.ceil(_JUDGED * cells)))
-    faults, length = 0, 0.0
+    faults = 0
     for i in range(len(energies)):
         faults += support[i] < _SUPPORT or clearance[i] < margin
-        length += math.sqrt(energies[i])
-    return faults, length
+    return faults, _length(energies)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -212,9 +233,8 @@ def _assemble(
         for a in range(d):
             middle[a], along[a] = 0.5 * (curve[i, a] + curve[i + 1, a]), curve[i + 1, a] - curve[i, a]
         support[i], clearance[i] = tensor_at(
-            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean,
-            True,
-        )  # fmt: skip
+            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean
+        )
         conformal = math.exp(
             conformal_exponent(
                 middle, centres, precisions, penalties, strength, cap, nearest[i], slope, curvature

@@ -14,7 +14,8 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.distance_field import field_distance
-from geodesic_motion_ros.graph.ambient import CUTOFF, AmbientLaw, cloud_factor, completion, gaussian, solid_factor
+from geodesic_motion_ros.graph.ambient import CUTOFF, cloud_factor, completion, gaussian, solid_factor
+from geodesic_motion_ros.graph.ambient_law import AmbientLaw
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.solids import bounding_radii, solid_distance, thicknesses
@@ -301,8 +302,9 @@ def look_at(nodes: np.ndarray, reshaping: Reshaping) -> None:
         listed, following, looked, factors, touched, clearance,
     ) = reshaping  # fmt: skip
     for node in nodes:
+        # As the searches number nodes: one kernel for all.
         look(
-            node, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii, solids,
-            squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads, listed,
+            np.int32(node), points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
+            solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads, listed,
             following, looked, factors, touched, clearance,
         )  # fmt: skip

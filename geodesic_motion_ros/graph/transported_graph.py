@@ -52,18 +52,30 @@ def chord_energies(
     position, quaternion, turn_before = np.empty(3), np.empty(4), np.empty(4)
     before, here = np.empty((count, 3)), np.empty((count, 3))
     for e in range(len(edges)):
-        before[:], turn_before[:] = body_points[edges[e, 0]], quaternions[edges[e, 0]]
+        for a in range(4):
+            turn_before[a] = quaternions[edges[e, 0], a]
+        for k in range(count):
+            for a in range(3):
+                before[k, a] = body_points[edges[e, 0], k, a]
         for j in range(pieces):
             if j < pieces - 1:
-                position[:], quaternion[:] = inner_positions[e, j], inner_quaternions[e, j]
+                for a in range(4):
+                    quaternion[a] = inner_quaternions[e, j, a]
+                for a in range(3):
+                    position[a] = inner_positions[e, j, a]
                 carry(position, quaternion, displacements[e, j])
                 place_points(position, quaternion, points, here)
             else:
-                here[:], quaternion[:] = body_points[edges[e, 1]], quaternions[edges[e, 1]]
+                for a in range(4):
+                    quaternion[a] = quaternions[edges[e, 1], a]
+                for k in range(count):
+                    for a in range(3):
+                        here[k, a] = body_points[edges[e, 1], k, a]
             for k in range(count):
                 for a in range(3):
                     moved[e, k] += (here[k, a] - before[k, a]) ** 2
+                    before[k, a] = here[k, a]
             for a in range(4):
                 turned[e] += (quaternion[a] - turn_before[a]) ** 2
-            before[:], turn_before[:] = here, quaternion
+                turn_before[a] = quaternion[a]
     return pieces * moved, pieces * turned

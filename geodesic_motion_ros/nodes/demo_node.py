@@ -7,7 +7,6 @@ the skill's: on joint-space skills the sphere is in the way of the elbow, on tas
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import sys
@@ -20,9 +19,9 @@ from typing import Any
 
 import numpy as np
 import yaml
-from rclpy.utilities import remove_ros_args
 
 from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.nodes.demo_options import parsed
 from geodesic_motion_ros.nodes.demo_run import (
     DemoError,
     Probe,
@@ -39,40 +38,10 @@ from geodesic_motion_ros.simulation.scenes import LineObstacle
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json
 
-SKILL = "panda_reach_to_grasp"
 #: What the demo promises; and the rate [Hz] below which it warns that the machine is busy.
 LARGEST_ERROR_MM, LARGEST_ERROR_DEG, LEAST_RATE = 10.0, 3.0, 99.0
 #: The run without avoidance ends this long after the first contact [s].
 AFTER_CONTACT = 3.0
-
-_DESCRIPTION = """\
-A simulated Panda does a skill as it was shown: three times over real ROS 2, planner and twin in two processes.
-
-  no_obstacle    the learned motion, undisturbed
-  avoidance_off  a sphere moves into the way, and the planner is told to ignore it: the arm hits it
-  avoidance_on   the same sphere; the planner looks for another way a hundred times a second
-
-With a skill of the whole arm the sphere goes where the elbow would swing to, far from the hand, and the arm takes its
-elbow to the other side; with a skill of the tool the sphere goes into the way of the hand.
-
-It takes about a minute and ends by itself; Ctrl-C ends it and its processes earlier."""
-
-_EPILOG = """\
-what it writes to the folder OUT:
-  summary.json   the figures of the table, one object a run, the planner parameters that are not the defaults, and
-                 whether the demo has passed; with a skill of the whole arm also the families of demonstrations that the
-                 arm was in, one after the other
-  latent.png     the skill's latent space with the way of the arm, without and with the obstacle
-  paths.png      the same ways in space, among the demonstrations
-  strip.png, arm.gif    the arm, avoidance off above (left) and on below (right)
-  RUN/*.yaml, RUN/*.log    the parameter files and logs of the two nodes of each run
-
-exit code: 0 when the demo does what it promises, 1 when it does not (it says what), 130 after Ctrl-C; a machine so
-busy that the planner misses its rate gets a warning
-
-To look at it in RViz, join its ROS domain: demo --domain 7, and in another terminal
-  ROS_DOMAIN_ID=7 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST rviz2 -d config/geodesic_motion.rviz"""
-
 
 @dataclass(frozen=True)
 class Run:
@@ -278,24 +247,9 @@ def _outcome(row: Mapping[str, Any]) -> str:
     return f"{text}, past the obstacle with {row['min_clearance_mm']:.0f} mm to spare"
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="demo", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results (%(default)s)")
-    parser.add_argument("--skill", default=SKILL, help="skill folder, or the name of a shipped skill (%(default)s)")
-    parser.add_argument("--gui", action="store_true", help="open PyBullet's window; needs a display")
-    parser.add_argument(
-        "--domain", type=int, choices=range(1, 102), metavar="1..101", default=1 + os.getpid() % 101,
-        help="ROS domain of the demo's nodes; by default one of its own, so that nothing disturbs it",
-    )  # fmt: skip
-    parser.add_argument("--no-pictures", action="store_true", help="figures only")
-    return parser
-
-
 def main(args: Sequence[str] | None = None) -> int:
     """Run the demo with command line arguments; returns the exit code."""
-    options = _parser().parse_args(remove_ros_args(args=list(sys.argv if args is None else ["demo", *args]))[1:])
+    options = parsed(args)
     try:
         with termination_as_interrupt():
             return perform(options.skill, options.out, options.gui, options.domain, not options.no_pictures)
@@ -304,7 +258,7 @@ def main(args: Sequence[str] | None = None) -> int:
         return 130
     except GeodesicMotionError as error:
         print(f"demo: {error}", file=sys.stderr)
-        return 1
+        return 1 if isinstance(error, DemoError) else 2
 
 
 if __name__ == "__main__":

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from geodesic_motion_ros.graph.ambient import LAWS
+from geodesic_motion_ros.graph.ambient_law import LAWS
 from geodesic_motion_ros.nodes.parameters import Parameter
-from geodesic_motion_ros.robot.kinematics import PANDA_READY
+from geodesic_motion_ros.robot.panda import PANDA_READY
 
 _BASE_FRAME = "base_frame", "panda_link0"
 

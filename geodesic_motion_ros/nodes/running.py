@@ -25,8 +25,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
-from geodesic_motion_ros.nodes.parameter_tables import TABLES
-from geodesic_motion_ros.nodes.usage import usage, wants_help
+from geodesic_motion_ros.nodes.usage import answer
 
 # A Python thread waits this long [s] for another one to let go of the interpreter. The default, 5 ms, is
 # half a control period.
@@ -102,9 +101,8 @@ def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | Non
     request = StopRequest()
     node = None
     try:
-        if wants_help(name, sys.argv[1:] if args is None else args):
-            print(usage(name, TABLES[name]))
-            return 0
+        if (code := answer(name, args)) is not None:
+            return code
         _initialise(args)
         node = create()
         request.starting = False

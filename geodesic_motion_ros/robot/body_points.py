@@ -16,7 +16,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.errors import RobotError
-from geodesic_motion_ros.robot.kinematics import CHAIN, MATRIX, Robot, quaternion_of
+from geodesic_motion_ros.robot.kinematics import CHAIN, MATRIX, Robot, multiply, quaternion_of, unit
 
 INDICES = numba.types.Array(numba.int64, 1, "C", readonly=True)
 
@@ -167,29 +167,39 @@ def _joint_terms(chain):
     mounts = np.zeros((links, 3, 3))
     mount_origins = np.zeros((links, 3))
     carriers = np.zeros(links, dtype=np.int64)
-    mounts[0] = np.eye(3)
+    fixed, along, across = np.empty((3, 3)), np.empty((3, 3)), np.zeros((3, 3))
+    unit(mounts[0])
     joint = 0
     for k in range(links - 1):
-        fixed = mounts[k] @ offset_rotations[k]
-        origin = mounts[k] @ offset_translations[k] + mount_origins[k]
-        if joint_index[k] < 0:
-            mounts[k + 1] = fixed
-            mount_origins[k + 1] = origin
-            carriers[k + 1] = joint
+        carriers[k + 1] = joint
+        moves = joint_index[k] >= 0
+        origin = translations[joint] if moves else mount_origins[k + 1]
+        for row in range(3):
+            origin[row] = mount_origins[k, row]
+            for column in range(3):
+                origin[row] += mounts[k, row, column] * offset_translations[k, column]
+        multiply(mounts[k], offset_rotations[k], fixed if moves else mounts[k + 1])
+        if not moves:
             continue
-        translations[joint] = origin
         if prismatic[k]:
-            terms[joint, 0] = fixed
-            slides[joint] = fixed @ axes[k]
+            for row in range(3):
+                for column in range(3):
+                    terms[joint, 0, row, column] = fixed[row, column]
+                    slides[joint, row] += fixed[row, column] * axes[k, column]
         else:
-            x, y, z = axes[k]
-            along = np.outer(axes[k], axes[k])
-            across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-            terms[joint, 0] = fixed @ along
-            terms[joint, 1] = fixed - terms[joint, 0]
-            terms[joint, 2] = fixed @ across
+            x, y, z = axes[k, 0], axes[k, 1], axes[k, 2]
+            across[0, 1], across[0, 2], across[1, 2] = -z, y, -x
+            across[1, 0], across[2, 0], across[2, 1] = z, -y, x
+            for row in range(3):
+                for column in range(3):
+                    along[row, column] = axes[k, row] * axes[k, column]
+            multiply(fixed, along, terms[joint, 0])
+            multiply(fixed, across, terms[joint, 2])
+            for row in range(3):
+                for column in range(3):
+                    terms[joint, 1, row, column] = fixed[row, column] - terms[joint, 0, row, column]
         joint += 1
-        mounts[k + 1] = np.eye(3)
+        unit(mounts[k + 1])
         carriers[k + 1] = joint
     return terms, translations, slides, mounts, mount_origins, carriers
 
@@ -237,7 +247,7 @@ def place_body_points(configurations, frames, offsets, chain):
     terms, translations, slides, mounts, mount_origins, carriers = _joint_terms(chain)
     joints, points = _mounted(frames, offsets, mounts, mount_origins, carriers)
     rotations = np.zeros((len(terms) + 1, 3, 3))
-    rotations[0] = np.eye(3)
+    unit(rotations[0])
     origins = np.zeros((len(terms) + 1, 3))
     placed = np.empty((len(configurations), len(frames), 3))
     for i in range(len(configurations)):
@@ -261,7 +271,7 @@ def body_point_jacobians(configurations, frames, offsets, chain):
     joints, points = _mounted(frames, offsets, mounts, mount_origins, carriers)
     moving = np.flatnonzero(joint_index >= 0)
     rotations = np.zeros((len(terms) + 1, 3, 3))
-    rotations[0] = np.eye(3)
+    unit(rotations[0])
     origins = np.zeros((len(terms) + 1, 3))
     directions = np.empty((len(terms), 3))
     arm = np.empty(3)
@@ -299,7 +309,7 @@ def end_effector_poses(configurations, chain):
     """
     terms, translations, slides, mounts, mount_origins, _ = _joint_terms(chain)
     rotations = np.zeros((len(terms) + 1, 3, 3))
-    rotations[0] = np.eye(3)
+    unit(rotations[0])
     origins = np.zeros((len(terms) + 1, 3))
     tool = np.empty((3, 3))
     positions = np.empty((len(configurations), 3))
@@ -314,5 +324,7 @@ def end_effector_poses(configurations, chain):
                 tool[row, column] = 0.0
                 for inner in range(3):
                     tool[row, column] += last[row, inner] * mounts[-1, inner, column]
-        quaternions[i] = quaternion_of(tool)
+        turned = quaternion_of(tool)
+        for part in range(4):
+            quaternions[i, part] = turned[part]
     return positions, quaternions

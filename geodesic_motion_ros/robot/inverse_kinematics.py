@@ -163,26 +163,27 @@ def checked_pose(position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarr
     return position, quaternion / length
 
 
+@numba.njit(cache=True, nogil=True)
+def _length(vector, begin):
+    """Of three entries of a vector."""
+    return np.sqrt(vector[begin] ** 2 + vector[begin + 1] ** 2 + vector[begin + 2] ** 2)
+
+
 @numba.njit((VECTOR, VECTOR, VECTOR, VECTOR), cache=True, nogil=True)
 def _pose_error(position, quaternion, target_position, target_quaternion):
-    w, x, y, z = target_quaternion
-    a, b, c, d = quaternion
+    w, x, y, z = target_quaternion[0], target_quaternion[1], target_quaternion[2], target_quaternion[3]
+    a, b, c, d = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     # target * conjugate(present): the rotation that is left, in the base frame
     scalar = w * a + x * b + y * c + z * d
-    vector = np.array(
-        [
-            -w * b + x * a - y * d + z * c,
-            -w * c + x * d + y * a - z * b,
-            -w * d - x * c + y * b + z * a,
-        ]
-    )
-    if scalar < 0.0:
-        scalar, vector = -scalar, -vector
-    length = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
-    factor = 2.0 * np.arctan2(length, scalar) / length if length > 1e-12 else 2.0
     error = np.empty(6)
-    error[:3] = target_position - position
-    error[3:] = factor * vector
+    error[3] = -w * b + x * a - y * d + z * c
+    error[4] = -w * c + x * d + y * a - z * b
+    error[5] = -w * d - x * c + y * b + z * a
+    length = _length(error, 3)
+    factor = 2.0 * np.arctan2(length, abs(scalar)) / length if length > 1e-12 else 2.0
+    for i in range(3):
+        error[i] = target_position[i] - position[i]
+        error[3 + i] *= -factor if scalar < 0.0 else factor
     return error
 
 
@@ -252,11 +253,17 @@ def _joint_step(q, task, drift, damping, lower, upper, chain):
     """Step dq (n,) for a displacement (6,) with q + dq in [lower, upper]; damping < 0: by manipulability."""
     count = len(q)
     matrix = jacobian(q, chain)
-    free = np.ones(count)
-    step = np.zeros(count)
+    free, step, rest = np.empty(count), np.zeros(count), np.empty(6)
+    for i in range(count):
+        free[i] = 1.0
     for _ in range(count):
-        fixed = step * (1.0 - free)
-        step = fixed + damped_step(matrix, free, task - matrix @ fixed, drift, damping)
+        for row in range(6):
+            rest[row] = task[row]
+            for i in range(count):
+                rest[row] -= matrix[row, i] * step[i] * (1.0 - free[i])
+        moved = damped_step(matrix, free, rest, drift, damping)
+        for i in range(count):
+            step[i] = step[i] * (1.0 - free[i]) + moved[i]
         worst, excess = -1, 1e-12
         for i in range(count):
             over = max(q[i] + step[i] - upper[i], lower[i] - q[i] - step[i])
@@ -266,22 +273,29 @@ def _joint_step(q, task, drift, damping, lower, upper, chain):
             break
         free[worst] = 0.0
         step[worst] = (upper[worst] if step[worst] > 0.0 else lower[worst]) - q[worst]
-    return np.minimum(np.maximum(q + step, lower), upper) - q
+    for i in range(count):
+        step[i] = min(max(q[i] + step[i], lower[i]), upper[i]) - q[i]
+    return step
 
 
 @numba.njit((*(VECTOR,) * 6, CHAIN, numba.float64, numba.float64), cache=True, nogil=True)
 def _iterate(start, posture, position, quaternion, lower, upper, chain, position_tolerance, angle_tolerance):
     """Damped least-squares iteration, whose pull to the posture fades so that the pose can settle."""
     q = start.copy()
-    error = np.empty(6)
+    error, task, pull = np.empty(6), np.empty(6), np.empty(len(q))
     for iteration in range(150):
         reached_position, reached_quaternion = forward(q, chain)
         error = _pose_error(reached_position, reached_quaternion, position, quaternion)
-        near = np.linalg.norm(error[:3]) <= position_tolerance and np.linalg.norm(error[3:]) <= angle_tolerance
-        if near and iteration >= 30:
+        distance, angle = _length(error, 0), _length(error, 3)
+        if distance <= position_tolerance and angle <= angle_tolerance and iteration >= 30:
             break
         # steps of at most 0.1 m and 0.3 rad, where the linearisation can be trusted
-        shrink = min(1.0, 0.1 / (np.linalg.norm(error[:3]) + 1e-12), 0.3 / (np.linalg.norm(error[3:]) + 1e-12))
-        pull = 0.1 * 0.93**iteration * (posture - q)
-        q = q + _joint_step(q, shrink * error, pull, 0.5 * np.dot(error, error), lower, upper, chain)
+        shrink = min(1.0, 0.1 / (distance + 1e-12), 0.3 / (angle + 1e-12))
+        for i in range(6):
+            task[i] = shrink * error[i]
+        for i in range(len(q)):
+            pull[i] = 0.1 * 0.93**iteration * (posture[i] - q[i])
+        step = _joint_step(q, task, pull, 0.5 * (distance**2 + angle**2), lower, upper, chain)
+        for i in range(len(q)):
+            q[i] += step[i]
     return q, error

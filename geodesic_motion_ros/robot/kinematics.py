@@ -12,6 +12,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.robot.panda import PANDA_READY
 from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits
 
 # Written signatures: compiled at the first import, never in the middle of a run. All inputs are read only.
@@ -27,7 +28,6 @@ CHAIN = numba.types.Tuple(
     )
 )
 FOLDER = Path(__file__).parent
-PANDA_READY = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
 
 
 class Robot:
@@ -204,8 +204,19 @@ def contiguous(values: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
+# Loops, where numpy has a word for it: its products and copies of arrays take seconds to compile.
+
+
 @numba.njit(cache=True, nogil=True)
-def _multiply(left, right, out):
+def unit(out):
+    """Make a matrix (3, 3) of zeros the unit matrix."""
+    for i in range(3):
+        out[i, i] = 1.0
+
+
+@numba.njit(cache=True, nogil=True)
+def multiply(left, right, out):
+    """Write the product of two matrices (3, 3) to a third one."""
     for i in range(3):
         for j in range(3):
             out[i, j] = left[i, 0] * right[0, j] + left[i, 1] * right[1, j] + left[i, 2] * right[2, j]
@@ -227,9 +238,9 @@ def link_frames(q, chain):
     """Rotations (m + 1, 3, 3) and origins (m + 1, 3) of all links of the chain in the base frame."""
     offset_rotations, offset_translations, axes, joint_index, prismatic = chain
     count = len(joint_index)
-    rotations = np.empty((count + 1, 3, 3))
+    rotations = np.zeros((count + 1, 3, 3))
     origins = np.zeros((count + 1, 3))
-    rotations[0] = np.eye(3)
+    unit(rotations[0])
     joint_rotation = np.empty((3, 3))
     turned = np.empty((3, 3))
     for k in range(count):
@@ -238,17 +249,15 @@ def link_frames(q, chain):
             origins[k + 1, i] = origins[k, i]
             for j in range(3):
                 origins[k + 1, i] += parent[i, j] * offset_translations[k, j]
-        _multiply(parent, offset_rotations[k], turned)
-        if joint_index[k] < 0:
-            rotations[k + 1] = turned
+        turns = joint_index[k] >= 0 and not prismatic[k]
+        multiply(parent, offset_rotations[k], turned if turns else rotations[k + 1])
+        if turns:
+            _axis_rotation(axes[k], q[joint_index[k]], joint_rotation)
+            multiply(turned, joint_rotation, rotations[k + 1])
         elif prismatic[k]:
-            rotations[k + 1] = turned
             for i in range(3):
                 for j in range(3):
-                    origins[k + 1, i] += turned[i, j] * axes[k, j] * q[joint_index[k]]
-        else:
-            _axis_rotation(axes[k], q[joint_index[k]], joint_rotation)
-            _multiply(turned, joint_rotation, rotations[k + 1])
+                    origins[k + 1, i] += rotations[k + 1, i, j] * axes[k, j] * q[joint_index[k]]
     return rotations, origins
 
 
@@ -292,22 +301,18 @@ def jacobian(q, chain):
     """Geometric Jacobian (6, n): column of a revolute joint (a x (p - o); a), of a prismatic one (a; 0)."""
     rotations, origins = link_frames(q, chain)
     axes, joint_index, prismatic = chain[2], chain[3], chain[4]
-    tool = origins[-1]
-    out = np.zeros((6, len(q)))
+    out, a, arm = np.zeros((6, len(q))), np.empty(3), np.empty(3)
     for k in range(len(joint_index)):
         column = joint_index[k]
         if column < 0:
             continue
-        a = np.zeros(3)
         for i in range(3):
+            a[i], arm[i] = 0.0, origins[-1, i] - origins[k + 1, i]
             for j in range(3):
                 a[i] += rotations[k + 1, i, j] * axes[k, j]
-        if prismatic[k]:
-            out[:3, column] = a
-            continue
-        arm = tool - origins[k + 1]
-        out[0, column] = a[1] * arm[2] - a[2] * arm[1]
-        out[1, column] = a[2] * arm[0] - a[0] * arm[2]
-        out[2, column] = a[0] * arm[1] - a[1] * arm[0]
-        out[3:, column] = a
+            out[i if prismatic[k] else 3 + i, column] = a[i]
+        if not prismatic[k]:
+            out[0, column] = a[1] * arm[2] - a[2] * arm[1]
+            out[1, column] = a[2] * arm[0] - a[0] * arm[2]
+            out[2, column] = a[0] * arm[1] - a[1] * arm[0]
     return out

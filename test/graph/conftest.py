@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.graph.ambient import AmbientLaw
+from geodesic_motion_ros.graph.ambient_law import AmbientLaw
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at

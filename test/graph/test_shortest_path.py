@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.graph.ambient import LAWS
+from geodesic_motion_ros.graph.ambient_law import LAWS
 from geodesic_motion_ros.graph.reshaping import look_at
 from geodesic_motion_ros.graph.search_from_both_ends import shortest_path_from_both_ends
 from geodesic_motion_ros.graph.shortest_path import cost_field, edge_weight, shortest_free_path

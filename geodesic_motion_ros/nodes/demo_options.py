@@ -1,0 +1,62 @@
+"""What the demo can be asked for; light, for `--help`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rclpy.utilities import remove_ros_args
+
+_SKILL = "panda_reach_to_grasp"
+
+_DESCRIPTION = """\
+A simulated Panda does a skill as it was shown: three times over real ROS 2, planner and twin in two processes.
+
+  no_obstacle    the learned motion, undisturbed
+  avoidance_off  a sphere moves into the way, and the planner is told to ignore it: the arm hits it
+  avoidance_on   the same sphere; the planner looks for another way a hundred times a second
+
+With a skill of the whole arm the sphere goes where the elbow would swing to, far from the hand, and the arm takes its
+elbow to the other side; with a skill of the tool the sphere goes into the way of the hand.
+
+It takes about a minute and ends by itself; Ctrl-C ends it and its processes earlier."""
+
+_EPILOG = """\
+what it writes to the folder OUT:
+  summary.json   the figures of the table, one object a run, the planner parameters that are not the defaults, and
+                 whether the demo has passed; with a skill of the whole arm also the families of demonstrations that the
+                 arm was in, one after the other
+  latent.png     the skill's latent space with the way of the arm, without and with the obstacle
+  paths.png      the same ways in space, among the demonstrations
+  strip.png, arm.gif    the arm, avoidance off above (left) and on below (right)
+  RUN/*.yaml, RUN/*.log    the parameter files and logs of the two nodes of each run
+
+exit code: 0 when the demo does what it promises, 1 when it does not (it says what), 2 when it cannot be as asked, 130
+after Ctrl-C; a machine so busy that the planner misses its rate gets a warning
+
+To look at it in RViz, join its ROS domain: demo --domain 7, and in another terminal
+  ROS_DOMAIN_ID=7 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST rviz2 -d config/geodesic_motion.rviz"""
+
+
+def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """The options of a command line (without the program), of this process where it is None; as argparse, SystemExit
+    where it has answered."""
+    return _parser().parse_args(remove_ros_args(args=list(sys.argv if arguments is None else ["demo", *arguments]))[1:])
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="demo", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results (%(default)s)")
+    parser.add_argument("--skill", default=_SKILL, help="skill folder, or the name of a shipped skill (%(default)s)")
+    parser.add_argument("--gui", action="store_true", help="open PyBullet's window; needs a display")
+    parser.add_argument(
+        "--domain", type=int, choices=range(1, 102), metavar="1..101", default=1 + os.getpid() % 101,
+        help="ROS domain of the demo's nodes; by default one of its own, so that nothing disturbs it",
+    )  # fmt: skip
+    parser.add_argument("--no-pictures", action="store_true", help="figures only")
+    return parser
