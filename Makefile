@@ -43,7 +43,7 @@ test: lint $(kernels) ## ruff, then the tests, two at a time where there are two
 lint: $(ready) ## ruff
 	@$(python) -m ruff check .
 
-setup: $(ready) ## .venv with the pinned requirements, and nothing more
+setup: $(kernels) ## .venv with the pinned requirements, and the kernels compiled; nothing more
 
 clean: ## removes out/ and what builds and tools leave behind
 	rm -rf out build install log .pytest_cache .ruff_cache .hypothesis
@@ -57,4 +57,5 @@ $(ready): requirements.txt setup.py
 
 $(kernels): $(ready) $(sources)
 	@find geodesic_motion_ros -name '*.nb[ic]' -delete
+	@$(python) -m geodesic_motion_ros.kernels < /dev/null
 	@touch $@

@@ -7,6 +7,8 @@ an empty cache (`python -m geodesic_motion_ros.kernels --write`).
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import time
 from importlib import import_module
 
@@ -63,8 +65,15 @@ def build_planners() -> None:
         (JointSpacePlanner if skill.space == "joint" else ReactivePlanner)(skill)
 
 
+def called() -> list[tuple[str, str, str]]:
+    """The kernels that this process has called so far, where the cache holds all that those call."""
+    modules = [module for name, module in list(sys.modules.items()) if name.startswith(f"{PACKAGE}.")]
+    kernels = {kernel for module in modules for kernel in vars(module).values() if isinstance(kernel, Dispatcher)}
+    return [row(kernel, arguments) for kernel in kernels for arguments in kernel.signatures]
+
+
 class _Stopwatch(event.Listener):
-    """Counts the kernels that are compiled; notes each that is so by itself, not for another one, and how long [s]."""
+    """Counts the kernels that are compiled; notes for how long [s] each is that no other one needs."""
 
     def __init__(self) -> None:
         self._depth, self._began, self.kernels = 0, 0.0, 0
@@ -87,9 +96,11 @@ def main() -> None:
     stopwatch = _Stopwatch()
     with event.install_listener("numba:compile", stopwatch):
         build_planners()
-    rows = sorted(stopwatch.seconds, key=stopwatch.seconds.__getitem__, reverse=True)
-    called = ",\n".join(map(json.dumps, rows))
-    print(f'{{"kernels": {stopwatch.kernels}, "called": [\n{called}\n]}}')
+    script = f"from {__spec__.name} import *; build_planners(); print(json.dumps(called()))"
+    again = subprocess.run([sys.executable, "-c", script], check=True, stdout=subprocess.PIPE)
+    rows = sorted(map(tuple, json.loads(again.stdout)), key=lambda one: (-stopwatch.seconds.get(one, 0.0), one))
+    text = ",\n".join(map(json.dumps, rows))
+    print(f'{{"kernels": {stopwatch.kernels}, "called": [\n{text}\n]}}')
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -93,7 +94,7 @@ def main(parent: int, turns: Path) -> None:
     ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
 
     def say(**answer: Any) -> None:
-        print(json.dumps(answer), flush=True)
+        os.write(sys.stdout.fileno(), f"{json.dumps(answer)}\n".encode())
 
     worker, rows = Turns(turns, lambda name: say(kernel=name)), listed()
     say(ready=True)
@@ -106,4 +107,5 @@ def main(parent: int, turns: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), Path(sys.argv[2]))
+    with suppress(BrokenPipeError):  # nobody waits for it any more
+        main(int(sys.argv[1]), Path(sys.argv[2]))

@@ -12,12 +12,6 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import Parameter, short_text
 
-#: Options of --ros-args that a value follows.
-_WITH_VALUE = {
-    "-p", "--param", "-r", "--remap", "--params-file", "--log-level", "--log-config-file", "--log-file-name", "-e",
-    "--enclave",
-}  # fmt: skip
-
 
 def answer(name: str, arguments: Sequence[str] | None) -> int | None:
     """The exit code where a command line (without the program) asks for help or cannot be; it is answered then.
@@ -38,29 +32,20 @@ def wants_help(name: str, arguments: Sequence[str]) -> bool:
     """Whether a command line (without the program) asks for help; ParameterError names what it must not hold."""
     try:
         others = remove_ros_args(args=[name, *arguments])[1:]
-    except RuntimeError:  # a ROS argument that cannot be read; rclpy.init will say so
-        return False
+    except RuntimeError as error:  # a ROS argument that cannot be read; rclpy.init will say so
+        bare = [word for word in arguments if ":=" in word and repr(word) in str(error)]
+        if not bare:
+            return False
+        raise ParameterError(
+            f"{' '.join(bare)}: parameters need -p: --ros-args {' '.join(f'-p {word}' for word in bare)}"
+        ) from error
     if {"-h", "--help"} & set(others):
         return True
-    for word in _bare_assignments(arguments):
-        raise ParameterError(f"{word}: parameters need -p: --ros-args -p {word}; names to remap need -r")
     if others:
         raise ParameterError(
             f"{' '.join(others)}: there are no such arguments; parameters go as --ros-args -p NAME:=VALUE, see --help"
         )
     return False
-
-
-def _bare_assignments(arguments: Sequence[str]) -> list[str]:
-    """FROM:=TO among the ROS arguments without an option: rcl remaps a name by it, and few people mean that."""
-    found, ros, before = [], False, ""
-    for word in arguments:
-        if word in ("--ros-args", "--"):
-            ros = word == "--ros-args"
-        elif ros and ":=" in word and before not in _WITH_VALUE:
-            found.append(word)
-        before = word
-    return found
 
 
 def usage(name: str, table: Sequence[Parameter]) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.nodes import demo_node
+from geodesic_motion_ros.nodes import demo_node, demo_options
 from geodesic_motion_ros.nodes.demo_run import DemoError, Processes, Recording, isolated_environment
 from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
 
@@ -151,7 +151,7 @@ def demo_process(out: Path, *options: str) -> subprocess.Popen[str]:
 @pytest.mark.realtime
 @pytest.mark.parametrize(
     ("skill", "extra", "pictures"),
-    [(demo_node.SKILL, {"families"}, PICTURES), ("panda_pouring", set(), set())],
+    [(demo_options.SKILL, {"families"}, PICTURES), ("panda_pouring", set(), set())],
     ids=["the elbow", "the hand"],
 )
 def test_the_demo_hits_without_avoidance_and_passes_with_it(

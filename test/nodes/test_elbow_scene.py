@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.nodes import demo_pictures
-from geodesic_motion_ros.nodes.demo_node import SKILL
+from geodesic_motion_ros.nodes.demo_options import SKILL
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS
 from geodesic_motion_ros.nodes.elbow_scene import ElbowScene

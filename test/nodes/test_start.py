@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -88,3 +89,38 @@ def test_a_node_is_taken_down_by_threads_that_share_one_core() -> None:
     """Fast DDS may wait for good for a callback that runs on another core."""
     done = subprocess.run([sys.executable, "-c", TAKEN_DOWN], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == ["True 1"], done.stderr
+
+
+# What a program has imported when it has answered.
+LOADED = """
+import sys
+from {module} import {function}
+sys.argv = ["program", "--help"]
+try:
+    {function}()
+except SystemExit:
+    pass
+print(*sorted({{name.split(".")[0] for name in sys.modules}} & {{"numba", "scipy", "torch"}}), file=sys.stderr)
+"""
+START = "geodesic_motion_ros.nodes.start"
+
+
+@pytest.mark.parametrize(
+    ("module", "function", "allowed"),
+    [(START, "planner", set()), (START, "twin", set()), (START, "demo", set()),
+     ("geodesic_motion_ros.cli", "main", {"scipy"})],
+)  # fmt: skip
+def test_help_waits_for_no_library_that_takes_seconds(module: str, function: str, allowed: set[str]) -> None:
+    script = LOADED.format(module=module, function=function)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("usage: ")
+    assert set(done.stderr.split()) <= allowed
+
+
+@pytest.mark.parametrize("program", [["geodesic_motion_ros", "demo"], ["geodesic_motion_ros.nodes.demo_node"]])
+def test_a_demo_of_a_skill_that_is_not_there_is_refused_as_help_says(program: list[str], tmp_path: Path) -> None:
+    command = [sys.executable, "-m", *program, "--skill", "nosuch", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.splitlines()[-1].startswith("demo: no skill 'nosuch'")

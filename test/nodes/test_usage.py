@@ -32,6 +32,12 @@ def test_unknown_arguments_are_named() -> None:
         wants_help("planner", ["--bogus", "3", "--ros-args", "-p", "rate:=50.0"])
 
 
+def test_a_parameter_without_p_is_not_taken_for_a_name_to_remap() -> None:
+    with pytest.raises(ParameterError, match=r"skill:=mine: parameters need -p: --ros-args -p skill:=mine"):
+        wants_help("planner", ["--ros-args", "skill:=mine"])
+    assert not wants_help("planner", ["--ros-args", "--params-file", "of:=mine.yaml", "-r", "ee_pose:=tool"])
+
+
 @pytest.mark.parametrize("module", [planner_node, twin_node])
 def test_programs_help_and_refuse(module, capsys) -> None:
     assert module.main(["--help"]) == 0
