@@ -139,7 +139,7 @@ def piecewise(
     factors, touched, room, within = reshaping.factors, reshaping.touched, reshaping.clearance, reshaping.within
     count, d = len(points) - 1, len(shape)
     energies, support, clearance = np.empty(count), np.empty(count), np.empty(count)
-    tensor, slopes, share, lean = np.empty(len(rows)), np.empty((0, len(rows))), np.empty(d), np.empty((3, d))
+    tensor, slopes, share, lean = np.empty(len(rows)), np.empty((d, len(rows))), np.empty(d), np.empty((3, d))
     middle, gradient, curvature = np.empty(d), np.empty(d), np.empty((d, d))
     nearest = np.empty(len(centres), dtype=np.int64)
     nearest_samples(points[0], centres, precisions, nearest)
@@ -148,7 +148,7 @@ def piecewise(
         for a in range(d):
             middle[a] = 0.5 * (points[i, a] + points[i + 1, a])
         support[i], clearance[i] = tensor_at(
-            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean
+            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean, False
         )
         exponent = conformal_exponent(
             middle, centres, precisions, penalties, strength, cap, nearest, gradient, curvature
@@ -184,7 +184,7 @@ def look_around(field: MetricField, reshaping: Reshaping, points: np.ndarray) ->
         look_at(unknown[:count], reshaping)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def tensor_at(
     point: np.ndarray,
     shape: tuple[int, ...],
@@ -199,14 +199,15 @@ def tensor_at(
     slopes: np.ndarray,
     share: np.ndarray,
     lean: np.ndarray,
+    derived: bool,
 ) -> tuple[float, float]:
-    """Fill the tensor (T,) at a point (d,), without the conformal factor, and its slopes (d, T), or none (0, T).
+    """Fill the tensor (T,) at a point (d,), without the conformal factor; where they are asked for its slopes (d, T).
 
     factors to within : of a reshaping that has looked at the cell's nodes; share (d,), lean (3, d) : for the kernel's
     own use. Returns the share of the cell that nodes hold, weighted, and 0 outside the grid; and the clearance [m]
     there, at most `within`, -inf without any node. For use within compiled loops; one by one as in `reshaping.look`.
     """
-    d, derived = len(shape), len(slopes) > 0
+    d = len(shape)
     packed = d * (d + 1) // 2
     begin, total, room, inside = 0, 0.0, 0.0, 1.0
     for a in range(d):
@@ -218,7 +219,7 @@ def tensor_at(
         lean[1, a] = 0.0
     for j in range(packed):
         tensor[j] = 0.0
-        for a in range(len(slopes)):
+        for a in range(d):
             slopes[a, j] = 0.0
     for corner in range(1 << d):
         at, weight = begin, 1.0
@@ -253,14 +254,14 @@ def tensor_at(
         room /= total
         for j in range(packed):
             tensor[j] /= total
-            for a in range(len(slopes)):
+            for a in range(d):
                 slopes[a, j] = (slopes[a, j] - tensor[j] * lean[1, a]) / total
     else:
         room = -math.inf
     return inside * total, room
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def _squared(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: int, s: int) -> float:
     """(z - r_k(s))^T C_k(s)^-1 (z - r_k(s))."""
     squared = 0.0
@@ -283,7 +284,7 @@ def nearest_samples(point: np.ndarray, centres: np.ndarray, precisions: np.ndarr
                 best, nearest[k] = squared, s
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def _nearest(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: int, s: int) -> tuple[float, int]:
     """The same at the sample nearest to a point along a ridge, and which it is; found where s is not far from it."""
     begin, squared = s, _squared(point, centres, precisions, k, s)
@@ -304,7 +305,7 @@ def nearest_along(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray
         _, nearest[k] = _nearest(point, centres, precisions, k, nearest[k])
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True, inline="always")
 def conformal_exponent(
     point: np.ndarray,
     centres: np.ndarray,

@@ -233,8 +233,9 @@ def _assemble(
         for a in range(d):
             middle[a], along[a] = 0.5 * (curve[i, a] + curve[i + 1, a]), curve[i + 1, a] - curve[i, a]
         support[i], clearance[i] = tensor_at(
-            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean
-        )
+            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean,
+            True,
+        )  # fmt: skip
         conformal = math.exp(
             conformal_exponent(
                 middle, centres, precisions, penalties, strength, cap, nearest[i], slope, curvature
