@@ -55,10 +55,12 @@ def _start(module: str, interrupted: int, answer: Callable[[], int | None], *arg
 
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(number, end) for number in numbers]
-    if (code := answer()) is not None:
-        return code
-    compile_kernels()
-    main = importlib.import_module(f"{__package__}.{module}").main
-    for number, handler in zip(numbers, before, strict=True):
-        signal.signal(number, handler)
+    try:
+        if (code := answer()) is not None:
+            return code
+        compile_kernels()
+        main = importlib.import_module(f"{__package__}.{module}").main
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
     return main(*arguments)
