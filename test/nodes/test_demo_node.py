@@ -135,6 +135,8 @@ def test_a_signal_in_the_moment_a_process_begins_ends_that_one_too(tmp_path: Pat
         os.kill(os.getpid(), signal.SIGINT)
         return begun[-1]
 
+    # A program that another test ran in this process may have left its own handler.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     monkeypatch.setattr(subprocess, "Popen", begin_and_interrupt)
     with pytest.raises(KeyboardInterrupt), Processes(tmp_path, isolated_environment(DOMAIN)) as processes:
         processes.start("twin", {})
