@@ -16,7 +16,7 @@ _DESCRIPTION = """\
 A simulated Panda does a skill as it was shown: three times over real ROS 2, planner and twin in two processes.
 
   no_obstacle    the learned motion, undisturbed
-  avoidance_off  a sphere moves into the way, and the planner is told to ignore it: the arm hits it
+  avoidance_off  a sphere moves into the way, and the planner ignores it: the arm hits it
   avoidance_on   the same sphere; the planner looks for another way a hundred times a second
 
 With a skill of the whole arm the sphere goes where the elbow would swing to, far from the hand, and the arm takes its
