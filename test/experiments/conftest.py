@@ -1,9 +1,14 @@
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from types import ModuleType
+
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.manifold.training import train_task_space_skill
 from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -65,3 +70,24 @@ def pouring_pose_skill(stored, pouring_poses: Demonstrations) -> Skill:
         precision_iterations=40, sheet="raw",
     )  # fmt: skip
     return stored("pouring_poses", lambda: train_task_space_skill(pouring_poses, settings, name="pouring poses"))
+
+
+@pytest.fixture(scope="session")
+def stored_in(stored) -> Callable[[ModuleType], AbstractContextManager[list[Skill]]]:
+    """`with stored_in(experiment) as taken:` an experiment takes the stored skill where it would train one; `taken` has
+    those that it took.
+    """
+
+    @contextmanager
+    def replaced(experiment: ModuleType) -> Iterator[list[Skill]]:
+        taken: list[Skill] = []
+
+        def take(task, shown, settings, folder) -> Skill:
+            taken.append(stored(task, lambda: train_task_space_skill(shown, settings, name=task)))
+            return taken[-1]
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(experiment, "trained_once", take)
+            yield taken
+
+    return replaced

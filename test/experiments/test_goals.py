@@ -21,7 +21,7 @@ from geodesic_motion_ros.experiments.goals import (
     drawn,
     measure_goals,
 )
-from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json
@@ -33,16 +33,9 @@ SMALL = TrainingSettings(
 
 
 @pytest.fixture(scope="module")
-def measured(stored, tmp_path_factory) -> tuple[GoalsReport, Skill]:
+def measured(stored_in, tmp_path_factory) -> tuple[GoalsReport, Skill]:
     """The report, and the skill that was measured."""
-    taken: list[Skill] = []
-
-    def take(task, shown, settings, folder) -> Skill:
-        taken.append(stored(task, lambda: train_task_space_skill(shown, settings, name=task)))
-        return taken[-1]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(goals, "trained_once", take)
+    with stored_in(goals) as taken:
         report = measure_goals(SETTINGS, tmp_path_factory.mktemp("skills"), SMALL, show_progress=False)
     (skill,) = taken
     return report, skill

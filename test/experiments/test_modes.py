@@ -21,7 +21,7 @@ from geodesic_motion_ros.experiments.modes import (
     measure_modes,
     pillar_clearance,
 )
-from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, two_mode_demonstrations
 from geodesic_motion_ros.skill import Skill
@@ -34,16 +34,9 @@ SMALL = TrainingSettings(
 
 
 @pytest.fixture(scope="module")
-def measured(stored, tmp_path_factory) -> tuple[ModesReport, Skill]:
+def measured(stored_in, tmp_path_factory) -> tuple[ModesReport, Skill]:
     """The report, and the skill that was measured."""
-    taken: list[Skill] = []
-
-    def take(task, shown, settings, folder) -> Skill:
-        taken.append(stored(task, lambda: train_task_space_skill(shown, settings, name=task)))
-        return taken[-1]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(modes, "trained_once", take)
+    with stored_in(modes) as taken:
         report = measure_modes(SETTINGS, tmp_path_factory.mktemp("skills"), SMALL, show_progress=False)
     (skill,) = taken
     return report, skill
