@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import fcntl
+import gc
 import hashlib
 import json
 import os
@@ -92,6 +93,7 @@ def main(parent: int, turns: Path) -> None:
     the cache}, or {"problem": what went wrong}. The first line, {"ready": true}, answers nothing.
     """
     ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+    gc.disable()  # collections take a seventh of the time, for a process that soon ends
 
     def say(**answer: Any) -> None:
         os.write(sys.stdout.fileno(), f"{json.dumps(answer)}\n".encode())
