@@ -57,7 +57,7 @@ setup(
         (SHARE.as_posix(), ["package.xml"]),
         # colcon puts console scripts into lib/<package> by itself, pip does not: `ros2 run` looks only there.
         (f"lib/{NAME}", [f"resource/executables/{name}" for name in EXECUTABLES]),
-        *shared("config", "*.md", "*.yaml", "*.rviz"),
+        *shared("config", "*.md", "*.yaml", "*.rviz", "*.xml"),
         *shared("models", "*"),
     ],
     entry_points={

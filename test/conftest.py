@@ -25,6 +25,7 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
+from geodesic_motion_ros.kernels import compile_kernels
 from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -44,19 +45,18 @@ os.environ["ROS_DOMAIN_ID"] = str(
 )
 
 
-#: Begun with, in this order: the longest file, whose kernels are nearly all that there are, and what needs the fewest
-#: of them, so that two workers on a fresh clone do not compile the same.
-FIRST = ("benchmarks/test_run.py", "manifold/")
+#: Begun with: the longest file.
+FIRST = "benchmarks/test_run.py"
+
+
+def pytest_sessionstart() -> None:
+    """Compile what is missing for the settings of this run: `make` does it for those of the first one."""
+    compile_kernels()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put what stands in FIRST before the rest."""
-
-    def place(item: pytest.Item) -> int:
-        name = item.path.relative_to(Path(__file__).parent).as_posix()
-        return next((number for number, first in enumerate(FIRST) if name.startswith(first)), len(FIRST))
-
-    items.sort(key=place)
+    """Put FIRST before the rest."""
+    items.sort(key=lambda item: item.path != Path(__file__).parent / FIRST)
 
 
 @contextmanager

@@ -7,3 +7,7 @@ import os
 # imported.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
+
+# A publisher that writes to shared memory waits up to a third of a second, and the interpreter with it, when another
+# program joins (Fast DDS checks the newcomer's port meanwhile, eProsima/Fast-DDS#6535). Clouds arrive as well by UDP.
+os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")

@@ -29,6 +29,7 @@ from geodesic_motion_ros.nodes.faults.standstill import Standstill
 from geodesic_motion_ros.nodes.twin_node import start_joints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.skill import Skill
 
 #: Longest time [s] to wait for nodes that start, and for an arm that moves.
@@ -60,9 +61,13 @@ class Bench:
         # Compiled now, not while messages wait to be passed on.
         self._body.positions(self.robot, self.robot.ready[None])
         self.domain = domain
-        self.environment = isolated_environment(domain)
+        # Shared memory, which LOCALHOST always adds, is not what the nodes use by default.
+        self.environment = isolated_environment(domain) | {
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+            "FASTRTPS_DEFAULT_PROFILES_FILE": str(find_shared("config/loopback.xml")),
+        }
         if planner_on:
-            self.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
+            self.environment = isolated_environment(domain) | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
         self.folder = folder
         self.processes = Processes(folder, self.environment)
         self._planner_on = planner_on
@@ -71,7 +76,7 @@ class Bench:
         self.restarts: list[str] = []
         self._context = rclpy.Context()
         # Read when the context begins, of this process too.
-        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = self.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"]
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET" if planner_on else "LOCALHOST"
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node("bench", context=self._context)
         self._executor = EventsExecutor(context=self._context)
