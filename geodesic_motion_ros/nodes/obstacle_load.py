@@ -6,11 +6,24 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 # Of each second obstacles may take so much: the rest is for messages on their way and for what else the node does.
 _SHARE = 0.5
+# Their messages alone may take so much: measured, see `advice`.
+_SHARE_OF_MESSAGES = 0.25
 # Fewer obstacles than this are never too many.
 _FEW = 20
+
+
+class Load(NamedTuple):
+    """What obstacle messages took of some time.
+
+    share : of a core. told : obstacles a second that stood in them.
+    """
+
+    share: float
+    told: float
 
 
 class ObstacleLoad:
@@ -26,7 +39,7 @@ class ObstacleLoad:
     ) -> None:
         self._spent, self._clock = spent, clock
         self._lock = threading.Lock()
-        self._sum, self._since = 0.0, clock()
+        self._sum, self._told, self._since = 0.0, 0, clock()
 
     @contextmanager
     def counted(self) -> Iterator[None]:
@@ -38,32 +51,46 @@ class ObstacleLoad:
             with self._lock:
                 self._sum += self._spent() - began
 
-    def share(self) -> float:
-        """Share of the time since the last call that obstacle messages took; 1 is a whole core."""
+    def tell(self, obstacles: int) -> None:
+        """Count the obstacles of a message."""
+        with self._lock:
+            self._told += obstacles
+
+    def since_last(self) -> Load:
+        """The load since the last call."""
         now = self._clock()
         with self._lock:
-            share = self._sum / max(now - self._since, 1e-3)
-            self._sum, self._since = 0.0, now
-        return share
+            duration = max(now - self._since, 1e-3)
+            load = Load(self._sum / duration, self._told / duration)
+            self._sum, self._told, self._since = 0.0, 0, now
+        return load
 
 
-def advice(obstacles: int, share: float, rate: float, tick: float) -> str:
+def advice(obstacles: int, load: Load, rate: float, tick: float) -> str:
     """What to do about a loop that is too slow: where obstacles take most of the time, how many would fit.
 
-    The time that obstacles take, to receive them and to plan among them, grows in proportion to their number; so many
-    fit as take half of the time.
+    Receiving takes time in proportion to the obstacles told a second, which a loop that cannot keep up does not all
+    receive: so many fit as take a quarter of a core. Planning takes time in proportion to their number: half of it.
 
     Parameters
     ----------
-    obstacles : how many there are; share : of the time that their messages take.
+    obstacles : how many there are; load : that of their messages.
     rate, tick : ticks a second asked for [Hz], and the median of what one takes [s].
     """
-    taken = share + rate * tick
-    if obstacles < _FEW or taken < _SHARE:
+    planning = rate * tick
+    if obstacles < _FEW or load.share + planning < _SHARE:
         return "too slow or too busy a machine"
-    fit = max(_FEW, int(obstacles * _SHARE / taken))
-    digits = 10 ** (len(str(fit)) - 1)
+    if load.share < planning:
+        fit = max(_FEW, int(obstacles * _SHARE / planning))
+        return f"too many obstacles: {obstacles} are planned among, about {_rounded(fit)} would fit"
+    fit = int(load.told * _SHARE_OF_MESSAGES / load.share)
     return (
-        f"too many obstacles: {obstacles} take {100.0 * taken:.0f} % of the time, about {fit // digits * digits} would "
-        "fit; publish fewer, or less often, or a cloud"
+        f"too many obstacles: messages told of {load.told:.0f} a second, about {_rounded(fit)} would fit, as "
+        f"{_rounded(fit // 30)} of them 30 times a second: publish fewer, or less often, or a cloud"
     )
+
+
+def _rounded(number: int) -> int:
+    """Down to its first digit."""
+    digits = 10 ** (len(str(number)) - 1)
+    return number // digits * digits

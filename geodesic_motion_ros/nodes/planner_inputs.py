@@ -32,7 +32,7 @@ from geodesic_motion_ros.nodes.messages import (
     seconds,
 )
 from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
-from geodesic_motion_ros.nodes.obstacle_load import ObstacleLoad
+from geodesic_motion_ros.nodes.obstacle_load import Load, ObstacleLoad
 from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.parameters import NodeParameters
@@ -163,11 +163,11 @@ class PlannerInputs:
                 ages["task_frame"] = now - self._task_frame_taken
         return ages
 
-    def obstacle_load(self) -> tuple[int, float]:
-        """How many obstacles there are, and the share of the time since the last call that their messages took."""
+    def obstacle_load(self) -> tuple[int, Load]:
+        """How many obstacles there are, and the load of their messages since the last call."""
         with self._lock:
             count = len(self._tracker.current(self._time.running()))
-        return count, self._load.share()
+        return count, self._load.since_last()
 
     def cloud_figures(self) -> CloudFigures:
         """Of the newest point cloud."""
@@ -261,6 +261,7 @@ class PlannerInputs:
 
     def _on_obstacles(self, message: bytes) -> None:
         markers, updates, refused = markers_in(message), [], ""
+        self._load.tell(len(markers))
         for marker in markers:
             # one bad marker must not hide the good ones beside it
             with self.refusals.guard("obstacles") as guard:
@@ -282,6 +283,7 @@ class PlannerInputs:
         self._obstacles_changed()
 
     def _on_marker(self, message: bytes) -> None:
+        self._load.tell(1)
         update = read_marker(marker_in(message), self._frame, self.frames)
         moment = self._time.read()
         with self._lock:

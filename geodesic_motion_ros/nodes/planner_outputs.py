@@ -36,7 +36,7 @@ from geodesic_motion_ros.nodes.messages import (
     image_message,
     path_message,
 )
-from geodesic_motion_ros.nodes.obstacle_load import advice
+from geodesic_motion_ros.nodes.obstacle_load import Load, advice
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.publishers import publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
@@ -148,10 +148,10 @@ class PlannerOutputs:
         refused: str,
         cloud: CloudFigures,
         obstacles: int,
-        obstacle_share: float,
+        load: Load,
     ) -> None:
         """The health of the loop: rate [Hz], tick [ms], misses, ages of inputs [s], refused messages by topic, the
-        newest point cloud, how many obstacles there are, and which share of the time their messages took.
+        newest point cloud, how many obstacles there are, and the load of their messages.
         """
         values: dict[str, object] = {
             "rate_hz": loop.rate,
@@ -168,13 +168,13 @@ class PlannerOutputs:
             "cloud_points_out_of_reach": cloud.out_of_reach,
             "cloud_ms": 1e3 * cloud.duration,
             "obstacles": obstacles,
-            "obstacle_share": obstacle_share,
+            "obstacle_share": load.share,
         }
         slow = loop.rate < 0.95 * rate
         level = DiagnosticStatus.WARN if slow or refused else DiagnosticStatus.OK
         message = refused or "running"
         if slow:
-            why = advice(obstacles, obstacle_share, rate, loop.tick_p50)
+            why = advice(obstacles, load, rate, loop.tick_p50)
             message = f"DEGRADED: {loop.rate:.1f} of {rate:g} Hz: {why}"
         self._publish_status(self._diagnostics, level, "loop", message, values)
 
