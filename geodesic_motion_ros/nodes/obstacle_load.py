@@ -19,11 +19,11 @@ _FEW = 20
 class Load(NamedTuple):
     """What obstacle messages took of some time.
 
-    share : of a core. told : obstacles a second that stood in them.
+    share : of a core. received : obstacles a second that they held.
     """
 
     share: float
-    told: float
+    received: float
 
 
 class ObstacleLoad:
@@ -39,7 +39,7 @@ class ObstacleLoad:
     ) -> None:
         self._spent, self._clock = spent, clock
         self._lock = threading.Lock()
-        self._sum, self._told, self._since = 0.0, 0, clock()
+        self._sum, self._received, self._since = 0.0, 0, clock()
 
     @contextmanager
     def counted(self) -> Iterator[None]:
@@ -51,26 +51,26 @@ class ObstacleLoad:
             with self._lock:
                 self._sum += self._spent() - began
 
-    def tell(self, obstacles: int) -> None:
+    def count(self, obstacles: int) -> None:
         """Count the obstacles of a message."""
         with self._lock:
-            self._told += obstacles
+            self._received += obstacles
 
     def since_last(self) -> Load:
         """The load since the last call."""
         now = self._clock()
         with self._lock:
             duration = max(now - self._since, 1e-3)
-            load = Load(self._sum / duration, self._told / duration)
-            self._sum, self._told, self._since = 0.0, 0, now
+            load = Load(self._sum / duration, self._received / duration)
+            self._sum, self._received, self._since = 0.0, 0, now
         return load
 
 
 def advice(obstacles: int, load: Load, rate: float, tick: float) -> str:
     """What to do about a loop that is too slow: where obstacles take most of the time, how many would fit.
 
-    Receiving takes time in proportion to the obstacles told a second, which a loop that cannot keep up does not all
-    receive: so many fit as take a quarter of a core. Planning takes time in proportion to their number: half of it.
+    Receiving takes time in proportion to the obstacles a second, which a loop that cannot keep up does not all
+    receive: as many fit as take a quarter of a core. Planning takes time in proportion to their number: half of it.
 
     Parameters
     ----------
@@ -83,9 +83,9 @@ def advice(obstacles: int, load: Load, rate: float, tick: float) -> str:
     if load.share < planning:
         fit = max(_FEW, int(obstacles * _SHARE / planning))
         return f"too many obstacles: {obstacles} are planned among, about {_rounded(fit)} would fit"
-    fit = int(load.told * _SHARE_OF_MESSAGES / load.share)
+    fit = int(load.received * _SHARE_OF_MESSAGES / load.share)
     return (
-        f"too many obstacles: messages told of {load.told:.0f} a second, about {_rounded(fit)} would fit, as "
+        f"too many obstacles: {load.received:.0f} a second are received, about {_rounded(fit)} would fit, as "
         f"{_rounded(fit // 30)} of them 30 times a second: publish fewer, or less often, or a cloud"
     )
 

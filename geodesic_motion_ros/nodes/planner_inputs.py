@@ -261,7 +261,7 @@ class PlannerInputs:
 
     def _on_obstacles(self, message: bytes) -> None:
         markers, updates, refused = markers_in(message), [], ""
-        self._load.tell(len(markers))
+        self._load.count(len(markers))
         for marker in markers:
             # one bad marker must not hide the good ones beside it
             with self.refusals.guard("obstacles") as guard:
@@ -283,7 +283,7 @@ class PlannerInputs:
         self._obstacles_changed()
 
     def _on_marker(self, message: bytes) -> None:
-        self._load.tell(1)
+        self._load.count(1)
         update = read_marker(marker_in(message), self._frame, self.frames)
         moment = self._time.read()
         with self._lock:

@@ -23,7 +23,7 @@ def test_the_load_is_that_of_the_time_since_the_last_look():
     for _ in range(10):
         with load.counted():
             spent.now += 0.03
-            load.tell(4)
+            load.count(4)
         clock.now += 0.1
         spent.now += 0.5  # of other work
     assert load.since_last() == pytest.approx((0.3, 40.0))
