@@ -30,8 +30,11 @@ def check_array(
     SkillError : names the array, and the value or the shape.
     """
     check_real(name, array)
-    if array.shape != shape or not np.all(np.isfinite(array)):
-        raise SkillError(f"{name} must be finite with shape {shape}, has shape {array.shape}")
+    if array.shape != shape:
+        raise SkillError(f"{name} has shape {array.shape}; it must have shape {shape}")
+    wrong = array[~np.isfinite(array)]
+    if wrong.size:
+        raise SkillError(f"{name} holds {wrong[0]}; its numbers must be finite")
     check_range(name, array, lowest, highest)
 
 

@@ -65,8 +65,8 @@ class DemonstratedEnds:
 
     @property
     def has_ridges(self) -> bool:
-        """Whether there are enough demonstrations to speak of a mean and a spread: two at least."""
-        return len(self.modes) > 1
+        """Whether there are enough demonstrations to speak of a mean and a spread: two at least in some mode."""
+        return len(self.modes) > np.max(self.modes) + 1
 
     @property
     def regresses(self) -> bool:

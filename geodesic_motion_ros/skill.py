@@ -114,7 +114,18 @@ class Skill:
     def graph(
         self, shape: tuple[int, ...] | None = None, neighbours: int | None = None
     ) -> PoseGraph | ConfigurationGraph:
-        """Decode the latent box into its graph, by default that of GRID_SHAPES and NEIGHBOURS: a few seconds."""
+        """Decode the latent box into its graph, by default that of GRID_SHAPES and NEIGHBOURS: a few seconds.
+
+        Raises
+        ------
+        SkillError : nothing of the box is supported.
+        """
+        try:
+            return self._graph(shape, neighbours)
+        except SkillError as error:
+            raise SkillError(f"skill {self.name}: {error}") from error
+
+    def _graph(self, shape: tuple[int, ...] | None, neighbours: int | None) -> PoseGraph | ConfigurationGraph:
         dimension = len(self.latent_lower)
         shape, neighbours = shape or GRID_SHAPES[dimension], neighbours or NEIGHBOURS[dimension]
         if self.space == "joint":

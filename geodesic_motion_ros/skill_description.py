@@ -48,7 +48,7 @@ def check_description(described: Any) -> None:
     if missing:
         raise SkillError(f"lacks {', '.join(missing)}")
     for name in TEXT_FIELDS:
-        _check_text(name, described[name])
+        check_text(name, described[name])
     space = described["space"]
     if space not in ORIENTATION_MODELS:
         raise SkillError(f"skills of space {space!r} are not known here; known: {_listed(ORIENTATION_MODELS)}")
@@ -69,9 +69,10 @@ def check_description(described: Any) -> None:
         raise SkillError(f"sha256 must list exactly {', '.join(FILES)}")
 
 
-def _check_text(name: str, value: Any) -> None:
-    if not (isinstance(value, str) and 0 < len(value) <= LONGEST_TEXT and value.isprintable()):
-        raise SkillError(f"{name} is {brief(value)}; it must be one line of 1 to {LONGEST_TEXT} characters")
+def check_text(name: str, value: Any, longest: int = LONGEST_TEXT) -> None:
+    """Refuse what is not one line of 1 to `longest` characters: SkillError."""
+    if not (isinstance(value, str) and 0 < len(value) <= longest and value.isprintable()):
+        raise SkillError(f"{name} is {brief(value)}; it must be one line of 1 to {longest} characters")
 
 
 def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
@@ -104,7 +105,7 @@ def _check_plain(name: str, value: Any) -> None:
     """Refuse what cannot be shown or written as JSON: dates, keys that are no text."""
     if isinstance(value, dict):
         for key, item in value.items():
-            _check_text(f"a name in {name}", key)
+            check_text(f"a name in {name}", key)
             _check_plain(f"{name}.{key}", item)
     elif isinstance(value, list):
         for item in value:
@@ -114,7 +115,10 @@ def _check_plain(name: str, value: Any) -> None:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and not math.isnan(value)
+    try:
+        return not isinstance(value, bool) and isinstance(value, int | float) and not math.isnan(value)
+    except OverflowError:  # an integer beyond all floats
+        return False
 
 
 def _listed(names: Mapping[str, Any] | tuple[str, ...]) -> str:

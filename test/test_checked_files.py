@@ -317,7 +317,7 @@ TASK_SKILLS: dict[str, tuple[Spoil, str, str]] = {
     "no decoder": (weights("decoder.", None), WEIGHTS, "decoder weights lack W1"),
     "an encoder that is no number": (weights("encoder.W2", filled(np.nan)), WEIGHTS, "encoder weight W2 holds NaN"),
     "an encoder in part": (weights("encoder.b3", None), WEIGHTS, "encoder weights lack b3"),
-    "codes that are no numbers": (latent(codes=filled(np.nan)), LATENT, "codes must be finite"),
+    "codes that are no numbers": (latent(codes=filled(np.nan)), LATENT, "codes holds nan; its numbers must be finite"),
     "codes outside the box": (latent(codes=scaled(2.0)), LATENT, "codes lie outside the box"),
     "codes in a row": (latent(codes=np.ravel), LATENT, "codes have shape"),
     "codes in words": (latent(codes=lambda a: a.astype(str)), LATENT, "codes holds elements of type"),
@@ -326,7 +326,7 @@ TASK_SKILLS: dict[str, tuple[Spoil, str, str]] = {
     "a box without end": (latent(latent_upper=filled(1e6)), LATENT, "latent_upper holds 1e+06"),
     "a start of zeros": (latent(start_pose=scaled(0.0)), LATENT, "start_pose holds a quaternion of length 0"),
     "a goal 100 m away": (latent(goal_pose=lambda a: np.array([100.0, *a[1:]])), LATENT, "goal_pose is 100 m from"),
-    "a goal that is no number": (latent(goal_pose=filled(np.nan)), LATENT, "goal_pose must be finite"),
+    "a goal that is no number": (latent(goal_pose=filled(np.nan)), LATENT, "goal_pose holds nan"),
     "turns of another length": (latent(canonical_quaternions=scaled(2.0)), LATENT, "canonical quaternions holds"),
     "positions out of reach": (latent(canonical_positions=scaled(1e4)), LATENT, "canonical positions holds"),
     "offsets out of reach": (latent(canonical_goal_offsets=scaled(1e9)), LATENT, "canonical goal_offsets holds"),
@@ -336,6 +336,8 @@ TASK_SKILLS: dict[str, tuple[Spoil, str, str]] = {
 
 #: The same of a skill of the whole arm.
 JOINT_SKILLS: dict[str, tuple[Spoil, str, str]] = {
+    "more digits than a float has": (described(energy_per_edge=10**400), DESCRIPTION, "energy_per_edge is 1000"),
+    "a penalty of as many": (described(regression_penalty=10**400), DESCRIPTION, "regression_penalty is 1000"),
     "points closer than atoms": (
         described(metric={"sigma_weight": 1.0, "joint_weight": 0.05, "point_spacing": 1e-12}), DESCRIPTION,
         "metric.point_spacing is 1e-12",

@@ -85,6 +85,12 @@ def test_only_one_mode_with_a_finite_penalty_regresses(sheet):
     assert not replace(regressing, modes=np.array([0, 1, 0, 1, 0, 1, 0])).regresses
 
 
+def test_where_no_mode_has_two_demonstrations_there_is_no_spread(sheet):
+    assert sheet.has_ridges
+    assert replace(sheet, modes=np.array([0, 1, 2, 3, 4, 5, 5])).has_ridges
+    assert not replace(sheet, modes=np.arange(7)).has_ridges
+
+
 def test_corrections_make_the_decoder_the_weighted_mean_on_the_ridges(canonical_fan_skill, sheet):
     skill = canonical_fan_skill
     weights = np.random.default_rng(0).dirichlet(np.ones(7), 1)
@@ -109,10 +115,10 @@ def test_blends_do_not_depend_on_signs(sheet):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"positions": np.zeros((7, 99, 3))}, r"positions must be finite with shape \(7, 100, 3\)"),
-        ({"quaternions": np.full((7, 100, 4), np.nan)}, "quaternions must be finite"),
-        ({"start_offsets": np.zeros((7, 3))}, r"start_offsets must be finite with shape \(7, 6\)"),
-        ({"goal_offsets": np.full((7, 6), np.inf)}, "goal_offsets must be finite"),
+        ({"positions": np.zeros((7, 99, 3))}, r"positions has shape \(7, 99, 3\); it must have shape \(7, 100, 3\)"),
+        ({"quaternions": np.full((7, 100, 4), np.nan)}, "quaternions holds nan; its numbers must be finite"),
+        ({"start_offsets": np.zeros((7, 3))}, r"start_offsets has shape \(7, 3\); it must have shape \(7, 6\)"),
+        ({"goal_offsets": np.full((7, 6), np.inf)}, "goal_offsets holds inf"),
         ({"modes": np.zeros(6, dtype=int)}, r"modes must be whole numbers of shape \(7,\)"),
         ({"modes": np.array([0, 0, 2, 2, 0, 0, 0])}, "without gaps"),
         ({"modes": np.full(7, 1)}, "without gaps"),

@@ -7,7 +7,8 @@ import argparse
 from geodesic_motion_ros.cli.arguments import HelpFormatter, needing
 
 _DESCRIPTION = """\
-Sends the goal of a skill to a planner that runs, once, and prints whether the planner accepts it; if so the arm goes.
+Sends the goal of a skill to a planner that runs, once, and prints whether the planner accepts it. If so the arm goes,
+unless the planner says what holds it (STALE_OBSTACLES, HOLD, ...): then as soon as nothing does.
 For those who have no `ros2` command line: for those who have, it prints the command that does the same.
 """
 _EPILOG = """\

@@ -33,6 +33,7 @@ from geodesic_motion_ros.demonstrations.readers import (
     quaternion_order,
 )
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.skill_description import check_text
 from geodesic_motion_ros.tables import write_json
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 
 # Motions smaller than this [m] look like a wrong unit; an error of this share of the motion is no skill.
 _SMALL, _POOR = 0.02, 0.2
+#: Characters of what is said of the data.
+_LONGEST_PROVENANCE = 2000
 _ROS_COLUMNS = ",".join((*POSITION, *QUATERNION[1:], QUATERNION[0]))
 _SPACES = {"task": train_task, "joint": train_joint}
 _TOLD = {
@@ -117,6 +120,11 @@ def run(arguments: argparse.Namespace) -> None:
     training = (
         train_joint.JointTraining if space == "joint" else train_task.TaskTraining
     ).from_arguments(arguments, _SHARED)  # fmt: skip
+    name = arguments.out.resolve().name if arguments.name is None else arguments.name
+    check_text("--name", name)
+    for option in ("source", "licence"):
+        if (text := getattr(arguments, option)) is not None:
+            check_text(f"--{option}", text, _LONGEST_PROVENANCE)
     _refuse_foreign(arguments.out)
     _refuse_unwritable(arguments.out)
     writable(arguments.json)
@@ -129,7 +137,6 @@ def run(arguments: argparse.Namespace) -> None:
     # A log that no person watches gets a line now and then.
     interval = 0.1 if sys.stderr.isatty() else 10.0
     with tqdm(desc=arguments.demos.stem, unit="step", mininterval=interval) as bar:
-        name = arguments.name or arguments.out.resolve().name
         skill = training.learn(name, _shown_on(bar), _provenance(arguments))
     if arguments.held_out:
         measured = {"held_out": list(arguments.held_out)} | training.held_out_quality(skill)

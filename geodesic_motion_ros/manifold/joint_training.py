@@ -95,8 +95,9 @@ class JointTrainingSettings:
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 to 5")
         if len(self.hidden) != 2:
             raise ParameterError(f"hidden has {len(self.hidden)} layers; the decoder format has exactly 2")
+        numbers = asdict(self) | {f"metric.{name}": value for name, value in asdict(self.metric).items()}
         not_positive = [
-            name for name, value in asdict(self).items()
+            name for name, value in numbers.items()
             if isinstance(value, int | float)
             and not (0.0 < value < math.inf or (value == 0.0 and name in _MAY_BE_ZERO))
         ]  # fmt: skip
@@ -106,7 +107,7 @@ class JointTrainingSettings:
 
 #: How far beside the tool points are watched while learning [m]: a turn by a radian counts so much.
 TOOL_AXES = 0.1
-_MAY_BE_ZERO = {"seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "margin"}
+_MAY_BE_ZERO = {"seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "margin", "metric.sigma_weight"}
 
 
 class Samples(NamedTuple):

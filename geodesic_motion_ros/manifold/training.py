@@ -133,8 +133,9 @@ class TrainingSettings:
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; poses are learned in 2 or 3")
         if len(self.hidden) != 2:
             raise ParameterError(f"hidden has {len(self.hidden)} layers; the decoder format has exactly 2")
+        numbers = asdict(self) | {f"metric.{name}": value for name, value in asdict(self.metric).items()}
         not_positive = [
-            name for name, value in asdict(self).items()
+            name for name, value in numbers.items()
             if isinstance(value, int | float)
             and not (0.0 < value < math.inf or (value == 0.0 and name in _MAY_BE_ZERO))
         ]  # fmt: skip
@@ -142,7 +143,10 @@ class TrainingSettings:
             raise ParameterError(f"training settings must be positive and finite: {', '.join(not_positive)}")
 
 
-_MAY_BE_ZERO = {"seed", "blends", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "margin"}
+_MAY_BE_ZERO = {
+    "seed", "blends", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "margin",
+    "metric.sigma_weight",
+}  # fmt: skip
 
 
 class Poses(NamedTuple):

@@ -80,10 +80,10 @@ def advice(obstacles: int, load: Load, rate: float, tick: float) -> str:
     planning = rate * tick
     if obstacles < _FEW or load.share + planning < _SHARE:
         return "too slow or too busy a machine"
-    if load.share < planning:
-        fit = max(_FEW, int(obstacles * _SHARE / planning))
+    if load.share < planning or load.received < obstacles:
+        fit = max(_FEW, int(obstacles * _SHARE / max(planning, load.share)))
         return f"too many obstacles: {obstacles} are planned among, about {_rounded(fit)} would fit"
-    fit = int(load.received * _SHARE_OF_MESSAGES / load.share)
+    fit = max(30 * _FEW, int(load.received * _SHARE_OF_MESSAGES / load.share))
     return (
         f"too many obstacles: {load.received:.0f} a second are received, about {_rounded(fit)} would fit, as "
         f"{_rounded(fit // 30)} of them 30 times a second: publish fewer, or less often, or a cloud"

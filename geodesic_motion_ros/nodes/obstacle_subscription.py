@@ -12,7 +12,10 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+# What rclpy calls a node that it has not heard of, though it has of its publisher.
+_NOT_YET_KNOWN = "_NODE_NAME_UNKNOWN_"
 # A second copy of a message, on another subscription of its topic, arrives within so long [s].
 _COPY_WITHIN = 1.0
 
@@ -41,6 +44,15 @@ class ObstacleSubscription:
         self._copies = _Copies()
         self._subscribe(reliability, DurabilityPolicy.VOLATILE)
 
+    def other_types(self) -> list[str]:
+        """Sentences about the publishers whose messages never arrive: they are of another type than the topic's."""
+        expected = f"{self._kind.__module__.split('.')[0]}/msg/{self._kind.__name__}"
+        return [
+            f"{found.node_namespace.rstrip('/')}/{found.node_name} publishes {found.topic_type}, expected is {expected}"
+            for found in self._publishers()
+            if found.topic_type != expected and found.node_name != _NOT_YET_KNOWN
+        ]
+
     def _subscribe(self, reliability: ReliabilityPolicy, durability: DurabilityPolicy) -> None:
         offered = reliability, durability
         if offered in self._subscriptions:
@@ -63,9 +75,11 @@ class ObstacleSubscription:
         )
 
     def _look_for_latched(self) -> None:
-        publishers = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(self._topic))
-        if any(found.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for found in publishers):
+        if any(found.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for found in self._publishers()):
             self._subscribe(ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
+
+    def _publishers(self) -> list[TopicEndpointInfo]:
+        return self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(self._topic))
 
 
 @dataclass

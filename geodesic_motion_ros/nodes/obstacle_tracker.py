@@ -201,8 +201,11 @@ class ObstacleTracker:
         self._next_expiry = min(self._next_expiry, self._ends[source])
 
     def refuse(self, source: str, reason: str) -> None:
-        """Note that a message of a source could not be used: it is unusable until one can be."""
-        if source not in self._heard:
+        """Note that a message of a source could not be used.
+
+        Where no obstacle of the source is known, it is unusable until a message can be used.
+        """
+        if source not in self._heard or (source != self._cloud_source and self._is_empty(source)):
             self._unusable[source] = reason
 
     def put(
@@ -381,8 +384,12 @@ class ObstacleTracker:
         self._changed()
 
     def _say_goodbye_when_empty(self, source: str) -> None:
-        if source not in self._required and all(track.deleted for track in self._tracks.get(source, {}).values()):
+        if source not in self._required and self._is_empty(source):
             self._heard.pop(source, None)
+
+    def _is_empty(self, source: str) -> bool:
+        """Whether no marker and no point of a source is known."""
+        return all(track.deleted for track in self._tracks.get(source, {}).values())
 
     def _changed(self) -> None:
         self._version += 1

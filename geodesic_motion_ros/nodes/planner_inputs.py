@@ -103,6 +103,7 @@ class PlannerInputs:
         self._subscribe(PoseStamped, "task_frame", self._on_task_frame, GOALS)
         # Markers are edits of a set: each of them is needed. Of points and clouds the next one replaces what was lost;
         # clouds are large, and only the newest counts.
+        self._obstacle_topics: dict[str, ObstacleSubscription] = {}
         edits = {"depth": 50, "reliability": ReliabilityPolicy.RELIABLE, "raw": True}
         self._subscribe_obstacles(MarkerArray, "obstacles", self._on_obstacles, **edits)
         self._subscribe_obstacles(Marker, "obstacle_marker", self._on_marker, **edits)
@@ -174,6 +175,13 @@ class PlannerInputs:
         with self._lock:
             return self._cloud_figures
 
+    def look_for_other_types(self) -> None:
+        """Refuse obstacle topics on which somebody publishes messages of a type that never arrives."""
+        for topic, subscription in self._obstacle_topics.items():
+            for reason in subscription.other_types():
+                with self._obstacle_guard(topic):
+                    raise MessageRefused(reason)
+
     def request_hold(self, hold: bool) -> None:
         with self._lock:
             self._hold = hold
@@ -205,7 +213,7 @@ class PlannerInputs:
             with self._load.counted(), self._obstacle_guard(topic):
                 take(message)
 
-        ObstacleSubscription(self._node, kind, topic, receive, **offered)
+        self._obstacle_topics[topic] = ObstacleSubscription(self._node, kind, topic, receive, **offered)
 
     @contextmanager
     def _obstacle_guard(self, topic: str) -> Iterator[None]:

@@ -78,6 +78,7 @@ class PlannerNode(LoopingNode):
         self._every(1.0 / values["path_rate"], self._show_path, "path and ~/markers")
         self._every(1.0, self._show_health, "/diagnostics")
         self._every(1.0, self._look_for_rivals, "the search for other commanders")
+        self._every(1.0, self._inputs.look_for_other_types, "the search for obstacles of other types")
         # A plan takes longer than a joint state may be old.
         self._plans = BackgroundService(self, GetPlan, "plan", self._on_plan)
         self.create_service(SetBool, "~/hold", self._on_hold)

@@ -90,6 +90,23 @@ def test_a_single_small_and_badly_learned_demonstration_is_remarked_on(recording
     assert "a poor skill" in said
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("--name", "", "--name is ''; it must be one line of 1 to 200 characters"),
+        ("--name", 201 * "x", "1 to 200"),
+        ("--licence", "CC0\n", "--licence is 'CC0\\n'; it must be one line of 1 to 2000"),
+        ("--source", 2001 * "x", "1 to 2000"),
+        ("--sigma-weight", "nan", "must be positive and finite: metric.sigma_weight"),
+    ],
+)
+def test_what_a_skill_cannot_hold_is_refused_before_the_training(recording, tmp_path, capsys, option, value, said):
+    arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "s")]
+    assert main([*arguments, option, value]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "s").exists()
+
+
 def test_a_good_recording_is_not_remarked_on(trained, recording, tmp_path, capsys) -> None:
     assert main(["train", "--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "s"), *BRIEFLY]) == 0
     assert "warning" not in capsys.readouterr().err

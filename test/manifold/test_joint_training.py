@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.joint_calibration import calibrated_energy
 from geodesic_motion_ros.manifold.joint_training import (
     JointTrainingSettings,
@@ -112,6 +113,7 @@ def test_the_threshold_of_energy_is_that_of_ways_along_the_demonstrations(reach_
         ({"hidden": (10,)}, "hidden has 1 layers"),
         ({"steps": 0}, "must be positive and finite: steps"),
         ({"body_sigma": float("nan")}, "must be positive and finite: body_sigma"),
+        ({"metric": JointMetricSettings(sigma_weight=float("nan"))}, "positive and finite: metric.sigma_weight"),
         ({"volume_weight": -1.0}, "must be positive and finite: volume_weight"),
     ],
 )

@@ -9,6 +9,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.demonstrations.modes import blend_weights
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
+from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.manifold.progress_prior import PRIOR_REACH
 from geodesic_motion_ros.manifold.training import (
     TrainingSettings,
@@ -229,6 +230,7 @@ def test_planar_recordings_without_orientation_give_one_cluster(demonstrations):
         ({"steps": 0}, "steps"),
         ({"fixed_sigma": float("nan")}, "fixed_sigma"),
         ({"far_kappa": -1.0}, "far_kappa"),
+        ({"metric": MetricSettings(sigma_weight=float("inf"))}, "metric.sigma_weight"),
     ],
 )
 def test_impossible_settings_are_refused(wrong, match):

@@ -10,7 +10,7 @@ import pytest
 import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 
@@ -28,11 +28,11 @@ class Topic:
         self._executor = EventsExecutor(context=context)
         self._executor.add_node(self.listener)
 
-    def subscribe(self, reliability: ReliabilityPolicy = RELIABLE) -> None:
+    def subscribe(self, reliability: ReliabilityPolicy = RELIABLE) -> ObstacleSubscription:
         def take(marker: Marker) -> None:
             self.received.append(marker.id)
 
-        ObstacleSubscription(self.listener, Marker, "marker", take, 50, reliability)
+        return ObstacleSubscription(self.listener, Marker, "marker", take, 50, reliability)
 
     def publisher(self, reliability: ReliabilityPolicy = RELIABLE, **policies: Any) -> Any:
         return self.talker.create_publisher(Marker, "marker", QoSProfile(depth=50, reliability=reliability, **policies))
@@ -115,3 +115,18 @@ def test_a_reliable_burst_arrives_whole_and_in_order(topic):
         publisher.publish(Marker(id=number))
     topic.wait(lambda: len(topic.received) == 50)
     assert topic.received == list(range(50))
+
+
+def test_publishers_of_another_type_are_named(topic: Topic) -> None:
+    """In a process of their own, as it were: a participant has one type for a topic."""
+    subscription = topic.subscribe()
+    topic.publisher()
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    stranger = rclpy.create_node("stranger", context=context)
+    stranger.create_publisher(MarkerArray, "marker", 1)
+    said = "/stranger publishes visualization_msgs/msg/MarkerArray, expected is visualization_msgs/msg/Marker"
+    topic.wait(lambda: subscription.other_types() == [said])
+    stranger.destroy_node()
+    rclpy.try_shutdown(context=context)
+    topic.wait(lambda: not subscription.other_types())

@@ -263,6 +263,19 @@ class TestRequired:
         assert ("obstacles" in bench.inputs.snapshot().silent_sources) is silent
         assert bench.inputs.snapshot().unusable_sources == {}
 
+    def test_one_that_deletes_all_and_cannot_be_used_is_unusable_until_it_can(self, bench):
+        bench.inputs._on_point(PointStamped(header=bench.header()))
+        elsewhere = Marker(header=Header(frame_id="camera"), type=Marker.SPHERE)
+        for before in ([bench.sphere()], []):
+            bench.tell(*before)
+            assert bench.inputs.snapshot().unusable_sources == {}
+            bench.tell(Marker(action=Marker.DELETEALL), elsewhere)
+            (reason,) = bench.inputs.snapshot().unusable_sources.values()
+            assert "frame 'camera' is unknown" in reason
+        bench.tell(bench.sphere())
+        bench.tell(elsewhere)
+        assert bench.inputs.snapshot().unusable_sources == {}
+
     def test_none_is_by_default(self, node):
         assert Bench(node).inputs.snapshot().unusable_sources == {}
 
