@@ -179,6 +179,8 @@ class ObstacleTracker:
         self._tracks: dict[str, dict[Key, _Track]] = {}
         # when the newest message arrived, and when the newest was taken
         self._heard: dict[str, tuple[float, float]] = {}
+        # required sources that have said goodbye: they must go on all the same
+        self._inactive: set[str] = set()
         # why no message of a source could be used
         self._unusable: dict[str, str] = {}
         # when a source is forgotten [s]
@@ -197,15 +199,16 @@ class ObstacleTracker:
         _, newest = self._heard.get(source, (now, -math.inf))
         self._heard[source] = now, max(newest, now - max(0.0, transit))
         self._unusable.pop(source, None)
+        self._inactive.discard(source)
         self._ends[source] = now + forget_after if forget_after > 0.0 else math.inf
         self._next_expiry = min(self._next_expiry, self._ends[source])
 
     def refuse(self, source: str, reason: str) -> None:
         """Note that a message of a source could not be used.
 
-        Where no obstacle of the source is known, it is unusable until a message can be used.
+        Where nothing was heard of it before, or it has said goodbye, it is unusable until a message can be used.
         """
-        if source not in self._heard or (source != self._cloud_source and self._is_empty(source)):
+        if source not in self._heard or source in self._inactive:
             self._unusable[source] = reason
 
     def put(
@@ -298,6 +301,7 @@ class ObstacleTracker:
         """Forget every obstacle and that any source was heard."""
         self._tracks.clear()
         self._heard.clear()
+        self._inactive.clear()
         self._unusable.clear()
         self._ends.clear()
         self._cloud, self._cloud_order = DistanceField.none(), _Order()
@@ -384,12 +388,11 @@ class ObstacleTracker:
         self._changed()
 
     def _say_goodbye_when_empty(self, source: str) -> None:
-        if source not in self._required and self._is_empty(source):
-            self._heard.pop(source, None)
-
-    def _is_empty(self, source: str) -> bool:
-        """Whether no marker and no point of a source is known."""
-        return all(track.deleted for track in self._tracks.get(source, {}).values())
+        if all(track.deleted for track in self._tracks.get(source, {}).values()):
+            if source in self._required:
+                self._inactive.add(source)
+            else:
+                self._heard.pop(source, None)
 
     def _changed(self) -> None:
         self._version += 1
