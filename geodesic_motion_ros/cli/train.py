@@ -50,7 +50,7 @@ _TOLD = {
     "joint": "configurations of the whole arm: a joint-space skill is learned",
 }
 #: Settings of the training that both spaces have.
-_SHARED = ("seed", "steps", "kernels", "sheet", "kl_weight")
+_SHARED = ("seed", "steps", "kernels", "sheet", "schedule", "kl_weight")
 
 _DESCRIPTION = """\
 Learns a skill from a handful of demonstrations of one task: a latent space with a Riemannian metric that is cheap to
@@ -70,9 +70,9 @@ examples:
   geodesic-motion train --demos reach.csv --units m --columns t,px,py,pz,qx,qy,qz,qw --out skills/reach
   geodesic-motion train --demos reach.npz --space joint --out skills/reach
 
-as the paper has it (by default changed where that was measured to be better):
-  geodesic-motion train ... --sheet raw --orientation-model sign_blind --schedule joint --orientation-scale kappa
-                            --sigma-weight 1
+as the paper has it, for both kinds of recordings (by default changed where that was measured to be better); options
+beside --paper change it again:
+  geodesic-motion train --demos pouring.npy --units cm --paper --out skills/paper_pouring
 """
 
 
@@ -100,12 +100,20 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def _add_training(group: argparse._ArgumentGroup) -> None:
     """Settings of the training; what is not given stays at the defaults."""
+    group.add_argument(
+        "--paper", action="store_true",
+        help="the paper's model: raw sheet, everything learned together, nothing weighted, change of variables",
+    )  # fmt: skip
     group.add_argument("--seed", type=seed, help="of everything random; 0 without it")
     group.add_argument("--steps", type=int, help="of the optimiser; 5000 without it")
     group.add_argument("--kernels", type=int, help="radial-basis kernels of the deviations; 500 without it")
     group.add_argument(
         "--sheet", choices=("canonical", "raw"),
         help="learn what is left when start and goal offsets are taken out (default), or the paper's: no change",
+    )  # fmt: skip
+    group.add_argument(
+        "--schedule", choices=("two_stage", "joint"),
+        help="means first, then deviations (default), or the paper's: everything together",
     )  # fmt: skip
     group.add_argument("--sigma-weight", type=float, help="weight of sigma in the metric; 10 without it, the paper: 1")
     group.add_argument("--kl-weight", type=float, help="weight of the divergence; 0.3 without it, the paper: 1")

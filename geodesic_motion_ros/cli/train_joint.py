@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # A demonstration whose joints all stay within this [rad] of where they begin does not move.
 _STILL = 0.02
 
-_SETTINGS = ("latent_dimension", "volume_weight")
+_SETTINGS = ("latent_dimension", "volume_weight", "body_sigma")
 #: What only recordings of joints have.
 OPTIONS = (*RECORDING_OPTIONS["joint"], *_SETTINGS, "joint_weight")
 
@@ -33,6 +33,10 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--volume-weight", type=float,
         help="of the change of variables from joint angles to the body; 0 without it, the paper: 1",
+    )  # fmt: skip
+    group.add_argument(
+        "--body-sigma", type=float,
+        help="likelihood scale of the body's points [m]; 0.003 without it, 0 leaves them out as the paper does",
     )  # fmt: skip
     group.add_argument(
         "--joint-weight", type=float,
@@ -52,13 +56,13 @@ class JointTraining:
     @classmethod
     def from_arguments(cls, arguments: argparse.Namespace, shared: tuple[str, ...]) -> JointTraining:
         """Read and check; `shared` are the names of the options that all spaces have."""
-        from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
         from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
         from geodesic_motion_ros.robot.kinematics import Robot
 
-        metric = JointMetricSettings(**given(arguments, "sigma_weight", "joint_weight"))
+        settings_of = JointTrainingSettings.paper if arguments.paper else JointTrainingSettings
+        metric = replace(settings_of().metric, **given(arguments, "sigma_weight", "joint_weight"))
         demonstrations = read_joint_recording(arguments, arguments.demos)
-        settings = JointTrainingSettings(metric=metric, **given(arguments, *shared, *_SETTINGS))
+        settings = settings_of(metric=metric, **given(arguments, *shared, *_SETTINGS))
         training = cls(demonstrations, Robot.named(demonstrations.robot), arguments.held_out or (), settings)
         refuse_motionless(training.shown)
         return training

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # A demonstration that stays within this [m], [rad] of its first pose does not move.
 _STILL_DISTANCE, _STILL_ANGLE = 1e-3, 0.02
 
-_SETTINGS = ("orientation_model", "schedule", "position_weight", "orientation_weight")
+_SETTINGS = ("orientation_model", "position_weight", "orientation_weight")
 #: What only recordings of poses have.
 OPTIONS = (*RECORDING_OPTIONS["task"], *_SETTINGS, "orientation_scale")
 
@@ -32,10 +32,6 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--orientation-model", choices=("two_cluster", "sign_blind"),
         help="q and -q in clusters of their own (default of the raw sheet), or the paper's antipodal mixture",
-    )  # fmt: skip
-    group.add_argument(
-        "--schedule", choices=("two_stage", "joint"),
-        help="means first, then sigma and kappa (default), or the paper's: everything together",
     )  # fmt: skip
     group.add_argument(
         "--orientation-scale", choices=("spread", "kappa"),
@@ -57,12 +53,12 @@ class TaskTraining:
     def from_arguments(cls, arguments: argparse.Namespace, shared: tuple[str, ...]) -> TaskTraining:
         """Read and check; `shared` are the names of the options that all spaces have."""
         from geodesic_motion_ros.experiments.baselines import require_peers
-        from geodesic_motion_ros.graph.pose_graph import MetricSettings
         from geodesic_motion_ros.manifold.training import TrainingSettings
 
-        metric = MetricSettings(**given(arguments, "sigma_weight", "orientation_scale"))
+        settings_of = TrainingSettings.paper if arguments.paper else TrainingSettings
+        metric = replace(settings_of().metric, **given(arguments, "sigma_weight", "orientation_scale"))
         demonstrations = read_recording(arguments, arguments.demos)
-        settings = TrainingSettings(metric=metric, **given(arguments, *shared, *_SETTINGS))
+        settings = settings_of(metric=metric, **given(arguments, *shared, *_SETTINGS))
         training = cls(demonstrations, arguments.held_out or (), settings)
         refuse_motionless(training.tool_demonstrations())
         if training.held_out:

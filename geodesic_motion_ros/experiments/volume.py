@@ -9,7 +9,7 @@ per weight:
 seconds         of training; nothing where the skill came from the cache
 error_mm, _deg  of the tool in the training demonstrations that encoder and decoder give back
 log_volume      mean log V along the obstacle-free way from the mean start to the mean goal; least : its smallest value.
-                Of the metric's body points; the training's are more
+                Of the layer that the training has
 from_mean_mm    mean distance of the tool on that way from the mean demonstration of the way's family
 """
 
@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from matplotlib.figure import Figure
 
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
@@ -30,12 +31,11 @@ from geodesic_motion_ros.demonstrations.similarity import compare
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.experiments.trained import trained_once
+from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.manifold.body_layer import EPSILON
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, body_layer
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
-from geodesic_motion_ros.robot.body_points import body_point_jacobians
-from geodesic_motion_ros.robot.kinematics import Robot, contiguous
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 
@@ -110,13 +110,9 @@ def compare_volume(
     return VolumeReport(tuple(rows), np.stack([log_volumes(curve, robot, metric) for curve in shown]))
 
 
-def log_volumes(configurations: np.ndarray, robot: Robot, metric: Any) -> np.ndarray:
-    """log V (n,) at configurations (n, eta) [rad], as `manifold.body_layer.BodyLayer` regularises it."""
-    body = metric.body_points(robot)
-    jacobians = body_point_jacobians(contiguous(configurations), body.frames, body.offsets, robot.chain)
-    stacked = jacobians.reshape(len(jacobians), -1, jacobians.shape[-1])
-    gram = np.einsum("nai,naj->nij", stacked, stacked) + EPSILON**2 * np.eye(stacked.shape[-1])
-    return 0.5 * np.linalg.slogdet(gram)[1]
+def log_volumes(configurations: np.ndarray, robot: Robot, metric: JointMetricSettings) -> np.ndarray:
+    """log V (n,) at configurations (n, eta) [rad], of the layer that the training has."""
+    return body_layer(robot, metric).log_volume(torch.tensor(configurations)).numpy()
 
 
 def draw_volume(report: VolumeReport, path: Path) -> None:

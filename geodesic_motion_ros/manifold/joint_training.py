@@ -1,13 +1,15 @@
 """From joint-space demonstrations to a skill: how the model of whole-arm configurations is trained.
 
 Two stages, as in `training`: the means first, under a fixed likelihood scale, then kernels on the codes and sigma by
-maximum likelihood. On the canonical sheet (default) start and goal offsets of the joints are taken out before
-(`demonstrations.joint_canonical`); the raw sheet, the paper's, is learned from the demonstrations as they are.
+maximum likelihood. The paper's literal joint training is kept as `schedule="joint"`. On the canonical sheet (default)
+start and goal offsets of the joints are taken out before (`demonstrations.joint_canonical`); the raw sheet, the
+paper's, is learned from the demonstrations as they are.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, NamedTuple
 
@@ -40,6 +42,8 @@ class JointTrainingSettings:
     ----------
     seed : of everything random: initial weights, batches, latent noise, k-means.
     sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
+    schedule : "two_stage" or "joint" (the paper's: means and sigma together, after a first half of the steps in which
+        the codes settle so that kernels can be placed on them).
     latent_dimension : d, 3 or 2; models of 4 and 5, which make no skill, are for experiments.
     hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
     samples : configurations per demonstration that are trained on, equally spaced along its arc.
@@ -53,7 +57,8 @@ class JointTrainingSettings:
     blends : random convex combinations of canonical demonstrations of one mode that are learned besides each.
     fixed_sigma : likelihood scale of the joints while the means are learned [rad].
     body_sigma : the same of the body's points, through the forward kinematics [m]. What a joint's error does to the
-        tool depends on the joint and the posture; without this term the tool is off by more.
+        tool depends on the joint and the posture; without this term, the paper has none, the tool is off by more. 0
+        leaves it out.
     kernels, bandwidth_factor : radial-basis kernels, at most, and their width over the distance between neighbours. In
         three dimensions they stand along thin strips, closer than the nodes of the grid: as wide as that distance the
         support would fall to pieces.
@@ -66,6 +71,7 @@ class JointTrainingSettings:
 
     seed: int = 0
     sheet: Literal["canonical", "raw"] = "canonical"
+    schedule: Literal["two_stage", "joint"] = "two_stage"
     latent_dimension: int = 3
     hidden: tuple[int, int] = (200, 100)
     samples: int = 200
@@ -88,9 +94,20 @@ class JointTrainingSettings:
     margin: float = 0.05
     metric: JointMetricSettings = field(default_factory=JointMetricSettings)
 
+    @classmethod
+    def paper(cls, **changes: Any) -> JointTrainingSettings:
+        """The paper's model (section 4.2), with changes: nothing is taken out of the demonstrations, the change of
+        variables to the body in the evidence lower bound without weights, both networks learned together, sigma as it
+        is in the metric.
+        """
+        metric = JointMetricSettings(sigma_weight=1.0, joint_weight=_NO_JOINT_WEIGHT)
+        literal = {"sheet": "raw", "schedule": "joint", "kl_weight": 1.0, "volume_weight": 1.0, "body_sigma": 0.0}
+        return cls(**(literal | {"metric": metric} | changes))
+
     def __post_init__(self) -> None:
-        if self.sheet not in ("canonical", "raw"):
-            raise ParameterError(f"sheet is {self.sheet!r}; it must be one of canonical, raw")
+        for name, allowed in {"sheet": ("canonical", "raw"), "schedule": ("two_stage", "joint")}.items():
+            if getattr(self, name) not in allowed:
+                raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
         if self.latent_dimension not in (2, 3, 4, 5):
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 to 5")
         if len(self.hidden) != 2:
@@ -107,7 +124,11 @@ class JointTrainingSettings:
 
 #: How far beside the tool points are watched while learning [m]: a turn by a radian counts so much.
 TOOL_AXES = 0.1
-_MAY_BE_ZERO = {"seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "margin", "metric.sigma_weight"}
+#: The paper has no term of the joints alone; so little keeps steps from being free that move no body point [m].
+_NO_JOINT_WEIGHT = 1e-3
+_MAY_BE_ZERO = {
+    "seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "body_sigma", "margin", "metric.sigma_weight",
+}  # fmt: skip
 
 
 class Samples(NamedTuple):
@@ -193,32 +214,80 @@ def train_joint_model(
         )
         points = body.points(torch.tensor(flat)).numpy()
         data = Samples(*(torch.tensor(values).float() for values in (flat, points, prior_means(fractions, settings))))
-        _fit_means(vae, data, settings, body, progress)
-        vae.double()
-        _fit_sigma(vae, data.double(), settings, progress)
-        return vae.requires_grad_(False)
+        if settings.schedule == "joint":
+            _fit_jointly(vae, data, settings, body, progress)
+        else:
+            _ascend(vae, data, _fixed(data, settings), settings.steps, "means", settings, body, progress)
+            vae.double()
+            _fit_sigma(vae, data.double(), settings, progress)
+        return vae.double().requires_grad_(False)
 
 
-def _fit_means(
-    vae: JointSpaceVAE, data: Samples, settings: JointTrainingSettings, body: BodyLayer, progress: Progress | None
+def _fixed(data: Samples, settings: JointTrainingSettings) -> Callable[[Tensor], Tensor]:
+    """1 / sigma [1/rad] that does not depend on z, for learning the means first."""
+    joints = data.configurations.shape[1]
+    return lambda latent: latent.new_full((*latent.shape[:-1], joints), 1.0 / settings.fixed_sigma)
+
+
+def _ascend(
+    vae: JointSpaceVAE,
+    data: Samples,
+    inverse_sigma: Callable[[Tensor], Tensor],
+    steps: int,
+    stage: str,
+    settings: JointTrainingSettings,
+    body: BodyLayer,
+    progress: Progress | None,
 ) -> None:
+    """Climb the weighted evidence lower bound over every parameter the model has now."""
     variance = prior_variance(settings)
-    inverse_sigma = torch.full((data.configurations.shape[1],), 1.0 / settings.fixed_sigma)
 
     def loss(step: int) -> Tensor:
         batch = data.take(torch.randint(len(data.configurations), (settings.batch,)))
         latent, mean, log_variance = vae.sample(batch.configurations)
         divergence = divergence_from_normal(mean, log_variance, batch.prior_means, variance)
-        means = vae.decoder.means(latent)
-        likelihood = gaussian_log_density(batch.configurations, means, inverse_sigma.expand_as(means))
-        off = (body.points(means) - batch.points) / settings.body_sigma
-        likelihood = likelihood - 0.5 * (off**2).sum(-1).mean(-1)
+        means, precisions = vae.decoder.means(latent), inverse_sigma(latent)
+        likelihood = _log_likelihood(batch.configurations, means, precisions, settings)
+        if settings.body_sigma > 0.0:
+            off = (body.points(means) - batch.points) / settings.body_sigma
+            likelihood = likelihood - 0.5 * (off**2).sum(-1).mean(-1)
         if settings.volume_weight > 0.0:
             likelihood = likelihood - settings.volume_weight * body.log_volume(means)
-        warm = min(1.0, step / max(1.0, settings.kl_warm_up * settings.steps))
+        warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
         return (warm * settings.kl_weight * divergence - likelihood).mean()
 
-    descend(loss, vae.parameters(), settings.steps, settings.learning_rate, "means", progress)
+    descend(loss, vae.parameters(), steps, settings.learning_rate, stage, progress)
+
+
+def _log_likelihood(
+    configurations: Tensor, means: Tensor, inverse_sigma: Tensor, settings: JointTrainingSettings
+) -> Tensor:
+    """log p(theta | z) (n,), in expectation over errors of the recording's resolution."""
+    resolution = 0.5 * settings.joint_resolution**2 * (inverse_sigma**2).sum(-1)
+    return gaussian_log_density(configurations, means, inverse_sigma) - resolution
+
+
+def _fit_jointly(
+    vae: JointSpaceVAE, data: Samples, settings: JointTrainingSettings, body: BodyLayer, progress: Progress | None
+) -> None:
+    first = max(1, settings.steps // 2)
+    _ascend(vae, data, _fixed(data, settings), first, "codes settle", settings, body, progress)
+    network = vae.decoder.inverse_sigma = _basis_network(vae, data, settings)
+    _ascend(vae, data, network, settings.steps - first, "joint", settings, body, progress)
+
+
+def _basis_network(vae: JointSpaceVAE, data: Samples, settings: JointTrainingSettings) -> RadialBasisNetwork:
+    """A network for 1 / sigma with kernels on the present codes, in the precision of the data."""
+    with torch.no_grad():
+        codes = vae.encoder(data.configurations)[0].double().numpy()
+    centres, joints = place_centres(codes, settings.kernels, settings.seed), data.configurations.shape[1]
+    like = {"dtype": data.configurations.dtype}
+    return RadialBasisNetwork(
+        torch.tensor(centres, **like),
+        torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor), **like),
+        torch.full((joints,), 1.0 / settings.far_sigma, **like),
+        torch.full((joints,), 1.0 / settings.fixed_sigma, **like),
+    )
 
 
 def _fit_sigma(
@@ -228,24 +297,14 @@ def _fit_sigma(
 
     The volume does not depend on sigma.
     """
-    joints = data.configurations.shape[1]
     with torch.no_grad():
-        codes = vae.encoder(data.configurations)[0].numpy()
         repeated = data.configurations.repeat(settings.precision_samples, 1)
         latent, _, _ = vae.sample(repeated)
-        squared = (repeated - vae.decoder.means(latent)) ** 2 + settings.joint_resolution**2
-    centres = place_centres(codes, settings.kernels, settings.seed)
-    network = RadialBasisNetwork(
-        torch.tensor(centres),
-        torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor)),
-        torch.full((joints,), 1.0 / settings.far_sigma, dtype=torch.double),
-        torch.full((joints,), 1.0 / settings.fixed_sigma, dtype=torch.double),
-    )
-    vae.decoder.inverse_sigma = network
+        means = vae.decoder.means(latent)
+    network = vae.decoder.inverse_sigma = _basis_network(vae, data, settings)
     activations = network.activations(latent)
 
     def negative_log_likelihood() -> Tensor:
-        inverse_sigma = network.combine(activations)
-        return (0.5 * squared * inverse_sigma**2 - torch.log(inverse_sigma)).sum(-1).mean()
+        return -_log_likelihood(repeated, means, network.combine(activations), settings).mean()
 
     minimise(negative_log_likelihood, [network.raw_weights], settings.precision_iterations, "sigma", progress)

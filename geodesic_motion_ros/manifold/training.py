@@ -114,6 +114,16 @@ class TrainingSettings:
     margin: float = 0.05
     metric: MetricSettings = field(default_factory=MetricSettings)
 
+    @classmethod
+    def paper(cls, **changes: Any) -> TrainingSettings:
+        """The paper's model (section 4.1), with changes: nothing is taken out of the demonstrations, the mixture of q
+        and -q, the evidence lower bound without weights, all networks learned together, sigma and kappa as they are in
+        the metric.
+        """
+        metric = MetricSettings(sigma_weight=1.0, orientation_scale="kappa")
+        literal = {"sheet": "raw", "orientation_model": "sign_blind", "schedule": "joint", "kl_weight": 1.0}
+        return cls(**(literal | {"metric": metric} | changes))
+
     def __post_init__(self) -> None:
         if self.orientation_model is None:
             object.__setattr__(self, "orientation_model", "sign_blind" if self.sheet == "canonical" else "two_cluster")

@@ -58,11 +58,12 @@ def test_an_old_skill_is_replaced_by_the_papers_form_of_it(recording, tmp_path) 
     arguments += ["--steps", "60", "--kernels", "20", "--seed", "5", "--sheet", "raw"]
     assert main(arguments) == 0
     assert Skill.load(folder).orientation_model == "two_cluster"
-    arguments += ["--orientation-model", "sign_blind", "--sigma-weight", "1", "--kl-weight", "1", "--name", "as told"]
-    assert main(arguments) == 0
+    assert main([*arguments, "--paper", "--name", "as published"]) == 0
     skill = Skill.load(folder)
-    assert (skill.name, skill.orientation_model, skill.metric.sigma_weight) == ("as told", "sign_blind", 1.0)
-    assert (skill.provenance["seed"], skill.provenance["settings"]["kl_weight"]) == (5, 1.0)
+    assert (skill.name, skill.orientation_model, skill.metric.sigma_weight) == ("as published", "sign_blind", 1.0)
+    assert skill.metric.orientation_scale == "kappa"
+    settings = skill.provenance["settings"]
+    assert (skill.provenance["seed"], settings["kl_weight"], settings["schedule"]) == (5, 1.0, "joint")
 
 
 def test_inspect_shows_what_the_skill_holds(trained, tmp_path, capsys) -> None:

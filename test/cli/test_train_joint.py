@@ -102,7 +102,6 @@ def test_evaluate_prints_the_table_of_joints(joint_recording, trained, tmp_path,
     [
         (["train", "--units", "m", "--out", "{tmp}/s"], "--units is for recordings of the tool"),
         (["train", "--orientation-model", "sign_blind", "--out", "{tmp}/s"], "--orientation-model is for recordings"),
-        (["train", "--schedule", "joint", "--out", "{tmp}/s"], "--schedule is for recordings of the tool"),
         (["train", "--space", "task", "--volume-weight", "1", "--out", "{tmp}/s"], "--volume-weight is for recordings"),
         (["train", "--space", "task", "--out", "{tmp}/s"], "say the units of the positions"),
         (["train", "--space", "task", "--units", "m", "--out", "{tmp}/s"], "it needs keys positions"),
@@ -119,6 +118,16 @@ def test_what_does_not_fit_joints_is_said_in_one_line(arguments, said, joint_rec
     (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("geodesic-motion: ")]
     assert said in line
     assert not (tmp_path / "s").exists()
+
+
+def test_the_papers_model_is_learned_and_what_is_given_beside_it_counts(joint_recording, tmp_path) -> None:
+    arguments = ["train", "--demos", str(joint_recording), "--out", str(tmp_path / "paper"), "--paper"]
+    assert main([*arguments, "--steps", "400", "--kernels", "100", "--latent-dimension", "2"]) == 0
+    skill = Skill.load(tmp_path / "paper")
+    settings = skill.provenance["settings"]
+    assert (skill.sheet, skill.metric.sigma_weight, settings["schedule"]) == ("raw", 1.0, "joint")
+    assert (settings["kl_weight"], settings["volume_weight"], settings["body_sigma"]) == (1.0, 1.0, 0.0)
+    assert (settings["steps"], settings["latent_dimension"]) == (400, 2)
 
 
 def test_options_of_joints_are_refused_for_poses(recording, tmp_path, capsys) -> None:

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.volume import compare_volume, draw_volume, log_volumes
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.manifold.body_layer import BodyLayer
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+from geodesic_motion_ros.manifold.body_layer import EPSILON
+from geodesic_motion_ros.manifold.joint_training import TOOL_AXES, JointTrainingSettings
+from geodesic_motion_ros.robot.body_points import BodyPoints, body_point_jacobians, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
 
 #: Two latent dimensions: a graph of 100 x 100 nodes stands at once.
@@ -25,10 +25,17 @@ SMALL = JointTrainingSettings(
 
 
 def test_the_volume_of_a_posture_is_that_of_the_learning() -> None:
+    """Of the metric's points and three that tell how the tool is turned; the Jacobians are of the kernels here."""
     robot, metric = Robot.panda(), JointMetricSettings()
     configurations = robot.sample(50, np.random.default_rng(0))
-    learned = BodyLayer(robot, metric.body_points(robot)).log_volume(torch.tensor(configurations))
-    np.testing.assert_allclose(log_volumes(configurations, robot, metric), learned.numpy(), atol=1e-9)
+    beside = {robot.tool_link: (TOOL_AXES * np.eye(3)).tolist()}
+    body = BodyPoints.of(robot, points_along_links(robot, metric.point_spacing) | beside)
+    jacobians = body_point_jacobians(configurations, body.frames, body.offsets, robot.chain)
+    stacked = jacobians.reshape(len(jacobians), -1, 7)
+    gram = stacked.transpose(0, 2, 1) @ stacked + EPSILON**2 * np.eye(7)
+    np.testing.assert_allclose(
+        log_volumes(configurations, robot, metric), 0.5 * np.linalg.slogdet(gram)[1], atol=1e-6
+    )
 
 
 def test_a_strong_term_makes_the_body_move_less(reach_demonstrations: JointDemonstrations, tmp_path: Path) -> None:

@@ -61,6 +61,20 @@ def test_the_volume_term_takes_part_where_it_is_asked_for(configurations, learne
     assert not torch.equal(other[name], learned[name])
 
 
+def test_the_papers_schedule_learns_means_and_sigma_together(configurations) -> None:
+    """Without sigma in the bound, or with a body that counts, the same seed gives other means."""
+    paper = replace(
+        JointTrainingSettings.paper(), steps=40, batch=64, hidden=(24, 16), samples=40, kernels=30, volume_weight=0.0
+    )
+    together = weights(configurations, paper)
+    name = "decoder.perceptron.layers.0.weight"
+    settled = weights(configurations, replace(paper, schedule="two_stage"))
+    assert together["decoder.inverse_sigma.raw_weights"].abs().max() > 0.0
+    assert not torch.equal(together[name], settled[name])
+    assert not torch.equal(together[name], weights(configurations, replace(paper, body_sigma=0.003))[name])
+    assert not torch.equal(together[name], weights(configurations, replace(paper, volume_weight=1.0))[name])
+
+
 def test_canonical_demonstrations_and_their_blends_are_learned(reach_demonstrations, configurations) -> None:
     assert configurations.shape == (8 * (1 + IN_NO_TIME.blends), 40, 7)
     np.testing.assert_allclose(configurations[:, 0] - configurations[0, 0], 0.0, atol=1e-6)
@@ -109,6 +123,7 @@ def test_the_threshold_of_energy_is_that_of_ways_along_the_demonstrations(reach_
     ("changes", "words"),
     [
         ({"sheet": "flat"}, "sheet is 'flat'; it must be one of canonical, raw"),
+        ({"schedule": "paper"}, "schedule is 'paper'; it must be one of two_stage, joint"),
         ({"latent_dimension": 6}, "latent_dimension is 6; configurations are learned in 2 to 5"),
         ({"hidden": (10,)}, "hidden has 1 layers"),
         ({"steps": 0}, "must be positive and finite: steps"),
