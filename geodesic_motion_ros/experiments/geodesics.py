@@ -6,7 +6,7 @@ straight line            in the latent space; no geodesic, the beginning of the 
 gradient, from line      cubic spline bent by gradient descent, begun as the straight line
 gradient, from graph     the same, begun as the path on the densest graph
 graph NxN, 8 or 16       polyline of the shortest path on a regular grid with 8 or 16 neighbours a node
-   ..., cubic spline     a cubic spline through every node of that path; the paper fits one by least squares instead
+   ..., cubic spline     a cubic spline of 10 coefficients fitted to that path by least squares, as in the paper
    ..., smoothed         the planner's smoothing of that path, for skills of the tool
    ..., refined          the planner's continuous refinement of that path, for skills of the whole arm
 
@@ -30,12 +30,12 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
 from geodesic_motion_ros.experiments.metric_graph import metric_tensors
+from geodesic_motion_ros.fitted_spline import fitted_spline
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.metric_field import MetricField, packed_tensors
 from geodesic_motion_ros.graph.node_body import NodeBody
@@ -55,6 +55,10 @@ from geodesic_motion_ros.tables import text_table
 
 #: Points at which the length of every curve is measured.
 DENSE = 2000
+#: Ends closer than this share of a grid step are the same.
+_SAME_ENDS = 0.1
+#: Of the splines.
+COEFFICIENTS = 10
 #: Samples per grid step and their smoothing in the latent space, as the planner begins with.
 _SAMPLES_PER_STEP, _SMOOTHING_WIDTH = 1.0, 1.5
 GRAPHS = ((50, 8), (50, 16), (100, 8), (100, 16))
@@ -125,8 +129,8 @@ class GeodesicsReport:
         rows = [[method, *figures.values()] for method, figures in self.summary().items()]
         notes = (
             "length: Riemannian, mean over pairs; over shortest: mean ratio to the shortest curve of the same pair",
-            "cubic spline: through every node, not fitted by least squares as in the paper",
-            "on a canonical sheet all demonstrations have the same latent ends: all pairs are one",
+            f"cubic spline: {COEFFICIENTS} coefficients, fitted by least squares",
+            "pairs: with ends that differ; on a canonical sheet all demonstrations have the same ones",
         )
         return "\n".join([self.skill.name, text_table(head, rows, digits=3), *notes])
 
@@ -136,7 +140,7 @@ def compare_geodesics(skill: Skill, pairs: int = 5) -> GeodesicsReport:
 
     Parameters
     ----------
-    pairs : how many, at most one per demonstration.
+    pairs : how many, at most one per demonstration, and as many as have ends that differ.
 
     Raises
     ------
@@ -213,12 +217,18 @@ class _Graph:
 
 
 def _ends(skill: Skill, graph: _Graph, pairs: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Latent ends: start of one demonstration, goal of the next one, on one connected piece of the manifold."""
+    """Latent ends: start of one demonstration, goal of the next one, on one connected piece of the manifold.
+
+    Pairs whose ends are those of a pair before are left out: they would be the same measurement again.
+    """
     own = skill.codes[: max(1, len(skill.codes) // 2)] if skill.orientation_model == "two_cluster" else skill.codes
+    found: list[np.ndarray] = []
     for i in range(min(pairs, len(own))):
-        start, goal = own[i, 0], own[(i + 1) % len(own), -1]
-        if graph.connected(start, goal):
-            yield start, goal
+        ends = np.stack([own[i, 0], own[(i + 1) % len(own), -1]])
+        known = any(np.abs(ends - other).max() < _SAME_ENDS * graph.step for other in found)
+        if not known and graph.connected(*ends):
+            found.append(ends)
+            yield ends[0], ends[1]
 
 
 def _curves(
@@ -245,11 +255,7 @@ def _curves(
 
 
 def _spline(path: np.ndarray, graph: _Graph) -> np.ndarray:
-    """Natural cubic spline through the nodes (m, d), by the length of the polyline."""
-    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    kept = path[np.concatenate([[True], steps > 1e-9])]
-    length = np.concatenate([[0.0], np.cumsum(steps[steps > 1e-9])])
-    return CubicSpline(length, kept, bc_type="natural")(np.linspace(0.0, length[-1], DENSE))
+    return fitted_spline(path, COEFFICIENTS)(np.linspace(0.0, 1.0, DENSE))
 
 
 def _smoothed(path: np.ndarray, graph: _Graph) -> np.ndarray:

@@ -61,3 +61,9 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
 def test_no_pairs_are_refused(fan_skill) -> None:
     with pytest.raises(ParameterError, match="at least 1"):
         compare_geodesics(fan_skill, pairs=0)
+
+
+def test_ends_that_are_the_same_are_one_pair(canonical_fan_skill) -> None:
+    """On a canonical sheet all demonstrations begin in one point and end in another."""
+    report = compare_geodesics(canonical_fan_skill, pairs=3)
+    assert {row["pairs"] for row in report.summary().values()} == {1}
