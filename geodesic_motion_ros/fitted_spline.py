@@ -1,7 +1,7 @@
 """A cubic spline fitted to a path by least squares: how the paper makes a smooth curve of a shortest path on a graph.
 
 With few coefficients the spline does not follow the corners of the grid, which an interpolating one would
-(Beik-Mohammadi et al., IJRR 2023, section 5; C. de Boor, "A Practical Guide to Splines", ch. XIV).
+(Beik-Mohammadi et al., IJRR 2023; C. de Boor, "A Practical Guide to Splines", ch. XIV).
 """
 
 from __future__ import annotations

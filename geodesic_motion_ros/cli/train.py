@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 # Motions smaller than this [m] look like a wrong unit; an error of this share of the motion is no skill.
 _SMALL, _POOR = 0.02, 0.2
-#: Characters of what is said of the data.
+#: Most characters of --source and of --licence.
 _LONGEST_PROVENANCE = 2000
 _ROS_COLUMNS = ",".join((*POSITION, *QUATERNION[1:], QUATERNION[0]))
 _SPACES = {"task": train_task, "joint": train_joint}

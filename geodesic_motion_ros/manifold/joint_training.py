@@ -8,7 +8,6 @@ paper's, is learned from the demonstrations as they are.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, NamedTuple
@@ -27,7 +26,7 @@ from geodesic_motion_ros.manifold.densities import divergence_from_normal, gauss
 from geodesic_motion_ros.manifold.joint_calibration import assemble_joint_skill
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
 from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
-from geodesic_motion_ros.manifold.optimisation import Progress, descend, minimise, one_seeded_thread
+from geodesic_motion_ros.manifold.optimisation import Progress, check_settings, descend, minimise, one_seeded_thread
 from geodesic_motion_ros.manifold.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.robot.body_points import BodyPoints, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -98,7 +97,7 @@ class JointTrainingSettings:
     def paper(cls, **changes: Any) -> JointTrainingSettings:
         """The paper's model (section 4.2), with changes: nothing is taken out of the demonstrations, the change of
         variables to the body in the evidence lower bound without weights, both networks learned together, sigma as it
-        is in the metric.
+        is in the metric. Of the tool's orientation the metric has no block yet, which the paper's has.
         """
         metric = JointMetricSettings(sigma_weight=1.0, joint_weight=_NO_JOINT_WEIGHT)
         literal = {"sheet": "raw", "schedule": "joint", "kl_weight": 1.0, "volume_weight": 1.0, "body_sigma": 0.0}
@@ -110,16 +109,7 @@ class JointTrainingSettings:
                 raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
         if self.latent_dimension not in (2, 3, 4, 5):
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 to 5")
-        if len(self.hidden) != 2:
-            raise ParameterError(f"hidden has {len(self.hidden)} layers; the decoder format has exactly 2")
-        numbers = asdict(self) | {f"metric.{name}": value for name, value in asdict(self.metric).items()}
-        not_positive = [
-            name for name, value in numbers.items()
-            if isinstance(value, int | float)
-            and not (0.0 < value < math.inf or (value == 0.0 and name in _MAY_BE_ZERO))
-        ]  # fmt: skip
-        if not_positive:
-            raise ParameterError(f"training settings must be positive and finite: {', '.join(not_positive)}")
+        check_settings(self, self.hidden, self.metric, _MAY_BE_ZERO)
 
 
 #: How far beside the tool points are watched while learning [m]: a turn by a radian counts so much.

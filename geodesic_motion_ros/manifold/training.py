@@ -12,7 +12,6 @@ demonstrations as they are, with the prior N(0, 1).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, NamedTuple
@@ -29,7 +28,7 @@ from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.manifold.calibration import assemble_skill
 from geodesic_motion_ros.manifold.densities import divergence_from_normal
 from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
-from geodesic_motion_ros.manifold.optimisation import Progress, descend, minimise, one_seeded_thread
+from geodesic_motion_ros.manifold.optimisation import Progress, check_settings, descend, minimise, one_seeded_thread
 from geodesic_motion_ros.manifold.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.manifold.task_space import (
     FixedPrecisions,
@@ -141,16 +140,7 @@ class TrainingSettings:
             )
         if self.latent_dimension not in (2, 3):
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; poses are learned in 2 or 3")
-        if len(self.hidden) != 2:
-            raise ParameterError(f"hidden has {len(self.hidden)} layers; the decoder format has exactly 2")
-        numbers = asdict(self) | {f"metric.{name}": value for name, value in asdict(self.metric).items()}
-        not_positive = [
-            name for name, value in numbers.items()
-            if isinstance(value, int | float)
-            and not (0.0 < value < math.inf or (value == 0.0 and name in _MAY_BE_ZERO))
-        ]  # fmt: skip
-        if not_positive:
-            raise ParameterError(f"training settings must be positive and finite: {', '.join(not_positive)}")
+        check_settings(self, self.hidden, self.metric, _MAY_BE_ZERO)
 
 
 _MAY_BE_ZERO = {

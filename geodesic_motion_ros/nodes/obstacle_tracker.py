@@ -179,7 +179,7 @@ class ObstacleTracker:
         self._tracks: dict[str, dict[Key, _Track]] = {}
         # when the newest message arrived, and when the newest was taken
         self._heard: dict[str, tuple[float, float]] = {}
-        # required sources that have said goodbye: they must go on all the same
+        # required sources that have deleted their last obstacle: they must go on all the same
         self._inactive: set[str] = set()
         # why no message of a source could be used
         self._unusable: dict[str, str] = {}
@@ -206,7 +206,8 @@ class ObstacleTracker:
     def refuse(self, source: str, reason: str) -> None:
         """Note that a message of a source could not be used.
 
-        Where nothing was heard of it before, or it has said goodbye, it is unusable until a message can be used.
+        Where nothing was heard of it before, or it has deleted its last obstacle, it is unusable until a message can be
+        used.
         """
         if source not in self._heard or source in self._inactive:
             self._unusable[source] = reason
@@ -265,7 +266,7 @@ class ObstacleTracker:
         deleted = track is not None and not track.deleted and not track.order.overtaken(now - max(0.0, transit))
         if deleted:
             self._bury(track, now)
-        self._say_goodbye_when_empty(source)
+        self._deactivate_when_empty(source)
         return deleted
 
     def delete_all(self, source: str, now: float, namespace: str = "", transit: float = 0.0) -> int:
@@ -280,7 +281,7 @@ class ObstacleTracker:
         ]
         for track in doomed:
             self._bury(track, now)
-        self._say_goodbye_when_empty(source)
+        self._deactivate_when_empty(source)
         return len(doomed)
 
     def replace_cloud(
@@ -378,7 +379,7 @@ class ObstacleTracker:
         self._tracks.pop(source, None)
         if source == self._cloud_source:
             self._cloud, self._cloud_order = DistanceField.none(), _Order()
-        self._say_goodbye_when_empty(source)
+        self._deactivate_when_empty(source)
 
     def _bury(self, track: _Track, now: float) -> None:
         # A deleted key is remembered for a while, so that an overtaken ADD does not bring the obstacle back.
@@ -387,7 +388,7 @@ class ObstacleTracker:
         self._next_expiry = min(self._next_expiry, track.expires)
         self._changed()
 
-    def _say_goodbye_when_empty(self, source: str) -> None:
+    def _deactivate_when_empty(self, source: str) -> None:
         if all(track.deleted for track in self._tracks.get(source, {}).values()):
             if source in self._required:
                 self._inactive.add(source)

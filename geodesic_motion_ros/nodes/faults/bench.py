@@ -61,13 +61,15 @@ class Bench:
         # Compiled now, not while messages wait to be passed on.
         self._body.positions(self.robot, self.robot.ready[None])
         self.domain = domain
-        # Shared memory, which LOCALHOST always adds, is not what the nodes use by default.
-        self.environment = isolated_environment(domain) | {
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
-            "FASTRTPS_DEFAULT_PROFILES_FILE": str(find_shared("config/loopback.xml")),
-        }
-        if planner_on:
-            self.environment = isolated_environment(domain) | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+        # LOCALHOST would add shared memory, which the nodes do not use by default.
+        self.environment = isolated_environment(domain) | (
+            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+            if planner_on
+            else {
+                "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+                "FASTRTPS_DEFAULT_PROFILES_FILE": str(find_shared("config/loopback.xml")),
+            }
+        )
         self.folder = folder
         self.processes = Processes(folder, self.environment)
         self._planner_on = planner_on
