@@ -28,8 +28,13 @@ ORIENTATION_MODELS = {"task": ("two_cluster", "sign_blind"), "joint": ("none",)}
 #: What numbers of a metric may be, by the space. Points along the links that are closer than a centimetre are millions.
 METRIC_RANGES = {
     "task": {"sigma_weight": (0.0, 1e6)},
-    "joint": {"sigma_weight": (0.0, 1e6), "joint_weight": (1e-6, 1e3), "point_spacing": (0.01, 10.0)},
-}
+    "joint": {
+        "sigma_weight": (0.0, 1e6), "joint_weight": (1e-6, 1e3), "point_spacing": (0.01, 10.0),
+        "orientation_weight": (0.0, 1e3),
+    },
+}  # fmt: skip
+#: What skills of earlier releases lack, for which the default holds.
+_LATER = {"orientation_weight"}
 METRIC_CHOICES = {"task": {"orientation_scale": ("spread", "kappa")}, "joint": {}}
 #: A deviation of 10 m or 10 rad is that of no arm. Energies are squared lengths, of kappa too, which reaches 1e5.
 RANGES = {"sigma_support": (1e-9, 10.0), "energy_per_edge": (1e-12, 1e15)}
@@ -93,10 +98,10 @@ def _check_penalty(value: Any) -> None:
 def _check_metric(metric: Any, space: str) -> None:
     ranges, choices = METRIC_RANGES[space], METRIC_CHOICES[space]
     known = {*ranges, *choices}
-    if not isinstance(metric, dict) or set(metric) != known:
+    if not isinstance(metric, dict) or not known - _LATER <= set(metric) <= known:
         raise SkillError(f"metric is {brief(metric)}; it must hold {', '.join(sorted(known))}")
-    for name, bounds in ranges.items():
-        _check_number(f"metric.{name}", metric[name], *bounds)
+    for name in ranges.keys() & metric.keys():
+        _check_number(f"metric.{name}", metric[name], *ranges[name])
     for name, allowed in choices.items():
         _check_choice(f"metric.{name}", metric[name], allowed)
 

@@ -3,12 +3,14 @@
 The squared length of an edge from theta to theta' is measured where the robot's body is, on K body points p_k, with a
 small joint-space term, without which motion that leaves all body points in place would cost nothing:
 
-    w_e^2 = 1/K sum_k m_k (|dp_k|^2 + s^2 |J_k dsigma|^2) + g^2 (|dtheta|^2 + s^2 |dsigma|^2)
+    w_e^2 = 1/K [sum_k m_k (|dp_k|^2 + s^2 |J_k dsigma|^2) + h^2 (|dq|^2 + s^2 |J_q dsigma|^2)]
+            + g^2 (|dtheta|^2 + s^2 |dsigma|^2)
 
-with s the sigma_weight and g the joint_weight. It is the chord form of the pull-back metric M = (J_fk J_mu)^T A
-(J_fk J_mu) + (J_fk J_sigma)^T A (J_fk J_sigma) + ... of Beik-Mohammadi et al. (IJRR 2023, section 5), with J_fk the
-Jacobian of the body points, J_k that of one of them. Sigma's part, which makes the walls between tubes, is summed over
-several pieces of every edge, so that a thin wall between two cheap nodes is not stepped over.
+with s the sigma_weight, h the orientation_weight of the tool's unit quaternion q, and g the joint_weight. It is the
+chord form of the pull-back metric M = (J_fk J_mu)^T A (J_fk J_mu) + (J_fk J_sigma)^T A (J_fk J_sigma) + ... of
+Beik-Mohammadi et al. (IJRR 2023, section 5), with J_fk the Jacobian of the body points and of q, J_k and J_q those of
+one of them. Sigma's part, which makes the walls between tubes, is summed over several pieces of every edge, so that a
+thin wall between two cheap nodes is not stepped over.
 """
 
 from __future__ import annotations
@@ -32,8 +34,10 @@ from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.robot.body_points import (
     BodyPoints,
     body_point_jacobians,
+    end_effector_poses,
     place_body_points,
     points_along_links,
+    tool_orientation_jacobians,
 )
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -49,12 +53,14 @@ class JointMetricSettings:
     ----------
     sigma_weight : weight of the standard deviations beside the means (the paper: 1).
     joint_weight : what a radian of a joint counts beside the body points' motion [m].
+    orientation_weight : what the tool's unit quaternion counts beside the motion of one body point [m]; the paper: 1.
     point_spacing : body points are the joints, the tool, and points between on links that are longer than this [m].
     """
 
     sigma_weight: float = 10.0
     joint_weight: float = 0.05
     point_spacing: float = 0.2
+    orientation_weight: float = 0.0
 
     def body_points(self, robot: Robot) -> BodyPoints:
         """The robot's body points that the metric sees."""
@@ -87,7 +93,8 @@ class ConfigurationGraph(LatentGraph):
         first, second = self.edges.T
         factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
         turned, shares = _chord_energies(self.edges, configurations, points, self._sigma_shares, factor)
-        fixed = factor * (self.metric.joint_weight**2 * turned + self._sigma_fixed)
+        tool = self._orientation_scale * _tool_chords(self.edges, configurations, self.robot)
+        fixed = factor * (self.metric.joint_weight**2 * turned + tool + self._sigma_fixed)
         return CarriedConfigurations(
             edges=self.edges,
             body_points=points,
@@ -105,6 +112,10 @@ class ConfigurationGraph(LatentGraph):
         """
         return MetricField.of(self.grid, self._number, self._tensors, ridges, strength)
 
+    @property
+    def _orientation_scale(self) -> float:
+        return self.metric.orientation_weight**2 / len(self.body)
+
     @cached_property
     def _tensors(self) -> np.ndarray:
         """Metric tensors of the nodes (n, 1 + K, T), in units of the spacing, as of `MetricField`."""
@@ -119,7 +130,9 @@ class ConfigurationGraph(LatentGraph):
         shares = np.stack(
             [_pulled_back(jacobians[:, k] @ slopes) / len(self.body) for k in range(len(self.body))], axis=1
         )
-        return packed_tensors(shares, self.metric.joint_weight**2 * _pulled_back(slopes))
+        tool = tool_orientation_jacobians(self.configurations, self.robot) @ slopes
+        alone = self.metric.joint_weight**2 * _pulled_back(slopes) + self._orientation_scale * _pulled_back(tool)
+        return packed_tensors(shares, alone)
 
     def nearest_node(self, configuration: np.ndarray, component: int, sigma_limit: float) -> int | None:
         """Node of a connected piece closest to a configuration (eta,); None where none is trusted.
@@ -181,10 +194,14 @@ def build_configuration_graph(
     sigma_fixed = metric.joint_weight**2 * np.sum(steps**2, axis=(1, 2))
     jacobians = body_point_jacobians(configurations, body.frames, body.offsets, robot.chain)
     sigma_shares = _projected_energies(edges, jacobians, steps)
+    orientation_scale = metric.orientation_weight**2 / len(body)
+    turning = tool_orientation_jacobians(configurations, robot)[:, None]
+    sigma_fixed += orientation_scale * _projected_energies(edges, turning, steps)[:, 0]
     if math.isfinite(energy_limit):
         points = place_body_points(configurations, body.frames, body.offsets, robot.chain)
         turned, shares = _chord_energies(edges, configurations, points, sigma_shares, np.ones(len(edges)))
-        energy = metric.joint_weight**2 * turned + sigma_fixed + shares.sum(axis=1)
+        tool = orientation_scale * _tool_chords(edges, configurations, robot)
+        energy = metric.joint_weight**2 * turned + tool + sigma_fixed + shares.sum(axis=1)
         usable = energy <= energy_limit
         edges, sigma_fixed, sigma_shares = edges[usable], sigma_fixed[usable], sigma_shares[usable]
     progress_map = _progress_map(codes, grid, ridges, kept)
@@ -232,6 +249,13 @@ def _supported(edges: np.ndarray, sigma_chain: np.ndarray, sigma_limit: float) -
     return edges[usable], sigma_chain[usable]
 
 
+def _tool_chords(edges: np.ndarray, configurations: np.ndarray, robot: Robot) -> np.ndarray:
+    """|dq|^2 (m,) of the tool's unit quaternion between the ends of every edge, whatever its sign."""
+    first, second = end_effector_poses(configurations, robot.chain)[1][edges.T]
+    sign = np.where(np.sum(first * second, axis=1) < 0.0, -1.0, 1.0)
+    return np.sum((second - sign[:, None] * first) ** 2, axis=1)
+
+
 def _pulled_back(slopes: np.ndarray) -> np.ndarray:
     """J^T J + S^T S (n, d, d) of derivatives (n, r, 2 d) of what is decoded, J, and of its sigma, S."""
     d = slopes.shape[2] // 2
@@ -240,7 +264,7 @@ def _pulled_back(slopes: np.ndarray) -> np.ndarray:
 
 @numba.njit(cache=True, nogil=True)
 def _projected_energies(edges: np.ndarray, jacobians: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """sum_j |J_k steps_j|^2 (m, K) for steps (m, P, eta), J_k the mean of the Jacobians (n, K, 3, eta) at both ends."""
+    """sum_j |J_k steps_j|^2 (m, K) for steps (m, P, eta), J_k the mean of the Jacobians (n, K, r, eta) at both ends."""
     count, joints = jacobians.shape[1], jacobians.shape[3]
     energies = np.zeros((len(edges), count))
     for e in range(len(edges)):

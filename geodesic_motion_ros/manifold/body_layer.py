@@ -25,7 +25,10 @@ class BodyLayer(nn.Module):
     from the joints' axes: a x (p - o) for a revolute joint, a for a prismatic one.
     """
 
-    def __init__(self, robot: Robot, body: BodyPoints, epsilon: float = EPSILON) -> None:
+    def __init__(
+        self, robot: Robot, body: BodyPoints, orientation_weight: float = 0.0, epsilon: float = EPSILON
+    ) -> None:
+        """orientation_weight : what the tool's unit quaternion counts in J beside the motion of one point [m]."""
         super().__init__()
         self._chain = pytorch_kinematics.build_serial_chain_from_urdf(
             robot.urdf.read_bytes(), robot.tool_link, robot.base_link
@@ -33,7 +36,7 @@ class BodyLayer(nn.Module):
         _, _, axes, joint_index, prismatic = robot.chain
         moving = np.flatnonzero(joint_index >= 0)
         self._link_names = robot.link_names
-        self.epsilon = epsilon
+        self.epsilon, self.orientation_weight = epsilon, orientation_weight
         # Row of a joint's frame among the links: that of its child.
         self.register_buffer("joint_rows", torch.tensor(moving + 1))
         self.register_buffer("axes", torch.tensor(axes[moving]))
@@ -49,12 +52,25 @@ class BodyLayer(nn.Module):
 
     def jacobians(self, configurations: Tensor) -> Tensor:
         """Jacobians (B, K, 3, eta) [m/rad] of the body points at configurations (B, eta) [rad]."""
-        rotations, origins = self._link_frames(configurations)
-        axes = torch.einsum("bjac,jc->bja", rotations[:, self.joint_rows], self.axes.to(configurations))[:, None]
+        return self._jacobians(*self._link_frames(configurations))
+
+    def orientation_jacobians(self, configurations: Tensor) -> Tensor:
+        """Jacobians (B, 3, eta) [1/rad] of the tool's unit quaternion, half of its angular ones: |dq| = |omega| / 2."""
+        return self._orientation_jacobians(self._link_frames(configurations)[0])
+
+    def _jacobians(self, rotations: Tensor, origins: Tensor) -> Tensor:
         arms = self._placed(rotations, origins)[:, :, None] - origins[:, None, self.joint_rows]
-        axes = axes.expand_as(arms)
+        axes = self._joint_axes(rotations)[:, None].expand_as(arms)
         columns = torch.where(self.prismatic[:, None], axes, torch.linalg.cross(axes, arms))
         return (columns * self.moves[None, :, :, None]).transpose(-1, -2)
+
+    def _orientation_jacobians(self, rotations: Tensor) -> Tensor:
+        axes = self._joint_axes(rotations)
+        return 0.5 * torch.where(self.prismatic[:, None], torch.zeros_like(axes), axes).transpose(-1, -2)
+
+    def _joint_axes(self, rotations: Tensor) -> Tensor:
+        """Directions of the joints' axes in the base frame, (B, eta, 3)."""
+        return torch.einsum("bjac,jc->bja", rotations[:, self.joint_rows], self.axes.to(rotations))
 
     def _placed(self, rotations: Tensor, origins: Tensor) -> Tensor:
         turned = torch.einsum("bkij,kj->bki", rotations[:, self.frames], self.offsets.to(rotations))
@@ -62,7 +78,11 @@ class BodyLayer(nn.Module):
 
     def log_volume(self, configurations: Tensor) -> Tensor:
         """log V (B,) at configurations (B, eta)."""
-        stacked = self.jacobians(configurations).flatten(1, 2)
+        rotations, origins = self._link_frames(configurations)
+        stacked = self._jacobians(rotations, origins).flatten(1, 2)
+        if self.orientation_weight > 0.0:
+            turning = self.orientation_weight * self._orientation_jacobians(rotations)
+            stacked = torch.cat([stacked, turning], dim=1)
         identity = torch.eye(stacked.shape[-1], dtype=stacked.dtype)
         return 0.5 * torch.logdet(stacked.transpose(1, 2) @ stacked + self.epsilon**2 * identity)
 

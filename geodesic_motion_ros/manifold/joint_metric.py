@@ -14,10 +14,12 @@ from geodesic_motion_ros.manifold.joint_space import JointDecoderNetwork
 
 @dataclass(frozen=True)
 class JointPullbackMetric:
-    """M = 1/K sum_k (|J_k J_mu|^2 + s^2 |J_k J_sigma|^2) + g^2 (|J_mu|^2 + s^2 |J_sigma|^2), with |J|^2 = J^T J.
+    """M = 1/K [sum_k (|J_k J_mu|^2 + s^2 |J_k J_sigma|^2) + h^2 (|J_q J_mu|^2 + s^2 |J_q J_sigma|^2)]
+    + g^2 (|J_mu|^2 + s^2 |J_sigma|^2), with |J|^2 = J^T J.
 
-    J_k is the Jacobian of body point k at mu(z), s the sigma_weight and g the joint_weight: the metric tensor of
-    `graph.configuration_graph`, without obstacles, for a decoder that can be differentiated.
+    J_k is the Jacobian of body point k at mu(z), J_q that of the tool's unit quaternion, s the sigma_weight, h the
+    orientation_weight and g the joint_weight: the metric tensor of `graph.configuration_graph`, without obstacles, for
+    a decoder that can be differentiated.
 
     Attributes
     ----------
@@ -39,7 +41,10 @@ class JointPullbackMetric:
         """Metric tensors (n, d, d) at latent points (n, d)."""
         slopes = torch.func.vmap(torch.func.jacfwd(self.features))(latent)
         slopes = slopes.unflatten(1, (2, -1))
-        jacobians = self.body.jacobians(self.decoder.means(latent))
+        means = self.decoder.means(latent)
+        jacobians = self.body.jacobians(means)
         moved = torch.einsum("nkaj,npjd->nkpad", jacobians, slopes) / jacobians.shape[1] ** 0.5
-        turned = self.settings.joint_weight * slopes
-        return sum(torch.einsum("nrd,nre->nde", part.flatten(1, -2), part.flatten(1, -2)) for part in (moved, turned))
+        tool = torch.einsum("naj,npjd->npad", self.body.orientation_jacobians(means), slopes)
+        tool = self.settings.orientation_weight / jacobians.shape[1] ** 0.5 * tool
+        parts = (moved, tool, self.settings.joint_weight * slopes)
+        return sum(torch.einsum("nrd,nre->nde", part.flatten(1, -2), part.flatten(1, -2)) for part in parts)

@@ -96,10 +96,10 @@ class JointTrainingSettings:
     @classmethod
     def paper(cls, **changes: Any) -> JointTrainingSettings:
         """The paper's model (section 4.2), with changes: nothing is taken out of the demonstrations, the change of
-        variables to the body in the evidence lower bound without weights, both networks learned together, sigma as it
-        is in the metric. Of the tool's orientation the metric has no block yet, which the paper's has.
+        variables to the body in the evidence lower bound without weights, both networks learned together, sigma and the
+        tool's orientation as they are in the metric.
         """
-        metric = JointMetricSettings(sigma_weight=1.0, joint_weight=_NO_JOINT_WEIGHT)
+        metric = JointMetricSettings(sigma_weight=1.0, joint_weight=_NO_JOINT_WEIGHT, orientation_weight=1.0)
         literal = {"sheet": "raw", "schedule": "joint", "kl_weight": 1.0, "volume_weight": 1.0, "body_sigma": 0.0}
         return cls(**(literal | {"metric": metric} | changes))
 
@@ -114,10 +114,11 @@ class JointTrainingSettings:
 
 #: How far beside the tool points are watched while learning [m]: a turn by a radian counts so much.
 TOOL_AXES = 0.1
-#: The paper has no term of the joints alone; so little keeps steps from being free that move no body point [m].
-_NO_JOINT_WEIGHT = 1e-3
+#: The paper has no term of the joints alone; so little is none, and keeps every tensor positive [m].
+_NO_JOINT_WEIGHT = 1e-6
 _MAY_BE_ZERO = {
     "seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "body_sigma", "margin", "metric.sigma_weight",
+    "metric.orientation_weight",
 }  # fmt: skip
 
 
@@ -181,7 +182,11 @@ def training_configurations(
 
 
 def body_layer(robot: Robot, metric: JointMetricSettings) -> BodyLayer:
-    """The metric's body points, and three beside the tool, which tell how it is turned."""
+    """The metric's body points and the tool's orientation; three points beside the tool tell how it is turned where the
+    metric does not know.
+    """
+    if metric.orientation_weight > 0.0:
+        return BodyLayer(robot, metric.body_points(robot), metric.orientation_weight)
     beside = {robot.tool_link: (TOOL_AXES * np.eye(3)).tolist()}
     return BodyLayer(robot, BodyPoints.of(robot, points_along_links(robot, metric.point_spacing) | beside))
 

@@ -301,6 +301,18 @@ def body_point_jacobians(configurations, frames, offsets, chain):
     return jacobians
 
 
+def tool_orientation_jacobians(configurations: np.ndarray, robot: Robot) -> np.ndarray:
+    """J_q R (n, 9, eta) [1/rad] of the tool's unit quaternion at configurations (n, eta), up to a fixed isometry R.
+
+    |J_q dtheta|^2 is a quarter of the squared turn |omega|^2, and the tips of a unit triad fixed to the tool move,
+    beside its origin, by 2 |omega|^2 together: so these are the tips' Jacobians over sqrt(8).
+    """
+    triad = np.concatenate([np.zeros((1, 3)), np.eye(3)])
+    tool = np.full(4, len(robot.link_names) - 1)
+    origin, tips = np.split(body_point_jacobians(configurations, tool, triad, robot.chain), [1], axis=1)
+    return ((tips - origin) / math.sqrt(8.0)).reshape(len(configurations), 9, -1)
+
+
 @numba.njit((MATRIX, CHAIN), cache=True, nogil=True)
 def end_effector_poses(configurations, chain):
     """Tool positions (n, 3) [m] and unit quaternions (n, 4), scalar first, w >= 0, of configurations (n, eta).

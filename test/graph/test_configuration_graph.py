@@ -45,19 +45,22 @@ def pulled_back_metric(decoder: JointSpaceDecoder, metric: JointMetricSettings, 
         return 1.0 / (weights["sigma_weights"] @ kernels + weights["sigma_floor"])
 
     kinematics = BodyLayer(ROBOT, metric.body_points(ROBOT))
-    body = kinematics.jacobians(torch.stack([means(z) for z in points]))
+    configurations = torch.stack([means(z) for z in points])
+    body, turning = kinematics.jacobians(configurations), kinematics.orientation_jacobians(configurations)
     tensor = torch.zeros(len(latent), latent.shape[1], latent.shape[1], dtype=torch.double)
     for scale, function in ((1.0, means), (metric.sigma_weight, sigma)):
         columns = scale * torch.stack([torch.func.jacfwd(function)(z) for z in points])
         moved = torch.einsum("nkaj,njd->nkad", body, columns)
         tensor += torch.einsum("nkad,nkae->nde", moved, moved) / body.shape[1]
         tensor += metric.joint_weight**2 * torch.einsum("njd,nje->nde", columns, columns)
+        turned = metric.orientation_weight * turning @ columns
+        tensor += torch.einsum("nad,nae->nde", turned, turned) / body.shape[1]
     return tensor
 
 
-@pytest.mark.parametrize("sigma_weight", [0.0, 10.0])
-def test_squared_lengths_are_those_of_the_pull_back_metric(reach_skill, sigma_weight) -> None:
-    metric = JointMetricSettings(sigma_weight=sigma_weight)
+@pytest.mark.parametrize(("sigma_weight", "orientation_weight"), [(0.0, 0.0), (10.0, 0.0), (1.0, 1.0)])
+def test_squared_lengths_are_those_of_the_pull_back_metric(reach_skill, sigma_weight, orientation_weight) -> None:
+    metric = JointMetricSettings(sigma_weight=sigma_weight, orientation_weight=orientation_weight)
     # Beside the demonstrations, where sigma has a slope.
     graph = small_graph(reach_skill, reach_skill.codes[1, 40] + 0.08, 0.01, metric)
     still = graph.transported(JointOffsets.none(ROBOT))
@@ -88,8 +91,9 @@ def test_a_conformal_factor_stretches_squared_lengths_and_leaves_energies(reach_
     np.testing.assert_array_equal(twice.configurations, graph.configurations)
 
 
-def test_the_field_between_the_nodes_is_the_pull_back_metric_at_them(reach_skill) -> None:
-    metric = JointMetricSettings()
+@pytest.mark.parametrize("orientation_weight", [0.0, 1.0])
+def test_the_field_between_the_nodes_is_the_pull_back_metric_at_them(reach_skill, orientation_weight) -> None:
+    metric = JointMetricSettings(orientation_weight=orientation_weight)
     graph = small_graph(reach_skill, reach_skill.codes[0, 50], 0.02, metric)
     tensors = pulled_back_metric(graph.decoder, metric, graph.latent).numpy()
     field = graph.field(None, 1.0)

@@ -12,6 +12,7 @@ from geodesic_motion_ros.robot.body_points import (
     body_point_jacobians,
     place_body_points,
     points_along_links,
+    tool_orientation_jacobians,
 )
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -49,9 +50,22 @@ def test_jacobians_are_the_points_finite_differences(layer, configurations) -> N
         np.testing.assert_allclose(jacobians[..., joint], (after - before) / (2.0 * step), atol=1e-6)
 
 
-def test_log_volume_is_that_of_the_stacked_jacobian(layer, configurations) -> None:
+def test_orientation_jacobians_are_half_of_the_angular_ones(layer, configurations) -> None:
+    expected = 0.5 * np.stack([ROBOT.jacobian(configuration)[3:] for configuration in configurations])
+    found = layer.orientation_jacobians(torch.tensor(configurations)).numpy()
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    # The compiled ones are another isometric form of the same.
+    compiled = tool_orientation_jacobians(configurations, ROBOT)
+    grams = [part.transpose(0, 2, 1) @ part for part in (compiled, expected)]
+    np.testing.assert_allclose(*grams, atol=1e-9)
+
+
+@pytest.mark.parametrize("orientation_weight", [0.0, 0.7])
+def test_log_volume_is_that_of_the_stacked_jacobian(configurations, orientation_weight) -> None:
+    layer = BodyLayer(ROBOT, BODY, orientation_weight)
     jacobians = body_point_jacobians(configurations, BODY.frames, BODY.offsets, ROBOT.chain)
-    stacked = jacobians.reshape(len(configurations), -1, 7)
+    turning = orientation_weight * tool_orientation_jacobians(configurations, ROBOT)
+    stacked = np.concatenate([jacobians.reshape(len(configurations), -1, 7), turning], axis=1)
     gram = np.einsum("nij,nik->njk", stacked, stacked) + layer.epsilon**2 * np.eye(7)
     volumes = layer.log_volume(torch.tensor(configurations)).numpy()
     np.testing.assert_allclose(volumes, 0.5 * np.linalg.slogdet(gram)[1], atol=1e-6)
