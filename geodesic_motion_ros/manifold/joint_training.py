@@ -268,6 +268,8 @@ def _fit_jointly(
     first = max(1, settings.steps // 2)
     _ascend(vae, data, _fixed(data, settings), first, "codes settle", settings, body, progress)
     network = vae.decoder.inverse_sigma = _basis_network(vae, data, settings)
+    # Sigma begins as the codes have settled under: a jump of the likelihood would throw them about.
+    network.start_level(vae.encoder(data.configurations)[0])
     _ascend(vae, data, network, settings.steps - first, "joint", settings, body, progress)
 
 

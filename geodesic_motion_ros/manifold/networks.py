@@ -71,6 +71,12 @@ class RadialBasisNetwork(nn.Module):
         with torch.no_grad():
             self.raw_weights.copy_(_inverse_softplus(positive / self.scale[:, None]))
 
+    def start_level(self, latent: Tensor) -> None:
+        """Equal weights by which the values at latent points (n, d) are `scale` on average, however kernels overlap."""
+        with torch.no_grad():
+            level = (self.scale - self.floor) / self.activations(latent).sum(-1).mean()
+            self.weights = level[:, None].expand_as(self.raw_weights)
+
     def activations(self, latent: Tensor) -> Tensor:
         """exp(-rate |z - c_k|^2), (..., K), at latent points (..., d)."""
         return torch.exp(-self.rate * ((latent[..., None, :] - self.centres) ** 2).sum(-1))

@@ -308,7 +308,11 @@ def _fit_jointly(vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings, pr
     first = max(1, settings.steps // 2)
     fixed = FixedPrecisions(settings.fixed_sigma, settings.fixed_kappa)
     _ascend(vae, poses, fixed, first, "codes settle", settings, progress)
-    vae.decoder.set_precisions(*_basis_networks(vae, poses, settings))
+    networks = _basis_networks(vae, poses, settings)
+    for network in networks:
+        # Both begin as the codes have settled under: a jump of the likelihood would throw them about.
+        network.start_level(vae.encoder(poses.positions, poses.quaternions)[0])
+    vae.decoder.set_precisions(*networks)
     _ascend(vae, poses, vae.decoder.precisions, settings.steps - first, "joint", settings, progress)
 
 

@@ -265,6 +265,11 @@ def _request_pose(request: GetPlan.Request, end: str, frame: str, lookup: FrameL
 def _check_settings(values: Mapping[str, Value]) -> None:
     if np.linalg.norm(values["task_frame"][3:]) < 1e-6:
         raise ParameterError("parameter task_frame ends with a zero quaternion: no rotation is 1.0, 0.0, 0.0, 0.0")
+    if values["method"] == "paper" and not values["simulation_only"]:
+        raise ParameterError(
+            "parameter method = 'paper': it certifies nothing and may lead through obstacles; set simulation_only to "
+            "true where no real arm hears the commands, or leave method at 'certified'"
+        )
     try:
         task_settings(values)
         joint_settings(values)

@@ -14,23 +14,26 @@ from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
+from geodesic_motion_ros.nodes.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycle
+from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.verdict import Verdict
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 _SEARCH = (
     "avoidance", "obstacle_margin", "ambient_strength", "ambient_width_ratio", "ambient_law", "cost_cap",
     "ridge_strength", "query_conditioning", "prediction",
 )  # fmt: skip
 _TASK = ("maximum_offset", "maximum_offset_angle", "speed", "angular_speed", "acceleration")
+_PAPER = ("speed", "angular_speed", "speed_scale")
 _JOINT = ("maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius", "refine")
 
 
@@ -190,8 +193,66 @@ class JointSpaceKind(SkillKind):
         self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
 
 
+class PaperKind(SkillKind):
+    """The paper's planner, for skills of either space."""
+
+    may_be_early = False
+
+    def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
+        super().__init__()
+        self.planner = PaperPlanner(skill, PaperSettings(values["ambient_strength"], *(values[n] for n in _PAPER)))
+        self.robot = self.planner.robot
+        common = self.planner, values["state_timeout"], values["resume_timeout"]
+        offsets = values["maximum_offset"], values["maximum_offset_angle"]
+        self._of_joints = skill.space == "joint"
+        self.cycle: PaperCycle
+        if self._of_joints:
+            self.command_topic, self.subject = "joint_trajectory", "the whole arm, by the paper's planner"
+            self.cycle = PaperJointCycle(
+                *common, tracking_tolerance=values["tracking_tolerance_joint"], offsets=offsets, background=self._goals
+            )
+        else:
+            self.command_topic, self.subject = "target_pose", "the tool, by the paper's planner"
+            tolerances = {name: values[name] for name in ("tracking_tolerance", "tracking_tolerance_angle")}
+            self.cycle = PaperPoseCycle(*common, **tolerances, offsets=offsets, background=self._goals)
+
+    def place(self, joints: np.ndarray) -> Any:
+        return joints if self._of_joints else self.robot.forward(joints)
+
+    def send(self, outputs: PlannerOutputs, output: CycleOutput) -> None:
+        if output.trajectory is not None:
+            outputs.trajectory(self.robot.joint_names, *output.trajectory)
+        if output.commanded is not None:
+            outputs.target(*output.commanded)
+
+    def tool_poses(self, reference: Any) -> Pose:
+        return self.planner.tool_poses(reference)
+
+    def body(self, output: CycleOutput) -> np.ndarray:
+        return np.zeros((0, 4))  # the paper's metric sees points
+
+    def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
+        return self.tool_poses(self.planner.plan(start, goal)), Verdict(VerdictCode.OK, CAUTION)
+
+    def view(self, skill: Skill, size: int) -> LatentPicture | None:
+        if skill.decoder.latent_dimension != 2 or self._of_joints:
+            return None
+        return LatentView(skill, self.planner.graph, np.zeros((1, 3)), np.zeros(1), size)
+
+    def update(self, values: Mapping[str, Value]) -> None:
+        self.cycle.state_timeout = values["state_timeout"]
+        self.cycle.resume_timeout = values["resume_timeout"]
+        if isinstance(self.cycle, PaperPoseCycle):
+            self.cycle.tracking_tolerance = values["tracking_tolerance"]
+            self.cycle.tracking_tolerance_angle = values["tracking_tolerance_angle"]
+        elif isinstance(self.cycle, PaperJointCycle):
+            self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
+
+
 def kind_of(skill: Skill, values: Mapping[str, Value]) -> SkillKind:
     """How the node treats a skill, with the values of its parameters."""
+    if values["method"] == "paper":
+        return PaperKind(skill, values)
     return (JointSpaceKind if skill.space == "joint" else TaskSpaceKind)(skill, values)
 
 

@@ -1,0 +1,212 @@
+"""Exact shortest paths on the dense graph under the paper's ambient metric, a piece at a time.
+
+An obstacle of radius r at o stretches space around a body point p by (IJRR 2023, section 6)
+
+    m(p) = 1 + zeta sum_o exp(-|p - o|^2 / (2 r^2))
+
+and the weight of an edge e = (u, v) from what it was to
+
+    w_e = sqrt(b_e + sum_k (m_k(u) + m_k(v)) / 2 * a_ek).
+
+The stretch of a node is worked out where the search first reaches it, for the present obstacles, and nothing of it is
+kept: weights are those of a graph that was reset and reweighted as a whole. As every m is at least 1, the obstacle-free
+cost to the target never overestimates and is consistent: A* with it finds what Dijkstra's algorithm finds.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.deadline import NEVER, Deadline
+from geodesic_motion_ros.graph.grid import Adjacency
+from geodesic_motion_ros.graph.heap import TAKEN, WAITING, put, take
+from geodesic_motion_ros.graph.shortest_path import cost_field, edge_weight
+from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
+
+#: Nodes that are settled between two looks at the time: a fraction of a millisecond.
+_BATCH = 256
+
+
+class Front(NamedTuple):
+    """What a search has found out of n nodes; one array an attribute, as of `heap` and `shortest_path`.
+
+    factors : (n, K) m_k of the nodes that are `known` (n,).
+    """
+
+    cost: np.ndarray
+    predecessor: np.ndarray
+    keys: np.ndarray
+    items: np.ndarray
+    place: np.ndarray
+    factors: np.ndarray
+    known: np.ndarray
+
+    @classmethod
+    def of(cls, nodes: int, points: int) -> Front:
+        """Before anything is known."""
+        return cls(
+            cost=np.full(nodes, math.inf),
+            predecessor=np.full(nodes, -1, dtype=np.int32),
+            keys=np.empty(nodes),
+            items=np.empty(nodes, dtype=np.int32),
+            place=np.full(nodes, WAITING, dtype=np.int32),
+            factors=np.empty((nodes, points)),
+            known=np.zeros(nodes, dtype=np.bool_),
+        )
+
+
+@numba.njit(cache=True, nogil=True)
+def ambient_factors(
+    points: np.ndarray, centres: np.ndarray, radii: np.ndarray, strength: float, factors: np.ndarray
+) -> None:
+    """Write m (K,) of body points (K, 3) among spheres (o, 3), (o,) [m]; strength is zeta."""
+    for k in range(len(points)):
+        factors[k] = 1.0
+        for o in range(len(radii)):
+            squared = 0.0
+            for a in range(3):
+                squared += (points[k, a] - centres[o, a]) ** 2
+            factors[k] += strength * math.exp(-0.5 * squared / radii[o] ** 2)
+
+
+@numba.njit(cache=True, nogil=True)
+def _settle(
+    first: np.ndarray,
+    neighbour: np.ndarray,
+    edge_of: np.ndarray,
+    fixed: np.ndarray,
+    shares: np.ndarray,
+    base: np.ndarray,
+    points: np.ndarray,
+    centres: np.ndarray,
+    radii: np.ndarray,
+    strength: float,
+    to_target: np.ndarray,
+    target: int,
+    cheapest: float,
+    most: int,
+    front: Front,
+    size: int,
+) -> int:
+    """Settle at most so many nodes of A*; returns how many then wait, 0 where nothing cheaper than `cheapest` is left.
+
+    The target is settled where its place is TAKEN.
+    """
+    cost, predecessor, keys, items, place, factors, known = front
+    for _ in range(most):
+        if size == 0 or keys[0] >= cheapest or place[target] == TAKEN:
+            return 0
+        u = items[0]
+        size = take(keys, items, place, size)
+        for slot in range(first[u], first[u + 1]):
+            v, edge = neighbour[slot], edge_of[slot]
+            if place[v] == TAKEN or cost[u] + base[edge] >= cost[v]:
+                continue
+            if not known[v]:
+                ambient_factors(points[v], centres, radii, strength, factors[v])
+                known[v] = True
+            through = cost[u] + edge_weight(fixed, shares, factors, edge, u, v)
+            if through < cost[v]:
+                cost[v], predecessor[v] = through, u
+                size = put(keys, items, place, size, v, through + to_target[v])
+    return size
+
+
+class LiteralSearch:
+    """The search for one path after the other on a dense graph.
+
+    Attributes
+    ----------
+    nodes : (p,) of the cheapest path known for the newest query; cost : what it costs; bound : no path costs less.
+    finished : whether the path is the cheapest: cost equals bound.
+    """
+
+    def __init__(self, adjacency: Adjacency, weights: WeightedGraph, strength: float) -> None:
+        """strength : zeta."""
+        self._adjacency, self._weights, self._strength = adjacency, weights, strength
+        self._target, self._to_target = -1, np.empty(0)
+        self._centres, self._radii = np.empty((0, 3)), np.empty(0)
+        self._front, self._size = Front.of(0, 0), 0
+        self.nodes = np.empty(0, dtype=np.int32)
+        self.cost = self.bound = math.inf
+        self.finished = True
+
+    def field(self, target: int) -> np.ndarray:
+        """Obstacle-free cost (n,) from every node to a target, by Dijkstra's algorithm."""
+        return cost_field(self._adjacency, self._weights.base, target)
+
+    def aim(self, target: int, to_target: np.ndarray) -> None:
+        """Search for paths to a target from now on; to_target : its `field`."""
+        self._target, self._to_target, self.finished = target, to_target, True
+
+    def begin(self, source: int, centres: np.ndarray, radii: np.ndarray, known: np.ndarray | None = None) -> None:
+        """Ask for the cheapest path from a source among spheres (o, 3), (o,) [m].
+
+        A path is known at once: the cheaper of the cheapest one without obstacles and `known` (p,), where given, which
+        leads from the source to the target.
+        """
+        self._centres, self._radii = np.ascontiguousarray(centres), np.ascontiguousarray(radii)
+        candidates = [self._free_path(source)] + ([] if known is None else [known])
+        costs = [self.path_cost(nodes) for nodes in candidates]
+        best = int(np.argmin(costs))
+        self.nodes, self.cost, self.bound = candidates[best], costs[best], float(self._to_target[source])
+        self._front = front = Front.of(len(self._to_target), self._weights.body_points.shape[1])
+        front.cost[source], front.known[source] = 0.0, True
+        points = self._weights.body_points[source]
+        ambient_factors(points, self._centres, self._radii, self._strength, front.factors[source])
+        self._size = put(front.keys, front.items, front.place, 0, source, self.bound)
+        self.finished = self.cost <= self.bound
+
+    def go_on(self, deadline: Deadline = NEVER) -> None:
+        """Search until the path is the cheapest, or the deadline has passed."""
+        adjacency, weights, front = self._adjacency, self._weights, self._front
+        while not self.finished and not deadline.passed:
+            self._size = _settle(
+                adjacency.first, adjacency.node, adjacency.edge, weights.fixed, weights.shares, weights.base,
+                weights.body_points, self._centres, self._radii, self._strength, self._to_target, self._target,
+                self.cost, _BATCH, front, self._size,
+            )  # fmt: skip
+            self.finished = self._size == 0
+            self.bound = self.cost if self.finished else min(self.cost, float(front.keys[0]))
+        if self.finished and front.cost[self._target] < self.cost:
+            nodes = [self._target]
+            while front.predecessor[nodes[-1]] >= 0:
+                nodes.append(int(front.predecessor[nodes[-1]]))
+            self.nodes = np.array(nodes[::-1], dtype=np.int32)
+            self.cost = self.bound = float(front.cost[self._target])
+
+    @property
+    def gap(self) -> float:
+        """How much more than the cheapest path this one costs at most, over that path's cost."""
+        return 0.0 if self.finished or self.bound <= 0.0 else self.cost / self.bound - 1.0
+
+    def path_cost(self, nodes: np.ndarray) -> float:
+        """What a path (p,) costs among the present obstacles."""
+        weights, cost = self._weights, 0.0
+        factors = np.empty((len(nodes), weights.body_points.shape[1]))
+        for at, node in zip(factors, nodes, strict=True):
+            ambient_factors(weights.body_points[node], self._centres, self._radii, self._strength, at)
+        for i, (u, v) in enumerate(pairwise(nodes)):
+            edge = self._edge(u, v)
+            stretch = 0.5 * (factors[i] + factors[i + 1])
+            cost += math.sqrt(weights.fixed[edge] + float(stretch @ weights.shares[edge]))
+        return cost
+
+    def _edge(self, u: int, v: int) -> int:
+        slots = slice(self._adjacency.first[u], self._adjacency.first[u + 1])
+        return int(self._adjacency.edge[slots][np.flatnonzero(self._adjacency.node[slots] == v)[0]])
+
+    def _free_path(self, source: int) -> np.ndarray:
+        """The cheapest path without obstacles, down the field."""
+        first, neighbour, edge_of = self._adjacency.first, self._adjacency.node, self._adjacency.edge
+        nodes = [source]
+        while nodes[-1] != self._target:
+            slots = slice(first[nodes[-1]], first[nodes[-1] + 1])
+            left = self._weights.base[edge_of[slots]] + self._to_target[neighbour[slots]]
+            nodes.append(int(neighbour[slots][np.argmin(left)]))
+        return np.array(nodes, dtype=np.int32)
