@@ -203,7 +203,8 @@ def test_a_foreign_yaml_is_refused(folder, content):
 
 
 def test_who_mistypes_a_skill_is_told_the_shipped_ones():
-    with pytest.raises(SkillError, match=r"\(panda_bottle2shelf, panda_pouring, panda_reach_to_grasp\)$"):
+    shipped = r"\(panda_bottle2shelf, panda_pouring, panda_reach_to_grasp, paper_pouring, paper_reach\)$"
+    with pytest.raises(SkillError, match=shipped):
         Skill.load("bottle2shelf")
 
 

@@ -44,6 +44,7 @@ volume     one whole-arm skill learned without and with the volume term of the p
 dimension  two to five latent dimensions of the whole arm, on a grid and on a graph of nearest neighbours
 rate       planner and twin as two processes: ticks a second with a goal that stays or moves, a moving sphere, clouds;
            with a skill of joint space also the time from an obstacle's message to the trajectory that answers it
+paper-rate the same of the paper's planner in both spaces, and how often a tick ends with the cheapest path
 all        every experiment that needs no recording, with its default arguments, one after the other; hours
 
 What the paper shows and what these show stands in geodesic_motion_ros/experiments/README.md. Table, figure and JSON go
@@ -264,6 +265,13 @@ EXPERIMENTS: dict[str, Experiment] = {
             ("--goals-hz", {"type": float, "default": 10.0, "help": "new goals a second"}),
             _count("--obstacles", 10, "spheres beside the way"),
             _count("--spheres", 100, "that appear in the way, to time answers; 0: none"),
+        ),
+    ),
+    "paper-rate": Experiment(
+        "the same of the paper's planner, and how often it ends with the cheapest path", measures.paper_rate,
+        (
+            ("--rate", {"type": float, "default": 100.0, "metavar": "HZ", "help": "of the planner"}),
+            ("--seconds", {"type": float, "default": 8.0, "help": "length of each stretch"}),
         ),
     ),
 }  # fmt: skip

@@ -188,6 +188,14 @@ def rate(arguments: argparse.Namespace) -> Measured:
     return Measured(table, figures, None)
 
 
+def paper_rate(arguments: argparse.Namespace) -> Measured:
+    """The nodes with the paper's planner; has no picture."""
+    from geodesic_motion_ros.nodes import node_rate
+
+    rows = node_rate.measure_paper(arguments.out / arguments.experiment, arguments.rate, arguments.seconds)
+    return Measured(node_rate.table(rows), {"rows": [asdict(row) for row in rows]}, None)
+
+
 def _module(arguments: argparse.Namespace) -> tuple[ModuleType, str]:
     """The file of an experiment, and its name as in Python."""
     name = arguments.experiment.replace("-", "_")

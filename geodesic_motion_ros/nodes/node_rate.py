@@ -19,11 +19,15 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.nodes.planner_stream import Cloud, PlannerStream, Spheres, no_spheres
 from geodesic_motion_ros.nodes.stolen_time import StolenTime
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 
+#: The skills of the paper's planner, with zeta, and grids on which it is seen where they lead.
+PAPER = {"paper_pouring": 1e9, "paper_reach": 1e3}
+_COARSE = {2: (60, 60), 3: (20, 20, 20)}
 #: Radius of the circle on which the goal jumps, and of the obstacles; how far from the tool's undisturbed way these
 #: stand, and how much room they leave [m].
 CIRCLE, OBSTACLE, BESIDE, ROOM = 0.010, 0.03, 0.20, 0.05
@@ -40,6 +44,7 @@ POINTS, TABLE, UNDER, SHIFT = 10_000, 0.8, 0.08, 0.003
 class RateRow:
     """What one stretch of the stream has shown: rates in Hz, durations in ms; stolen_percent as of `StolenTime`.
 
+    exact_percent : share of the ticks on a path to the goal that ended with the proof that none is cheaper.
     verdicts : how many ticks had which, the most frequent first.
     """
 
@@ -50,6 +55,7 @@ class RateRow:
     tick_p99: float
     misses: int
     goals: int
+    exact_percent: float
     stolen_percent: float
     verdicts: dict[str, int]
 
@@ -121,9 +127,31 @@ def measure_rates(
     return rows
 
 
+def measure_paper(folder: Path, rate: float = 100.0, seconds: float = 8.0, domain: int = 83) -> list[RateRow]:
+    """The same of the paper's planner on its two shipped skills: among nothing, and among one sphere that moves.
+
+    Raises
+    ------
+    ParameterError, DemoError : as of `measure_rates`.
+    """
+    if not (seconds > 0.0 and rate > 0.0):
+        raise ParameterError(f"seconds {seconds}, rate {rate}: must be positive")
+    rows = []
+    for skill, strength in PAPER.items():
+        planner = PaperPlanner(Skill.load(skill), PaperSettings(strength), _COARSE[len(Skill.load(skill).latent_lower)])
+        ends = (tuple(np.split(pose, [3])) for pose in (planner.skill.start_pose, planner.skill.goal_pose))
+        path, _ = planner.tool_poses(planner.plan(*ends))
+        paper = {"method": "paper", "simulation_only": True, "ambient_strength": strength}
+        for name, spheres in {"no obstacle": no_spheres, "a sphere moves through the path": _through(path)}.items():
+            with PlannerStream(skill, folder / skill / name.replace(" ", "_"), rate, domain, **paper) as stream:
+                stream.spheres = spheres
+                rows.append(_stretch(stream, rate, f"{skill}: {name}", seconds, 0.0))
+    return rows
+
+
 def table(rows: list[RateRow]) -> str:
     """The rows as plain text."""
-    head = ["asked Hz", "", "rate Hz", "tick p50 ms", "p99 ms", "misses", "goals", "stolen %", "verdicts %"]
+    head = ["asked Hz", "", "rate Hz", "tick p50 ms", "p99 ms", "misses", "goals", "exact %", "stolen %", "verdicts %"]
     cells = [[*astuple(row)[:-1], _percent(row.verdicts)] for row in rows]
     return text_table(head, cells, digits=1)
 
@@ -157,7 +185,9 @@ def _stretch(stream: PlannerStream, asked: float, name: str, seconds: float, goa
     p50, p99 = np.percentile([tick.duration for tick in stream.ticks], [50.0, 99.0])
     rate = (last.number - first.number) / (last.time - first.time)
     verdicts = dict(Counter(tick.code for tick in stream.ticks).most_common())
-    return RateRow(asked, name, rate, float(p50), float(p99), last.misses - first.misses, goals, taken, verdicts)
+    misses, gaps = last.misses - first.misses, [tick.cost_gap for tick in stream.ticks if tick.code == "OK"]
+    exact = 100.0 * float(np.mean(np.array(gaps) == 0.0)) if gaps else math.nan
+    return RateRow(asked, name, rate, float(p50), float(p99), misses, goals, exact, taken, verdicts)
 
 
 def _beside(way: _Way, count: int) -> Spheres:

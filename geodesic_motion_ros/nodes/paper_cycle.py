@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
-from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated
+from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated, joined
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Place, Pose, StreamCycle
 from geodesic_motion_ros.paper.follower import TimedPath, followed
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperGoal, PaperPlanner
@@ -168,9 +168,9 @@ class PaperJointCycle(PaperCycle[np.ndarray]):
         super().__init__(planner, "joint_trajectory", *common, offsets, clock, background)
         self.tracking_tolerance = tracking_tolerance
         self._now = 0.0
-        # What was sent last, when it began [s], and the path that it follows.
-        self._sent: tuple[JointReference, float] | None = None
-        self._sent_path: TimedPath | None = None
+        # What the arm plays, as sent, and since when [s]; and the path that what was sent last follows.
+        self._playing: tuple[JointReference, float] | None = None
+        self._sent: TimedPath | None = None
 
     def _command(
         self, verdict: Verdict, inputs: CycleInputs[np.ndarray], advance: float, deadline: Deadline
@@ -181,11 +181,12 @@ class PaperJointCycle(PaperCycle[np.ndarray]):
     def _follow(self, verdict: Verdict, advance: float) -> CycleOutput:
         path, left = self._path_to_goal(verdict)
         trajectory, leading = None, self.planner.path
-        if self._sent is not None and leading is not None and leading is not self._sent_path:
-            begin = self._now + LATENCY
-            trajectory = self._sent = self._reference(leading, *self._commanded(begin)[:2]), begin
-            self._sent_path = leading
-        commanded = None if self._sent is None else self._commanded(self._now)
+        if self._playing is not None and leading is not None and leading is not self._sent:
+            old, since = self._playing
+            new = self._reference(leading, *self._commanded(self._now + LATENCY)[:2])
+            self._playing = joined(old.rest(self._now - since), 0.0, new, LATENCY), self._now
+            self._sent, trajectory = leading, (new, self._now + LATENCY)
+        commanded = None if self._playing is None else self._commanded(self._now)
         return CycleOutput(
             verdict, self._goal_verdict, trajectory=trajectory, reference=path, time_to_goal=left,
             configuration=None if commanded is None else commanded[0],
@@ -200,19 +201,19 @@ class PaperJointCycle(PaperCycle[np.ndarray]):
         return ending_at_rest(times, *knots, interpolated(lead + times, path.times, path.latent))
 
     def _commanded(self, now: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        assert self._sent is not None
-        reference, begin = self._sent
-        return reference.sample(now - begin)
+        assert self._playing is not None
+        reference, since = self._playing
+        return reference.sample(now - since)
 
     def _knows_where(self) -> bool:
-        return self._sent is not None
+        return self._playing is not None
 
     def _stand_at(self, measured: np.ndarray, now: float) -> None:
         self.planner.stand_at(measured, *self.planner.robot.forward(measured))
         assert self.planner.path is not None
-        self._sent = JointReference.standing(measured, self.planner.path.latent[0]), now
+        self._playing = JointReference.standing(measured, self.planner.path.latent[0]), now
         # It is to be sent, too: what the arm may still be playing must not go on.
-        self._sent_path = None
+        self._sent = None
 
     def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
         off = np.abs(measured - self._commanded(taken)[0])

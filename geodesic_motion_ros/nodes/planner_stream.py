@@ -40,13 +40,16 @@ def no_spheres(_: float) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Tick:
-    """What a status has told: when it came [s], the tick's number, the duration of the one before [ms], all misses."""
+    """What a status has told: when it came [s], the tick's number, the duration of the one before [ms], all misses, the
+    verdict's code, and by how much of its cost the path may be dearer than the cheapest.
+    """
 
     time: float
     number: int
     duration: float
     misses: int
     code: str
+    cost_gap: float
 
 
 class PlannerStream:
@@ -65,14 +68,16 @@ class PlannerStream:
     DemoError : a node has ended, or what is waited for does not happen.
     """
 
-    def __init__(self, skill: str, folder: Path, rate: float, domain: int) -> None:
+    def __init__(self, skill: str, folder: Path, rate: float, domain: int, **parameters: object) -> None:
+        """parameters : of the planner, besides skill and rate."""
         self.skill = Skill.load(skill)
         self.spheres: Spheres = no_spheres
         self.first_number = 0
         self.cloud: Cloud | None = None
         self.ticks: list[Tick] = []
         self.code, self.time_to_goal = "", math.nan
-        self._name, self._rate = skill, rate
+        self._name = skill
+        self._parameters = {"skill": skill, "rate": rate, "latent_view_rate": 0.0} | parameters
         self._processes = Processes(folder, isolated_environment(domain))
         self._scene = MarkerScene(self.skill.base_frame)
         self._context = rclpy.Context()
@@ -90,7 +95,7 @@ class PlannerStream:
     def __enter__(self) -> PlannerStream:
         try:
             self._processes.start("twin", {"skill": self._name})
-            self._processes.start("planner", {"skill": self._name, "rate": self._rate, "latent_view_rate": 0.0})
+            self._processes.start("planner", self._parameters)
             self.wait(lambda: self.code == "NO_GOAL" and self._goals.get_subscription_count(), PATIENCE)
         except BaseException:
             self.__exit__()
@@ -144,4 +149,5 @@ class PlannerStream:
         values = {pair.key: pair.value for pair in message.status[0].values}
         self.code, self.time_to_goal = values["code"], float(values["time_to_goal"])
         duration, misses = float(values["last_tick_ms"]), int(values["deadline_misses"])
-        self.ticks.append(Tick(self.now(), int(values["tick"]), duration, misses, self.code))
+        gap = float(values["cost_gap"])
+        self.ticks.append(Tick(self.now(), int(values["tick"]), duration, misses, self.code, gap))

@@ -33,7 +33,8 @@ def dense_graph(skill: Skill, shape: tuple[int, ...] | None = None) -> tuple[Lat
     dense = {
         "sigma_limit": math.inf, "shape": shape, "neighbours": NEIGHBOURS[len(shape)], "pieces": 1,
     }  # fmt: skip
-    box = skill.decoder, skill.codes, skill.latent_lower, skill.latent_upper, skill.metric
+    # Of the codes only progress along them is made, which nothing asks for here: two are enough.
+    box = skill.decoder, skill.codes[:1, [0, -1]], skill.latent_lower, skill.latent_upper, skill.metric
     if skill.space == "joint":
         robot = Robot.named(skill.robot)
         arm = build_configuration_graph(*box, robot, skill.metric.body_points(robot), **dense)

@@ -164,6 +164,8 @@ class LiteralSearch:
 
     def go_on(self, deadline: Deadline = NEVER) -> None:
         """Search until the path is the cheapest, or the deadline has passed."""
+        if self.finished:
+            return
         adjacency, weights, front = self._adjacency, self._weights, self._front
         while not self.finished and not deadline.passed:
             self._size = _settle(

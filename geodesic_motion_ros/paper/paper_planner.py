@@ -142,13 +142,10 @@ class PaperPlanner:
         """
         if self._goal is None or self.path is None:
             return Verdict(VerdictCode.NO_GOAL, "no goal has been given")
-        if self.search.finished and self._due:
-            here = self.path.latent_at(self.lead)
-            known = self._nodes[self._nearest_of(self._nodes, here) :] if len(self._nodes) else None
-            source = self.graph.nodes_near(here, 1)[0] if known is None else known[0]
-            self.search.begin(int(source), self._obstacles.centres, self._obstacles.radii, known)
-            self._due = False
         self.search.go_on(deadline)
+        if self.search.finished and self._due:
+            self._begin_search()
+            self.search.go_on(deadline)
         if not np.array_equal(self.search.nodes, self._nodes[-len(self.search.nodes) :]):
             self._follow(self.search.nodes)
         inside = float(self.graph.sigma[self._nodes].max()) <= self.skill.sigma_limit
@@ -179,6 +176,15 @@ class PaperPlanner:
     def tool_poses(self, path: TimedPath) -> tuple[np.ndarray, np.ndarray]:
         """Tool positions (n, 3) [m] and quaternions (n, 4) along a path."""
         return self._tool_poses(path.latent)
+
+    def _begin_search(self) -> None:
+        """Look for the cheapest path from where the leading point is; what is followed is known already."""
+        assert self.path is not None
+        here = self.path.latent_at(self.lead)
+        known = self._nodes[self._nearest_of(self._nodes, here) :] if len(self._nodes) else None
+        source = self.graph.nodes_near(here, 1)[0] if known is None else known[0]
+        self.search.begin(int(source), self._obstacles.centres, self._obstacles.radii, known)
+        self._due = False
 
     def _nearest_of(self, nodes: np.ndarray, here: np.ndarray) -> int:
         """Which node of a path (p,) is nearest to a latent point (d,)."""
