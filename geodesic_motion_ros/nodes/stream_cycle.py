@@ -141,6 +141,8 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
     background : prepares goals while cycles go on; None: a cycle does it, and takes longer.
     """
 
+    deadline_share = DEADLINE_SHARE
+
     def __init__(
         self,
         command_topic: str,
@@ -174,7 +176,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._take_goal(inputs)
         obstacles_taken = self._take_obstacles(inputs)
         verdict = self._ready(inputs, advance)
-        deadline = Deadline(self._began + DEADLINE_SHARE * period, self._clock)
+        deadline = Deadline(self._began + self.deadline_share * period, self._clock)
         return self._command(obstacles_taken if verdict.ok else verdict, inputs, advance, deadline)
 
     def _advance(self, inputs: CycleInputs[Place], period: float) -> float:

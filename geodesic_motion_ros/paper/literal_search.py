@@ -16,7 +16,6 @@ cost to the target never overestimates and is consistent: A* with it finds what 
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import NamedTuple
 
 import numba
@@ -105,16 +104,63 @@ def _settle(
         size = take(keys, items, place, size)
         for slot in range(first[u], first[u + 1]):
             v, edge = neighbour[slot], edge_of[slot]
-            if place[v] == TAKEN or cost[u] + base[edge] >= cost[v]:
+            least = cost[u] + base[edge]
+            if place[v] == TAKEN or least >= cost[v] or least + to_target[v] >= cheapest:
                 continue
             if not known[v]:
                 ambient_factors(points[v], centres, radii, strength, factors[v])
                 known[v] = True
             through = cost[u] + edge_weight(fixed, shares, factors, edge, u, v)
-            if through < cost[v]:
+            if through < cost[v] and through + to_target[v] < cheapest:
                 cost[v], predecessor[v] = through, u
                 size = put(keys, items, place, size, v, through + to_target[v])
     return size
+
+
+@numba.njit(cache=True, nogil=True)
+def _free_path(
+    first: np.ndarray,
+    neighbour: np.ndarray,
+    edge_of: np.ndarray,
+    base: np.ndarray,
+    to_target: np.ndarray,
+    source: int,
+    target: int,
+) -> np.ndarray:
+    """Nodes (p,) of the cheapest path without obstacles, down its field (n,)."""
+    nodes, count = np.empty(len(to_target), dtype=np.int32), 1
+    nodes[0] = source
+    while nodes[count - 1] != target:
+        least = math.inf
+        for slot in range(first[nodes[count - 1]], first[nodes[count - 1] + 1]):
+            left = base[edge_of[slot]] + to_target[neighbour[slot]]
+            if left < least:
+                least, nodes[count] = left, neighbour[slot]
+        count += 1
+    return nodes[:count].copy()
+
+
+@numba.njit(cache=True, nogil=True)
+def _path_cost(
+    first: np.ndarray,
+    neighbour: np.ndarray,
+    edge_of: np.ndarray,
+    fixed: np.ndarray,
+    shares: np.ndarray,
+    points: np.ndarray,
+    centres: np.ndarray,
+    radii: np.ndarray,
+    strength: float,
+    nodes: np.ndarray,
+) -> float:
+    """What a path (p,) of nodes that are joined costs among spheres (o, 3), (o,)."""
+    cost, factors = 0.0, np.empty((len(nodes), points.shape[1]))
+    for i in range(len(nodes)):
+        ambient_factors(points[nodes[i]], centres, radii, strength, factors[i])
+        for slot in range(first[nodes[i]], first[nodes[i] + 1]):
+            if i > 0 and neighbour[slot] == nodes[i - 1]:
+                cost += edge_weight(fixed, shares, factors, edge_of[slot], i - 1, i)
+    return cost
 
 
 class LiteralSearch:
@@ -151,7 +197,11 @@ class LiteralSearch:
         leads from the source to the target.
         """
         self._centres, self._radii = np.ascontiguousarray(centres), np.ascontiguousarray(radii)
-        candidates = [self._free_path(source)] + ([] if known is None else [known])
+        adjacency = self._adjacency
+        free = _free_path(
+            adjacency.first, adjacency.node, adjacency.edge, self._weights.base, self._to_target, source, self._target
+        )
+        candidates = [free] + ([] if known is None else [known])
         costs = [self.path_cost(nodes) for nodes in candidates]
         best = int(np.argmin(costs))
         self.nodes, self.cost, self.bound = candidates[best], costs[best], float(self._to_target[source])
@@ -189,26 +239,8 @@ class LiteralSearch:
 
     def path_cost(self, nodes: np.ndarray) -> float:
         """What a path (p,) costs among the present obstacles."""
-        weights, cost = self._weights, 0.0
-        factors = np.empty((len(nodes), weights.body_points.shape[1]))
-        for at, node in zip(factors, nodes, strict=True):
-            ambient_factors(weights.body_points[node], self._centres, self._radii, self._strength, at)
-        for i, (u, v) in enumerate(pairwise(nodes)):
-            edge = self._edge(u, v)
-            stretch = 0.5 * (factors[i] + factors[i + 1])
-            cost += math.sqrt(weights.fixed[edge] + float(stretch @ weights.shares[edge]))
-        return cost
-
-    def _edge(self, u: int, v: int) -> int:
-        slots = slice(self._adjacency.first[u], self._adjacency.first[u + 1])
-        return int(self._adjacency.edge[slots][np.flatnonzero(self._adjacency.node[slots] == v)[0]])
-
-    def _free_path(self, source: int) -> np.ndarray:
-        """The cheapest path without obstacles, down the field."""
-        first, neighbour, edge_of = self._adjacency.first, self._adjacency.node, self._adjacency.edge
-        nodes = [source]
-        while nodes[-1] != self._target:
-            slots = slice(first[nodes[-1]], first[nodes[-1] + 1])
-            left = self._weights.base[edge_of[slots]] + self._to_target[neighbour[slots]]
-            nodes.append(int(neighbour[slots][np.argmin(left)]))
-        return np.array(nodes, dtype=np.int32)
+        adjacency, weights = self._adjacency, self._weights
+        return _path_cost(
+            adjacency.first, adjacency.node, adjacency.edge, weights.fixed, weights.shares, weights.body_points,
+            self._centres, self._radii, self._strength, nodes,
+        )  # fmt: skip
