@@ -44,6 +44,7 @@ volume     one whole-arm skill learned without and with the volume term of the p
 dimension  two to five latent dimensions of the whole arm, on a grid and on a graph of nearest neighbours
 rate       planner and twin as two processes: ticks a second with a goal that stays or moves, a moving sphere, clouds;
            with a skill of joint space also the time from an obstacle's message to the trajectory that answers it
+literal    held-out demonstrations by the paper's models and planner to the letter, beside the default ones
 paper-rate the same of the paper's planner in both spaces, and how often a tick ends with the cheapest path
 all        every experiment that needs no recording, with its default arguments, one after the other; hours
 
@@ -267,6 +268,10 @@ EXPERIMENTS: dict[str, Experiment] = {
             _count("--spheres", 100, "that appear in the way, to time answers; 0: none"),
         ),
     ),
+    "literal": Experiment(
+        "the paper to the letter beside this package's default, on held-out demonstrations", measures.literal,
+        (_OF_FOLDS[0], _count("--seed", 0, "of the trainings"), _STEPS), on_recordings=True,
+    ),
     "paper-rate": Experiment(
         "the same of the paper's planner, and how often it ends with the cheapest path", measures.paper_rate,
         (
@@ -291,7 +296,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         for flag, keywords in experiment.options:
             own.add_argument(flag, **keywords)
         if experiment.on_recordings:
-            add_recording(own, several=True)
+            add_recording(own, several=True, joints=name == "literal")
         own.set_defaults(run=_run)
     alone = {name: names.choices[name] for name, experiment in EXPERIMENTS.items() if not experiment.on_recordings}
     everything = names.add_parser("all", help="one after the other", formatter_class=HelpFormatter)

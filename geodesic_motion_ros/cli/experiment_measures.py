@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from geodesic_motion_ros.cli.arguments import evenly_sampled, read_recording
+from geodesic_motion_ros.cli.arguments import evenly_sampled, read_joint_recording, read_recording
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.writers import save_demonstrations
 from geodesic_motion_ros.errors import ParameterError
@@ -186,6 +186,24 @@ def rate(arguments: argparse.Namespace) -> Measured:
         table += "\n\n" + reaction_time.table(reactions)
         figures["reactions"] = [asdict(row) for row in reactions]
     return Measured(table, figures, None)
+
+
+def literal(arguments: argparse.Namespace) -> Measured:
+    """The paper's models and planner beside ours on every recording, of poses and of joints."""
+    from geodesic_motion_ros.demonstrations.readers import holds_joints
+    from geodesic_motion_ros.experiments.folds import default_folds, parse_folds
+    from geodesic_motion_ros.experiments.literal import compare_literal, draw_literal
+
+    recordings = {}
+    for path in arguments.demos:
+        space = arguments.space or ("joint" if holds_joints(path) else "task")
+        recordings[path.stem] = (read_joint_recording if space == "joint" else read_recording)(arguments, path)
+    folds = {
+        name: parse_folds(arguments.folds, len(each)) if arguments.folds else default_folds(len(each))
+        for name, each in recordings.items()
+    }
+    report = compare_literal(recordings, folds, arguments.out / "skills", arguments.seed, arguments.steps)
+    return Measured.of(report, draw_literal)
 
 
 def paper_rate(arguments: argparse.Namespace) -> Measured:

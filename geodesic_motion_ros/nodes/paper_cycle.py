@@ -40,8 +40,8 @@ class PaperCycle(StreamCycle[Place, PaperGoal]):
     offsets : largest distance [m] and rotation [rad] of a goal from what the skill knows.
     """
 
-    # What follows a search, the spline and its decoding, takes about a millisecond.
-    deadline_share = 0.8
+    # What follows a search, the spline and its decoding, takes up to three milliseconds.
+    deadline_share = 0.6
 
     def __init__(
         self,
