@@ -336,7 +336,8 @@ def _initial_joints(values: Mapping[str, Value]) -> np.ndarray:
 def start_joints(name: str) -> np.ndarray:
     """Joint positions (7,) [rad] of a Panda at the start of a skill, a folder or a shipped name.
 
-    A skill of joint space begins where its first group of demonstrations does on average.
+    A skill of joint space begins where its first group of demonstrations does on average, on the raw sheet where the
+    first demonstration does.
 
     Raises
     ------
@@ -349,7 +350,9 @@ def start_joints(name: str) -> np.ndarray:
             f"skill {skill.name} moves the frame {skill.tool_frame!r} of a {skill.robot!r}, the twin is a 'panda' with "
             f"{robot.tool_link!r}: start it with skill:='' to use initial_joint_positions"
         )
-    if skill.space == "joint" and skill.canonical is not None:
+    if skill.canonical is None and skill.space == "joint":
+        joints = skill.decoder.configurations(skill.codes[0, :1])[0]
+    elif skill.space == "joint":
         joints = skill.canonical.start_poles[0].copy()
     else:
         joints = solve(robot, skill.start_pose[:3], skill.start_pose[3:])

@@ -119,8 +119,11 @@ class PaperPlanner:
         self._due = self._goal is not None
 
     def stand_at(self, place: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Stay at a place (p,), as of `TimedPath`, whose tool pose is (3,) [m], (4,); plan from the nearest node on."""
-        self._stand_at(self.graph.latent[self._nearest(position, quaternion)], place)
+        """Stay at a place (p,), as of `TimedPath`, whose tool pose is (3,) [m], (4,); plan from the nearest node on: in
+        joint space that with the nearest configuration.
+        """
+        node = self._nearest_configuration(place) if self._of_joints else self._nearest(position, quaternion)
+        self._stand_at(self.graph.latent[node], place)
         self._due = self._goal is not None
 
     def set_obstacles(self, obstacles: Obstacles) -> Verdict:
@@ -230,3 +233,8 @@ class PaperPlanner:
         positions, quaternions = (values[self._trusted] for values in self._poses)
         turned = np.minimum(*(np.sum((quaternions - sign * quaternion) ** 2, axis=1) for sign in (1.0, -1.0)))
         return int(self._trusted[np.argmin(np.sum((positions - position) ** 2, axis=1) + turned)])
+
+    def _nearest_configuration(self, configuration: np.ndarray) -> int:
+        """The trusted node whose configuration is nearest to (eta,) [rad]."""
+        away = np.sum((self.graph.configurations[self._trusted] - configuration) ** 2, axis=1)
+        return int(self._trusted[np.argmin(away)])
