@@ -161,7 +161,7 @@ def volume(arguments: argparse.Namespace) -> Measured:
         demonstrations = reach_to_grasp(4, seed=0, families=2)
     else:
         demonstrations = read_joint_demonstrations(arguments.demos, arguments.robot)
-    settings = JointTrainingSettings()
+    settings = JointTrainingSettings.paper()
     if arguments.steps is not None:
         settings = replace(settings, steps=arguments.steps)
     with tqdm(desc="volume") as bar:

@@ -1,16 +1,15 @@
 """What the volume term does: one joint-space skill learned without and with the change of variables to the body.
 
 Seen at the robot's body the density of a configuration is p(theta | z) / V(theta), V = sqrt(det(J^T J)) of the stacked
-Jacobian of the body points (`manifold.body_layer`). Weighted by `volume_weight` in the evidence lower bound, -log V
-rewards postures in which the joints move the body little. What is compared is this package's model, with body_sigma's
-term (the paper has none), sigma fixed while the means are learned, on the canonical sheet. Columns of the table, a row
-per weight:
+Jacobian of the body points and of the tool's orientation (`manifold.body_layer`). Weighted by `volume_weight` in the
+evidence lower bound, -log V rewards postures in which the joints move the body little. All else is the paper's model
+(`JointTrainingSettings.paper`: raw demonstrations, one lower bound for means and sigma, no likelihood of body points)
+and its planner (`paper/`). Columns of the table, a row per weight:
 
 seconds         of training; nothing where the skill came from the cache
 error_mm, _deg  of the tool in the training demonstrations that encoder and decoder give back
-log_volume      mean log V along the obstacle-free way from the mean start to the mean goal; least : its smallest value.
-                Of the layer that the training has
-from_mean_mm    mean distance of the tool on that way from the mean demonstration of the way's family
+log_volume      mean log V along the obstacle-free path from the skill's start to its goal; least : its smallest value
+from_mean_mm    mean distance of the tool on that path from the mean demonstration of the nearest family
 """
 
 from __future__ import annotations
@@ -27,19 +26,20 @@ from matplotlib.figure import Figure
 
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.demonstrations.similarity import compare
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.experiments.trained import trained_once
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, body_layer
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 
-#: Points of a way where its volume is looked at.
+#: Points of a path at which its volume is evaluated.
 _SAMPLES = 200
 _COLOURS = (BLUE, VERMILION, GREEN, ORANGE)
 
@@ -48,7 +48,7 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class VolumeRow:
-    """What was measured with one weight; `volumes` (samples,) is log V along the way."""
+    """What was measured with one weight; `volumes` (samples,) is log V along the path."""
 
     weight: float
     seconds: float | None
@@ -84,16 +84,20 @@ def compare_volume(
 ) -> VolumeReport:
     """Learn one skill per weight, all else the same, and plan with it.
 
+    settings : None: those of the paper.
+
     Raises
     ------
-    ParameterError : no weights. SkillError : a skill that came out cannot be used.
+    ParameterError : no weights, or not on the raw sheet. SkillError : a skill that came out cannot be used.
     """
     if not weights:
         raise ParameterError("no volume weights: give at least one, 0 leaves the term out")
     robot = Robot.named(demonstrations.robot)
-    base = settings or JointTrainingSettings()
-    if base.sheet != "canonical":
-        raise ParameterError("the volume term is compared on canonical sheets")
+    base = settings or JointTrainingSettings.paper()
+    if base.sheet != "raw":
+        raise ParameterError("the volume term is compared in the paper's model, on the raw sheet")
+    metric = base.metric
+    shown = np.stack([along_body_arc(item.configurations, robot, metric, _SAMPLES) for item in demonstrations])
     rows = []
     for weight in weights:
         began, trained = time.monotonic(), []
@@ -104,9 +108,7 @@ def compare_volume(
                 progress(stage, step, steps)
 
         skill = trained_once("volume", demonstrations, replace(base, volume_weight=weight), cache, told)
-        rows.append(_measured(skill, robot, weight, time.monotonic() - began if trained else None))
-    metric = base.metric
-    shown = [along_body_arc(item.configurations, robot, metric, _SAMPLES) for item in demonstrations]
+        rows.append(_measured(skill, shown, weight, time.monotonic() - began if trained else None))
     return VolumeReport(tuple(rows), np.stack([log_volumes(curve, robot, metric) for curve in shown]))
 
 
@@ -116,34 +118,31 @@ def log_volumes(configurations: np.ndarray, robot: Robot, metric: JointMetricSet
 
 
 def draw_volume(report: VolumeReport, path: Path) -> None:
-    """log V along the demonstrations and along the planned ways."""
+    """log V along the demonstrations and along the planned paths."""
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")
     axes = figure.add_subplot()
     share = np.linspace(0.0, 1.0, report.shown.shape[1])
     axes.plot(share, report.shown.T, color=GREY, linewidth=0.8, alpha=0.6)
     axes.plot([], [], color=GREY, label="demonstrations")
-    # Ways that are one are seen as one: the first is drawn broad.
+    # The first is drawn broad: paths that coincide are seen as both.
     widths = (5.0, *[2.0] * (len(report.rows) - 1))
     for row, colour, width in zip(report.rows, _COLOURS, widths, strict=False):
         axes.plot(share, row.volumes, color=colour, linewidth=width, label=f"planned, volume weight {row.weight:g}")
-    axes.set_xlabel("share of the way")
+    axes.set_xlabel("share of the path")
     axes.set_ylabel("log V: how much the joints move the body")
     axes.legend(frameon=False)
     write_figure(figure, path)
 
 
-def _measured(skill: Skill, robot: Robot, weight: float, seconds: float | None) -> VolumeRow:
-    sheet = skill.canonical
-    planner = JointSpacePlanner(skill)
-    planner.stand_at(sheet.start_poles[0], 0.0)
-    planner.set_goal_configuration(sheet.goal_poles[0])
-    plan = planner.tick(0.0)
-    if plan.reference is None:
-        raise ParameterError(f"volume weight {weight:g}: no way from start to goal: {plan.verdict.reason}")
-    way = along_body_arc(plan.reference.positions, robot, skill.metric, _SAMPLES)
-    means = [sheet.configurations[sheet.modes == mode].mean(axis=0) for mode in range(sheet.modes.max() + 1)]
-    distance = min(compare(tool_curve(way, robot), tool_curve(mean, robot)).dtw for mean in means)
-    volumes = log_volumes(way, robot, skill.metric)
+def _measured(skill: Skill, shown: np.ndarray, weight: float, seconds: float | None) -> VolumeRow:
+    """The row of a skill; shown : (N, samples, eta) its demonstrations [rad]."""
+    planner = PaperPlanner(skill)
+    start, goal = (tuple(np.split(pose, [3])) for pose in (skill.start_pose, skill.goal_pose))
+    path = along_body_arc(planner.plan(start, goal).places, planner.robot, skill.metric, _SAMPLES)
+    modes = cluster_modes(shown)
+    means = [shown[modes == mode].mean(axis=0) for mode in np.unique(modes)]
+    tool = tool_curve(path, planner.robot)
+    volumes = log_volumes(path, planner.robot, skill.metric)
     return VolumeRow(
         weight,
         seconds,
@@ -151,6 +150,6 @@ def _measured(skill: Skill, robot: Robot, weight: float, seconds: float | None) 
         skill.quality["training_orientation_error_deg"],
         float(volumes.mean()),
         float(volumes.min()),
-        1e3 * distance,
+        1e3 * min(compare(tool, tool_curve(mean, planner.robot)).dtw for mean in means),
         volumes,
     )

@@ -14,24 +14,33 @@ from geodesic_motion_ros.experiments.volume import compare_volume, draw_volume, 
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.body_layer import EPSILON
 from geodesic_motion_ros.manifold.joint_training import TOOL_AXES, JointTrainingSettings
-from geodesic_motion_ros.robot.body_points import BodyPoints, body_point_jacobians, points_along_links
+from geodesic_motion_ros.robot.body_points import (
+    BodyPoints,
+    body_point_jacobians,
+    points_along_links,
+    tool_orientation_jacobians,
+)
 from geodesic_motion_ros.robot.kinematics import Robot
 
 #: Two latent dimensions: a graph of 100 x 100 nodes stands at once.
-SMALL = JointTrainingSettings(
+SMALL = JointTrainingSettings.paper(
     latent_dimension=2, steps=400, hidden=(64, 32), samples=60, kernels=100, precision_samples=2,
     precision_iterations=40, batch=64,
 )  # fmt: skip
 
 
-def test_the_volume_of_a_posture_is_that_of_the_learning() -> None:
-    """Of the metric's points and three that tell how the tool is turned; the Jacobians are of the kernels here."""
-    robot, metric = Robot.panda(), JointMetricSettings()
+@pytest.mark.parametrize("metric", [JointMetricSettings(), JointTrainingSettings.paper().metric], ids=["ours", "paper"])
+def test_the_volume_of_a_posture_is_that_of_the_learning(metric: JointMetricSettings) -> None:
+    """Of the metric's points and the tool's orientation, which three points tell where the metric does not know it; the
+    Jacobians are of the kernels here.
+    """
+    robot = Robot.panda()
     configurations = robot.sample(50, np.random.default_rng(0))
-    beside = {robot.tool_link: (TOOL_AXES * np.eye(3)).tolist()}
+    beside = {} if metric.orientation_weight > 0.0 else {robot.tool_link: (TOOL_AXES * np.eye(3)).tolist()}
     body = BodyPoints.of(robot, points_along_links(robot, metric.point_spacing) | beside)
     jacobians = body_point_jacobians(configurations, body.frames, body.offsets, robot.chain)
-    stacked = jacobians.reshape(len(jacobians), -1, 7)
+    turning = metric.orientation_weight * tool_orientation_jacobians(configurations, robot)
+    stacked = np.concatenate([jacobians.reshape(len(jacobians), -1, 7), turning], axis=1)
     gram = stacked.transpose(0, 2, 1) @ stacked + EPSILON**2 * np.eye(7)
     np.testing.assert_allclose(
         log_volumes(configurations, robot, metric), 0.5 * np.linalg.slogdet(gram)[1], atol=1e-6
@@ -55,5 +64,5 @@ def test_a_strong_term_makes_the_body_move_less(reach_demonstrations: JointDemon
 def test_what_cannot_be_compared_is_refused(reach_demonstrations: JointDemonstrations, tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="no volume weights"):
         compare_volume(reach_demonstrations, (), tmp_path, SMALL)
-    with pytest.raises(ParameterError, match="canonical"):
-        compare_volume(reach_demonstrations, (0.0,), tmp_path, replace(SMALL, sheet="raw"))
+    with pytest.raises(ParameterError, match="raw sheet"):
+        compare_volume(reach_demonstrations, (0.0,), tmp_path, replace(SMALL, sheet="canonical"))
