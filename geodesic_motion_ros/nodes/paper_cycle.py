@@ -21,6 +21,7 @@ from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pla
 from geodesic_motion_ros.paper.follower import TimedPath, followed
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperGoal, PaperPlanner
 from geodesic_motion_ros.quaternions import angle_between, normalise
+from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: A new trajectory of the joints takes over so long [s] after its planning began.
@@ -55,12 +56,15 @@ class PaperCycle(StreamCycle[Place, PaperGoal]):
     ) -> None:
         super().__init__(command_topic, state_timeout, resume_timeout, clock, background)
         self.planner, self._offsets = planner, offsets
+        self._displaced = False
 
     def stop(self, verdict: Verdict) -> CycleOutput:
         self.planner.halt()
         return self._follow(verdict, self._step)
 
     def _command(self, verdict: Verdict, inputs: CycleInputs[Place], advance: float, deadline: Deadline) -> CycleOutput:
+        if verdict.ok and self._displaced:
+            verdict = Verdict(VerdictCode.BAD_INPUT, "the paper has no task frame: leave it at the base frame")
         if verdict.ok:
             verdict = self.planner.tick(deadline)
         else:
@@ -91,7 +95,7 @@ class PaperCycle(StreamCycle[Place, PaperGoal]):
         return self.planner.set_obstacles(inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.heard))
 
     def _take_task_frame(self, frame: Pose | None) -> None:
-        """The paper has none: the skill's poses are of the base frame."""
+        self._displaced = frame is not None and not TaskFrame(*frame).is_identity
 
     def _path_to_goal(self, verdict: Verdict) -> tuple[TimedPath | None, float]:
         """The path that is followed, and the time that it still takes [s]; None and nan without one."""

@@ -200,7 +200,8 @@ class PaperKind(SkillKind):
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()
-        self.planner = PaperPlanner(skill, PaperSettings(values["ambient_strength"], *(values[n] for n in _PAPER)))
+        strength = values["ambient_strength"] if values["avoidance"] else 0.0
+        self.planner = PaperPlanner(skill, PaperSettings(strength, *(values[name] for name in _PAPER)))
         self.robot = self.planner.robot
         common = self.planner, values["state_timeout"], values["resume_timeout"]
         offsets = values["maximum_offset"], values["maximum_offset_angle"]

@@ -9,6 +9,7 @@ import numpy as np
 
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.fitted_spline import fitted_spline
+from geodesic_motion_ros.graph.latent_graph import refuse_unsupported
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.paper.dense_graph import dense_graph
 from geodesic_motion_ros.paper.follower import TimedPath
@@ -69,14 +70,16 @@ class PaperPlanner:
     def __init__(
         self, skill: Skill, settings: PaperSettings = PaperSettings(), shape: tuple[int, ...] | None = None
     ) -> None:
-        """shape : nodes along each latent axis, see `dense_graph`."""
+        """shape : nodes along each latent axis, see `dense_graph`. SkillError: no node is in the skill's support."""
         self.skill, self.settings, self.robot = skill, settings, Robot.named(skill.robot)
         self._of_joints = skill.space == "joint"
         self.graph, self.weights = dense_graph(skill, shape)
         self.search = LiteralSearch(self.graph.adjacency, self.weights, settings.strength)
         self._poses = self._tool_poses(self.graph.latent)
         # Ends are looked for where the decoder can be trusted.
-        self._trusted = np.flatnonzero(self.graph.sigma < ENDPOINT_MULTIPLE * skill.sigma_support)
+        limit = ENDPOINT_MULTIPLE * skill.sigma_support
+        self._trusted = np.flatnonzero(self.graph.sigma < limit)
+        refuse_unsupported(self.graph.sigma < limit, limit, "rad" if self._of_joints else "m")
         self._obstacles = Obstacles.none()
         self._goal: PaperGoal | None = None
         self._due = False

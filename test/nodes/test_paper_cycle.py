@@ -149,3 +149,10 @@ def test_an_arm_that_was_moved_loses_the_goal_and_is_not_pulled_back(cycle, inpu
         reference, begin = output.trajectory
         assert begin >= now + LATENCY - 1e-9
         np.testing.assert_allclose(reference.positions, np.tile(moved, (len(reference.positions), 1)), atol=1e-9)
+
+
+def test_a_task_frame_elsewhere_is_refused(cycle, inputs, arm) -> None:
+    frame = np.array([0.1, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
+    outputs = [output for _, output in played(cycle, dataclasses.replace(inputs, task_frame=frame), arm, 5)]
+    assert outputs[-1].verdict.code is VerdictCode.BAD_INPUT
+    assert "task frame" in outputs[-1].verdict.reason
