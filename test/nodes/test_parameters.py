@@ -39,6 +39,14 @@ def test_the_shipped_file_holds_every_default(node):
         parameter.check(values[parameter.name])
 
 
+def test_the_papers_profile_sets_parameters_of_the_planner_and_says_what_it_is_for():
+    content = yaml.safe_load((CONFIG / "paper.yaml").read_text())["/**/planner"]["ros__parameters"]
+    known = {parameter.name: parameter for parameter in TABLES["planner"]}
+    for name, value in content.items():
+        known[name].check(value)
+    assert (content["method"], content["simulation_only"]) == ("paper", True)
+
+
 @pytest.mark.parametrize(("node", "parameter"), ALL, ids=lambda value: getattr(value, "name", value))
 def test_every_parameter_is_described_and_bounded(node, parameter):
     assert parameter.description
