@@ -31,7 +31,7 @@ from geodesic_motion_ros.verdict import Verdict
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 QUERIES = int(os.environ.get("GEODESIC_QUERIES", "300"))
-SKILLS = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp")
+SKILLS = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp", "paper_pouring", "paper_reach")
 SKILLS += tuple(filter(None, os.environ.get("GEODESIC_SKILLS", "").split(os.pathsep)))
 #: Obstacles stay for a few queries, and a goal for a few ticks.
 QUERIES_PER_SCENE, QUERIES_PER_GOAL = 5, 3

@@ -140,3 +140,26 @@ def test_a_plan_on_request_leaves_the_path_alone(planner) -> None:
     backwards = planner.plan(start, goal)
     assert planner.path is path
     np.testing.assert_allclose(planner.tool_poses(backwards)[0][-1], planner.skill.start_pose[:3], atol=0.05)
+
+
+def test_no_query_raises_and_every_path_is_finite(shared) -> None:
+    random = np.random.default_rng(0)
+
+    def pose() -> tuple[np.ndarray, np.ndarray]:
+        quaternion = random.normal(size=4)
+        return random.uniform(-1.5, 1.5, size=3), quaternion / np.linalg.norm(quaternion)
+
+    shared.clear_goal()
+    for query in range(60):
+        count = query % 5
+        radii = 10.0 ** random.uniform(-3.0, 3.0, size=count)
+        shared.set_obstacles(Obstacles.of_spheres(random.uniform(-1.0, 1.0, size=(count, 3)), radii))
+        if query % 3 == 0:
+            shared.take_goal(shared.prepared_goal(*pose()))
+        if query % 7 == 0:
+            shared.stand_at(np.zeros(7), *pose())
+        assert shared.tick().ok
+        assert np.isfinite(shared.search.cost)
+        assert np.all(np.isfinite(shared.path.places))
+        assert np.all(np.diff(shared.path.times) > 0.0)
+        shared.advance(random.uniform(0.0, 2.0))
