@@ -206,6 +206,15 @@ def literal(arguments: argparse.Namespace) -> Measured:
     return Measured.of(report, draw_literal)
 
 
+def reshaped(arguments: argparse.Namespace) -> Measured:
+    """The paper's skills, one of each space."""
+    from geodesic_motion_ros.experiments.reshaped import draw_reshaped, measure_reshaped, picture_skill
+    from geodesic_motion_ros.skill import Skill
+
+    skills = tuple(picture_skill(Skill.load(name)) for name in ("paper_pouring", "paper_reach"))
+    return Measured.of(measure_reshaped(skills), draw_reshaped)
+
+
 def paper_rate(arguments: argparse.Namespace) -> Measured:
     """The nodes with the paper's planner; has no picture."""
     from geodesic_motion_ros.nodes import node_rate
