@@ -29,7 +29,7 @@ toy-joint  an arm of two joints that draws an S in two postures: two clusters, g
 circle     the whole arm draws circles in four postures: switches between them with two and three latent dimensions
 geodesics  ways to a shortest path on one skill: gradient descent, graphs of 50x50 and 100x100 nodes; lengths, times
 avoidance  spheres dead-centre on the planned path of held-out demonstrations: clear, or rightly declared infeasible?
-crossing   what it costs to change between the clusters of q and -q, and whether the planner's graph forbids it
+crossing   what it costs to change between the clusters of q and -q, and whether the energy threshold refuses it
 goals      simulated demonstrations between places that vary: held-out ones predicted from start and goal
 modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
