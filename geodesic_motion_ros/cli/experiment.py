@@ -48,8 +48,9 @@ all        every experiment that needs no recording, with its default arguments,
 
 What the paper shows and what these show stands in geodesic_motion_ros/experiments/README.md. Table, figure and JSON go
 to out/experiments/NAME/. avoidance, crossing, goals and modes train skills, each once: they are kept in
-out/experiments/skills and taken from there when data, settings and training code are the same. goals and modes make
-their demonstrations themselves, with an arm in PyBullet; one skill per seed, two minutes each.
+out/experiments/skills and taken from there when data, settings and training code are the same; so are the models of
+circle, in out/experiments/models. goals and modes make their demonstrations themselves, with an arm in PyBullet; one
+skill per seed, two minutes each.
 """
 _EPILOG = """\
 examples:
@@ -131,7 +132,7 @@ _TRAININGS = _seeds("of the trainings, one skill each")
 EXPERIMENTS: dict[str, Experiment] = {
     "toy-task": Experiment("the paper's letters J and C", measures.of_seeds, (_seeds("one training each"),)),
     "toy-joint": Experiment("an S in two postures", measures.of_seeds, (_seeds("one training each"),)),
-    "circle": Experiment("two and three latent dimensions", measures.of_seeds, (_seeds("two trainings each"),)),
+    "circle": Experiment("two and three latent dimensions", measures.circle, (_seeds("two trainings each"),)),
     "geodesics": Experiment(
         "ways to a geodesic compared", measures.geodesics,
         (_skill("panda_pouring"), _count("--pairs", 3, "pairs of ends")),
