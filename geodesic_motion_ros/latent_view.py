@@ -8,6 +8,7 @@ obstacles (latent points whose decoded tool would touch one) and the present pat
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -27,6 +28,8 @@ _COLOUR_STOPS = np.array(
 )
 _COARSE = 110
 _BLOCK = 2048
+#: The first of the features, positions and their deviations, are lengths in space, which obstacles stretch.
+_STRETCHED = 6
 FOOTPRINT = np.array([224.0, 72.0, 62.0])
 _DEMONSTRATION, _PATH, _GOAL = (120, 130, 165), (255, 255, 255), (255, 196, 0)
 
@@ -118,10 +121,14 @@ class LatentView(LatentPicture):
         return pixels
 
 
-def magnification_factor(skill: Skill, size: int) -> np.ndarray:
+def magnification_factor(
+    skill: Skill, size: int, ambient: Callable[[np.ndarray], np.ndarray] | None = None
+) -> np.ndarray:
     """log sqrt det M(z) on a (size, size) picture of the latent box, first row at the top.
 
-    M = J^T J of the decoded features, with Jacobians by central differences on the picture's own grid.
+    M = J^T A J of the decoded features, with Jacobians by central differences on the picture's own grid.
+
+    ambient : factors (n,) >= 1 at positions (n, 3) [m], by which obstacles stretch position and sigma; None: 1.
     """
     axes = [np.linspace(low, high, size) for low, high in zip(skill.latent_lower, skill.latent_upper, strict=True)]
     first, second = np.meshgrid(axes[0], axes[1][::-1])
@@ -130,9 +137,12 @@ def magnification_factor(skill: Skill, size: int) -> np.ndarray:
     features = np.concatenate([_features(skill, skill.decoder.decode(block)) for block in blocks])
     picture = features.reshape(size, size, -1)
     along_second, along_first = np.gradient(picture, axes[1][::-1], axes[0], axis=(0, 1))
-    a = np.sum(along_first**2, axis=-1)
-    b = np.sum(along_first * along_second, axis=-1)
-    c = np.sum(along_second**2, axis=-1)
+    weights = np.ones_like(picture)
+    if ambient is not None:
+        weights[..., :_STRETCHED] = ambient(features[:, :3]).reshape(size, size, 1)
+    a = np.sum(weights * along_first**2, axis=-1)
+    b = np.sum(weights * along_first * along_second, axis=-1)
+    c = np.sum(weights * along_second**2, axis=-1)
     return 0.5 * np.log(np.maximum(a * c - b * b, 1e-300))
 
 

@@ -90,6 +90,21 @@ def test_magnification_factor_agrees_with_finite_differences(skill):
         assert picture[row, column] == pytest.approx(expected, abs=5e-3)
 
 
+def test_obstacles_stretch_the_magnification_factor_where_they_are_and_nowhere_else(skill):
+    free = magnification_factor(skill, 61)
+    np.testing.assert_array_equal(magnification_factor(skill, 61, lambda positions: np.ones(len(positions))), free)
+    obstacle, elsewhere = skill.decoder.decode(np.array([[0.5, 0.0], [-0.5, 0.0]])).positions
+    radius = 0.3 * np.linalg.norm(elsewhere - obstacle)
+
+    def stretched_near(positions: np.ndarray) -> np.ndarray:
+        return np.where(np.linalg.norm(positions - obstacle, axis=1) < radius, 100.0, 1.0)
+
+    stretched = magnification_factor(skill, 61, stretched_near)
+    assert np.all(stretched >= free - 1e-12)
+    changed = stretched > free + 1e-9
+    assert 0.0 < changed.mean() < 1.0
+
+
 def _derivative(skill: Skill, z: np.ndarray, axis: np.ndarray, step: float = 1e-5) -> np.ndarray:
     decoded = skill.decoder.decode(np.stack([z + step * axis, z - step * axis]))
     features = np.concatenate([decoded.positions, decoded.sigma, decoded.quaternions, decoded.spread[:, None]], axis=1)

@@ -29,7 +29,7 @@ toy-joint  an arm of two joints that draws an S in two postures: two clusters, g
 circle     the whole arm draws circles in four postures: switches between them with two and three latent dimensions
 geodesics  ways to a shortest path on one skill: gradient descent, graphs of 50x50 and 100x100 nodes; lengths, times
 avoidance  spheres dead-centre on the planned path of held-out demonstrations: clear, or rightly declared infeasible?
-crossing   what it costs to change between the clusters of q and -q, and whether the planner's graph forbids it
+crossing   what it costs to change between the clusters of q and -q, and whether the energy threshold refuses it
 goals      simulated demonstrations between places that vary: held-out ones predicted from start and goal
 modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
@@ -51,8 +51,9 @@ all        every experiment that needs no recording, with its default arguments,
 
 What the paper shows and what these show stands in geodesic_motion_ros/experiments/README.md. Table, figure and JSON go
 to out/experiments/NAME/. avoidance, crossing, goals and modes train skills, each once: they are kept in
-out/experiments/skills and taken from there when data, settings and training code are the same. goals and modes make
-their demonstrations themselves, with an arm in PyBullet; one skill per seed, two minutes each.
+out/experiments/skills and taken from there when data, settings and training code are the same; so are the models of
+circle, in out/experiments/models. goals and modes make their demonstrations themselves, with an arm in PyBullet; one
+skill per seed, two minutes each.
 """
 _EPILOG = """\
 examples:
@@ -134,7 +135,7 @@ _TRAININGS = _seeds("of the trainings, one skill each")
 EXPERIMENTS: dict[str, Experiment] = {
     "toy-task": Experiment("the paper's letters J and C", measures.of_seeds, (_seeds("one training each"),)),
     "toy-joint": Experiment("an S in two postures", measures.of_seeds, (_seeds("one training each"),)),
-    "circle": Experiment("two and three latent dimensions", measures.of_seeds, (_seeds("two trainings each"),)),
+    "circle": Experiment("two and three latent dimensions", measures.circle, (_seeds("two trainings each"),)),
     "geodesics": Experiment(
         "ways to a geodesic compared", measures.geodesics,
         (_skill("panda_pouring"), _count("--pairs", 3, "pairs of ends")),

@@ -76,6 +76,17 @@ def save_modes(arguments: argparse.Namespace) -> None:
     _save(arguments.save, shown, f"first {settings.shown} on the left of the pillar, then as many on its right")
 
 
+def circle(arguments: argparse.Namespace) -> Measured:
+    """Circles in two and in three latent dimensions; trained models are kept."""
+    from tqdm import tqdm
+
+    from geodesic_motion_ros.experiments.circle import draw_circle, measure_circle
+
+    with tqdm(desc="circle", unit="model") as bar:
+        report = measure_circle(arguments.seeds, progress=_counted_on(bar), folder=arguments.out / "models")
+    return Measured.of(report, draw_circle)
+
+
 def geodesics(arguments: argparse.Namespace) -> Measured:
     """Ways to a geodesic on one skill."""
     from geodesic_motion_ros.experiments.geodesics import compare_geodesics, draw_geodesics

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +48,9 @@ SIDES, _BORDER = {2: 100, 3: 40}, 0.1
 #: Shares of a circle where ways begin; they end half a circle on.
 BEGINS = (0.05, 0.2, 0.35, 0.45)
 _HALF = 0.5
+#: The paper's networks and number of kernels, and as many steps as a skill is learned with.
 TRAINING = JointTrainingSettings(
-    sheet="raw", hidden=(100, 50), steps=1000, batch=128, samples=SAMPLES, kernels=300, precision_iterations=60,
+    sheet="raw", hidden=(200, 100), steps=5000, batch=128, samples=SAMPLES, kernels=500, precision_iterations=60,
     precision_samples=2,
 )  # fmt: skip
 _COLOURS = (BLUE, ORANGE, GREEN, VERMILION)
@@ -140,13 +142,14 @@ def measure_circle(
     shown: Circles | None = None,
     dimensions: Sequence[int] = (2, 3),
     progress: Progress | None = None,
+    folder: Path = Path("out/experiments/models"),
 ) -> CircleReport:
     """Learn the circles in each number of dimensions, once for every seed, and count.
 
     Parameters
     ----------
     settings : its seed and its latent dimension are replaced. shown : None: `shown_circles`. progress : told what
-        begins.
+        begins. folder : where trained models are kept, see `models`.
 
     Raises
     ------
@@ -155,7 +158,7 @@ def measure_circle(
     if not seeds or not dimensions:
         raise ParameterError("no seeds or no dimensions: at least one training is needed")
     robot, shown = Robot.panda(), shown or shown_circles()
-    learned = models(shown.configurations, robot, dimensions, seeds, settings, progress)
+    learned = models(shown.configurations, robot, dimensions, seeds, settings, progress, folder)
     return CircleReport(shown, tuple(_measured(vae, shown, robot, chosen) for vae, chosen in learned))
 
 
@@ -167,6 +170,19 @@ def _measured(vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointT
     graph = MetricGraph.on_grid(
         pullback_metric(vae, robot, settings), grid, supported(vae, codes, grid.nodes()), NEIGHBOURS[dimension]
     )
+    ways, apart = circle_ways(graph, codes, shown, partial(decoded, vae))
+    error = 1e3 * tool_error(vae, robot, shown.configurations)
+    return CircleRow(dimension, settings.seed, error, codes, tuple(ways), apart)
+
+
+def circle_ways(
+    graph: MetricGraph, codes: np.ndarray, shown: Circles, decode: Callable[[np.ndarray], np.ndarray]
+) -> tuple[list[CircleWay], int]:
+    """Geodesics from codes (N, T, d) of every demonstration to its own half a circle on, and how many pairs of ends the
+    graph does not join.
+
+    decode : configurations (n, 7) [rad] at latent points (n, d).
+    """
     fine = between_samples(shown.configurations)
     tree = cKDTree(fine.reshape(-1, fine.shape[-1]))
     ways, apart = [], 0
@@ -179,22 +195,23 @@ def _measured(vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointT
                 apart += 1
                 continue
             latent = evenly(path)
-            off, nearest = tree.query(decoded(vae, latent))
+            off, nearest = tree.query(decode(latent))
             families = nearest // (fine.shape[1] * shown.per_family)
             ways.append(CircleWay(latent, number // shown.per_family, families, float(off.max())))
-    error = 1e3 * tool_error(vae, robot, shown.configurations)
-    return CircleRow(dimension, settings.seed, error, codes, tuple(ways), apart)
+    return ways, apart
 
 
 def draw_circle(report: CircleReport, path: Path) -> None:
-    """Of the first seed both latent spaces with the worst way in each; of every seed, which family is where."""
+    """Of the seed with most switches both latent spaces and its worst path; of every seed, which family is where."""
     figure = Figure(figsize=(10.0, 7.2), layout="constrained")
     grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
     for column, dimension in enumerate((2, 3)):
         rows = report.of(dimension)
         space = figure.add_subplot(grid[0, column], **({"projection": "3d"} if dimension == 3 else {}))
-        _draw_latent(space, report.shown, rows[0])
-        space.set_title(f"{'ab'[column]}  {dimension} latent dimensions", loc="left", fontsize=11)
+        worst = max(rows, key=lambda row: sum(way.switches for way in row.ways))
+        _draw_latent(space, report.shown, worst)
+        title = f"{'ab'[column]}  {dimension} latent dimensions, seed {worst.seed}"
+        space.set_title(title, loc="left", fontsize=11)
         axes = figure.add_subplot(grid[1, column])
         _draw_families(axes, rows)
         switches = sum(way.switches for row in rows for way in row.ways)

@@ -5,6 +5,10 @@ regions: one skill per seed is learned from some demonstrations and asked for ot
 regions, both new with every seed. Rows and columns are those of `imitation`; `people` is how far two demonstrations of
 this teacher differ when one of them is carried to the other's ends.
 
+Those ends come from the distribution that was demonstrated. Besides, every skill is asked for ends *along* the held-out
+demonstrations and for ends *beyond* both regions, in rings (`requested_ends`); right is the held-out piece, or what the
+teacher means to do from there. Beside it stands the nearest demonstration, carried to the ends.
+
 Held-out ends are predicted wherever they lie. What the planner's usual limits say of them is counted apart: how far
 start and goal are carried from the demonstrated means, how much of that lies beyond the convex hull of what was shown,
 and whether the query would have been refused.
@@ -22,6 +26,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.similarity import compare
 from geodesic_motion_ros.errors import ParameterError
@@ -29,11 +34,28 @@ from geodesic_motion_ros.experiments.baselines import Prediction, promp
 from geodesic_motion_ros.experiments.imitation import evaluate
 from geodesic_motion_ros.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.experiments.imitation_report import ImitationReport, Values
+from geodesic_motion_ros.experiments.requested_ends import (
+    NEAREST,
+    RINGS,
+    EndsAnswer,
+    RequestedEnds,
+    answers_to,
+    ends_figures,
+    ends_table,
+    pieces_of,
+    ring_name,
+)
 from geodesic_motion_ros.experiments.trained import check_seeds, trained_once
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION, multi_goal_demonstrations
+from geodesic_motion_ros.simulation.tabletop import Region
+from geodesic_motion_ros.simulation.teacher import (
+    BOTTLE_REGION,
+    CUP_REGION,
+    multi_goal_demonstrations,
+    pouring_motion,
+)
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 
@@ -48,6 +70,7 @@ ROWS = (
     "geodesic_ridge",
     "conditional_mean",
     "sheet_oracle",
+    "nearest_demonstration",
     "mean_demonstration",
     "promp",
     "dmp_nearest",
@@ -58,10 +81,13 @@ COLUMNS = ("dtw_mm", "orientation_deg", "endpoint_before_mm", "endpoint_after_mm
 
 @dataclass(frozen=True)
 class GoalsSettings:
-    """How many demonstrations are shown and held out for every seed, of data and training alike."""
+    """How many demonstrations are shown and held out for every seed, of data and training alike; `ends` : pairs of ends
+    along the held-out ones, and as many in each ring beyond the regions.
+    """
 
     shown: int = 12
     held_out: int = 12
+    ends: int = 12
     seeds: tuple[int, ...] = (0, 1, 2)
 
     def __post_init__(self) -> None:
@@ -69,6 +95,8 @@ class GoalsSettings:
             raise ParameterError(f"shown is {self.shown}; goals that vary need at least 2 demonstrations")
         if self.held_out < 1:
             raise ParameterError(f"held_out is {self.held_out}; at least 1 is needed to be predicted")
+        if self.ends < 1:
+            raise ParameterError(f"ends is {self.ends}; at least 1 is needed in each ring")
         check_seeds(self.seeds)
 
 
@@ -126,6 +154,7 @@ class GoalsReport:
     reports: tuple[ImitationReport, ...]
     people: Values
     asked: tuple[Asked, ...]
+    answers: tuple[EndsAnswer, ...]
     regressions: tuple[bool, ...]
     example: Example = field(repr=False)
 
@@ -149,6 +178,7 @@ class GoalsReport:
             "over_promp_by_seed": {report.seeds[0]: self.over_promp([report]) for report in self.reports},
             "refused_for_their_ends": sum(item.refused_for_its_ends for item in self.asked),
             "asked": [asdict(item) for item in self.asked],
+            "ends": ends_figures(self.answers),
             "seeds": {
                 report.seeds[0]: report.as_dict() | {"regresses": regresses}
                 for report, regresses in zip(self.reports, self.regressions, strict=True)
@@ -156,7 +186,7 @@ class GoalsReport:
         }
 
     def table(self) -> str:
-        """Both tables as plain text, and the bar in words."""
+        """The tables as plain text, and the bar in words."""
         rows, promp = self.rows, self.rows["promp"]["dtw_mm"]
         body = []
         for row in ROWS:
@@ -167,7 +197,7 @@ class GoalsReport:
         shown = f"{self.settings.shown} shown, {self.settings.held_out} held out"
         return "\n".join([
             f"{TASK}: {shown}, seeds {', '.join(map(str, self.settings.seeds))}", text_table(head, body), "",
-            *self._ends(), "", *self._notes(),
+            *self._ends(), "", *self._notes(), "", ends_table(self.answers),
         ])  # fmt: skip
 
     def _ends(self) -> list[str]:
@@ -215,23 +245,26 @@ def measure_goals(
     ------
     PeersMissingError : movement_primitives is not installed.
     """
-    reports, asked, regressions, people, examples = [], [], [], [], []
+    reports, asked, answers, regressions, people, examples = [], [], [], [], [], []
     base = training or TrainingSettings()
     for seed in tqdm(settings.seeds, desc="goals", unit="seed", disable=not show_progress):
         everything, fold = drawn(settings, seed)
-        shown, _ = everything.split(fold)
+        shown, held_out = everything.split(fold)
         skill = trained_once(TASK, shown, replace(base, seed=seed), skills)
         report = evaluate(
             everything, [fold], [seed], lambda *_, skill=skill: skill, TASK, show_progress=False, sheets=["canonical"]
         )
         reports.append(report)
         asked += asked_of(skill, seed, fold, everything)
+        answers += answers_to(requested_ends(held_out, settings, seed), {"geodesic": skill}, shown, seed)
         regressions.append(skill.canonical is not None and skill.canonical.regresses)
         people.append(_carried_people(everything))
         if not examples:
             examples.append(_example(skill, shown, [everything[index] for index in fold[:EXAMPLES]]))
     mean = {column: float(np.mean([values[column] for values in people])) for column in people[0]}
-    return GoalsReport(settings, tuple(reports), mean, tuple(asked), tuple(regressions), examples[0])
+    return GoalsReport(
+        settings, tuple(reports), mean, tuple(asked), tuple(answers), tuple(regressions), examples[0]
+    )  # fmt: skip
 
 
 def drawn(settings: GoalsSettings, seed: int) -> tuple[Demonstrations, tuple[int, ...]]:
@@ -240,6 +273,30 @@ def drawn(settings: GoalsSettings, seed: int) -> tuple[Demonstrations, tuple[int
     held_out = multi_goal_demonstrations(settings.held_out, seed + HELD_OUT_SEED)
     everything = Demonstrations((*shown, *held_out), frame=shown.frame)
     return everything, tuple(range(len(shown), len(everything)))
+
+
+def requested_ends(held_out: Demonstrations, settings: GoalsSettings, seed: int) -> list[RequestedEnds]:
+    """Ends along the held-out demonstrations and in every ring beyond the regions of bottles and cups."""
+    random = np.random.default_rng([seed, settings.ends])
+    requested = pieces_of(held_out, settings.ends, random)
+    for distance in RINGS:
+        for number in range(settings.ends):
+            # Bottle and cup with their yaws, as `pouring_motion` wants them.
+            place = random.random(6)
+            for region, begin in ((BOTTLE_REGION, 0), (CUP_REGION, 3)):
+                place[begin : begin + 2] = _share_outside(region, distance, random)
+            wanted = pouring_motion(f"{ring_name(distance)}, {number}", place, random)
+            curve = PoseCurve(wanted.positions, wanted.quaternions)
+            requested.append(RequestedEnds(ring_name(distance), curve.start, curve.goal, (curve,)))
+    return requested
+
+
+def _share_outside(region: Region, distance: float, random: np.random.Generator) -> np.ndarray:
+    """A random point (2,) opposite one of a region's sides, a distance [m] outside, as `Region.at` counts."""
+    share, axis = random.random(2), int(random.integers(2))
+    outside = distance / (region.upper[axis] - region.lower[axis])
+    share[axis] = 1.0 + outside if random.random() < 0.5 else -outside
+    return share
 
 
 def asked_of(skill: Skill, seed: int, fold: Sequence[int], everything: Demonstrations) -> list[Asked]:
@@ -296,14 +353,14 @@ def _middle_and_largest(values: np.ndarray) -> tuple[float, float]:
 
 
 def draw_goals(report: GoalsReport, path: Path) -> None:
-    """The first seed from above and from the side, and the geodesic's distances beside ProMP's."""
+    """The first seed from above and from the side, the geodesic's distances beside ProMP's, and those by ring."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    from geodesic_motion_ros.plots import BLUE, GREY, VERMILION
+    from geodesic_motion_ros.plots import BLUE, GREY, VERMILION, write_figure
 
-    figure = Figure(figsize=(13.0, 5.6), layout="constrained")
-    panels = figure.subplot_mosaic([["above", "distances"], ["aside", "distances"]], width_ratios=(1.5, 1.0))
+    figure = Figure(figsize=(13.0, 6.4), layout="constrained")
+    panels = figure.subplot_mosaic([["above", "distances"], ["aside", "rings"]], width_ratios=(1.5, 1.0))
     above, aside, distances = panels["above"], panels["aside"], panels["distances"]
     for axes, across, names in ((above, (1, 0), ("y", "x")), (aside, (1, 2), ("y", "z"))):
         for positions in report.example.shown:
@@ -333,11 +390,29 @@ def draw_goals(report: GoalsReport, path: Path) -> None:
         top = 1.1 * max(map(max, both))
         distances.plot([0.0, top], [0.0, top], "k--", linewidth=0.8)
         distances.set(xlim=(0.0, top), ylim=(0.0, top))
-    distances.set_box_aspect(0.9)
     distances.set(xlabel="ProMP [mm]", ylabel="geodesic [mm]")
     distances.set_title("DTW to the held-out, all seeds", loc="left")
     distances.text(0.98, 0.02, "geodesic nearer", transform=distances.transAxes, ha="right")
-    figure.savefig(path, dpi=110)
+    _draw_rings(panels["rings"], report.answers)
+    write_figure(figure, path)
+
+
+def _draw_rings(axes: Any, answers: Sequence[EndsAnswer]) -> None:
+    """Mean distance from the right motion with the limits lifted, and which share the usual limits answer."""
+    from geodesic_motion_ros.plots import BLUE, VERMILION
+
+    figures = ends_figures(answers)
+    for method, colour, shift in (("geodesic", BLUE, -0.2), (NEAREST, VERMILION, 0.2)):
+        off = [of[method]["off_unlimited_mm"] for of in figures.values()]
+        axes.bar(np.arange(len(off)) + shift, off, 0.38, color=colour, label=method)
+    named = [
+        "\n".join([*where.rsplit(" ", 1), f"{of['geodesic']['answered']} of {of['geodesic']['requested']}"])
+        for where, of in figures.items()
+    ]
+    axes.set_xticks(np.arange(len(named)), named, fontsize=8)
+    axes.set(ylabel="off the right motion [mm]")
+    axes.set_title("Ends by place, limits lifted; answered under the usual ones", loc="left", fontsize=11)
+    axes.legend(frameon=False)
 
 
 def _by_demonstration(report: GoalsReport, row: str) -> dict[tuple[int, int], float]:

@@ -5,8 +5,10 @@ reach_to_grasp`, one family); what is learned are the poses of the tool. For eve
 
 - *targets*: starts and goals are drawn anew from what is shown, and the planner is asked on two sheets: the canonical
   one, and the raw one, the paper's, where what was learned is carried to what is asked. Beside them the straight line
-  with an even turn (slerp). What counts is how far a path is from the closest demonstration, matched by dynamic time
-  warping along the whole way;
+  with an even turn (slerp), and the nearest demonstration carried to them. What counts is how far a path is from the
+  closest demonstration, matched by dynamic time warping along its whole length;
+- *ends*: targets come from the distribution that was demonstrated. So both sheets are also asked for ends along
+  demonstrations that were held out, and for ends beyond all that were demonstrated, in rings (`requested_ends`);
 - *crossing*: on the raw sheet every motion is there with q and with -q. From the start with q to the goal with q, and
   to the goal with -q, the shortest paths through the whole latent box: their energies, within and across. So for the
   single von Mises-Fisher density, whose clusters are apart, and, for one seed, for the paper's antipodal mixture, which
@@ -31,8 +33,26 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.similarity import distance_to_closest
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.baselines import task_line
-from geodesic_motion_ros.experiments.crossing import Crossing, measure_crossings
+from geodesic_motion_ros.experiments.crossing import (
+    GRAPHS,
+    Crossing,
+    judged_summary,
+    judged_table,
+    measure_crossings,
+)
 from geodesic_motion_ros.experiments.learned_paths import LearnedPath, LearnedPaths, whole_box
+from geodesic_motion_ros.experiments.requested_ends import (
+    NEAREST,
+    RINGS,
+    EndsAnswer,
+    RequestedEnds,
+    answers_to,
+    ends_beyond,
+    ends_figures,
+    ends_table,
+    nearest_piece,
+    pieces_of,
+)
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.planner import ReactivePlanner
@@ -57,21 +77,28 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.manifold.training import TrainingSettings
 
 TASK = "reach"
-ROWS = ("canonical sheet", "raw sheet", "straight line")
+ROWS = ("canonical sheet", "raw sheet", "straight line", NEAREST)
+#: Seed of the demonstrations that are held out; those that are shown have 0.
+_HELD_OUT_SEED = 10_000
 
 
 @dataclass(frozen=True)
 class GraspTaskSettings:
-    """How many demonstrations are shown, and how many targets are drawn; `seeds` are of trainings and targets."""
+    """How many demonstrations are shown and as many held out; how many targets are drawn for each seed, and how many
+    ends along the held-out demonstrations and in each ring beyond; `seeds` are of trainings, targets and ends.
+    """
 
     shown: int = 8
     targets: int = 20
+    ends: int = 12
     seeds: tuple[int, ...] = (0, 1, 2)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
 
     def __post_init__(self) -> None:
-        if min(self.shown, self.targets) < 1:
-            raise ParameterError(f"shown {self.shown}, targets {self.targets}: at least 1 of each is needed")
+        if min(self.shown, self.targets, self.ends) < 1:
+            raise ParameterError(
+                f"shown {self.shown}, targets {self.targets}, ends {self.ends}: at least 1 of each is needed"
+            )
         check_seeds(self.seeds)
 
 
@@ -117,10 +144,11 @@ class Across:
 
 @dataclass(frozen=True)
 class GraspTaskReport:
-    """All targets; crossings by seed, and those of the sign-blind mixture of the first one; what is to be drawn."""
+    """All targets and ends; crossings by seed, and those of the first sign-blind mixture; what is to be drawn."""
 
     settings: GraspTaskSettings
     targets: tuple[Target, ...]
+    answers: tuple[EndsAnswer, ...]
     crossings: dict[int, tuple[Crossing, ...]]
     sign_blind: tuple[float, ...]
     shown: Demonstrations = field(repr=False)
@@ -151,7 +179,6 @@ class GraspTaskReport:
             "across_least": min(across),
             "least_ratio": min(item.ratio for item in items),
             "sign_flips": sum(item.sign_flip for item in items),
-            "no_way_for_the_planner": sum(item.flagged for item in items),
         }
 
     def as_dict(self) -> dict[str, Any]:
@@ -160,7 +187,12 @@ class GraspTaskReport:
             "settings": asdict(self.settings),
             "targets": {row: self.summary(row) for row in ROWS},
             "targets_of_seeds": {row: {seed: self.summary(row, seed) for seed in self.crossings} for row in ROWS},
+            "ends": ends_figures(self.answers),
             "crossing": {seed: self.crossing_summary(seed) for seed in self.crossings},
+            "energy_criterion": {
+                seed: {graph: judged_summary(items, graph) for graph in GRAPHS}
+                for seed, items in self.crossings.items()
+            },
             "sign_blind_across_over_within": self.sign_blind,
         }
 
@@ -173,7 +205,7 @@ class GraspTaskReport:
         ]  # fmt: skip
         crossing_head = [
             "clusters of q and -q", "paths", "within, median", "within, most", "across, median", "across, least",
-            "least ratio", "sign flips", "no way for the planner",
+            "least ratio", "sign flips",
         ]  # fmt: skip
         crossings: list[list[Cell]] = [
             [f"seed {seed}", *self.crossing_summary(seed).values()] for seed in self.crossings
@@ -182,14 +214,16 @@ class GraspTaskReport:
         refused = sorted({f"{item.row}, seed {item.seed}: {item.reason}" for item in self.targets if item.reason})
         return "\n".join([
             text_table(head, rows, 1), *refused,
-            "off: mean distance from the closest demonstration", "", text_table(crossing_head, crossings, 4),
-            f"{blind}{max(self.sign_blind):.3f}",
+            "off: mean distance from the closest demonstration", "", ends_table(self.answers), "",
+            text_table(crossing_head, crossings, 4),
+            f"{blind}{max(self.sign_blind):.3f}", "",
+            judged_table({f"seed {seed}": items for seed, items in self.crossings.items()}),
         ])  # fmt: skip
 
 
-def reach_demonstrations(count: int) -> Demonstrations:
+def reach_demonstrations(count: int, seed: int = 0) -> Demonstrations:
     """Poses of the tool in simulated reaches to grasp, the elbow up."""
-    return reach_to_grasp(count, 0, families=1).tool_demonstrations(Robot.panda())
+    return reach_to_grasp(count, seed, families=1).tool_demonstrations(Robot.panda())
 
 
 def measure_grasp_task(
@@ -208,29 +242,42 @@ def measure_grasp_task(
 
     base = training or TrainingSettings(**BRIEFLY)
     shown = reach_demonstrations(settings.shown)
+    held_out = reach_demonstrations(settings.shown, _HELD_OUT_SEED)
 
     def trained(**changes: Any) -> Skill:
         return trained_once(TASK, shown, replace(base, orientation_model=None, **changes), skills)
 
     targets: list[Target] = []
+    answers: list[EndsAnswer] = []
     crossings: dict[int, tuple[Crossing, ...]] = {}
     raw: dict[int, Skill] = {}
     for seed in tqdm(settings.seeds, desc="grasp-task", unit="seed", disable=not show_progress):
         raw[seed] = trained(seed=seed, sheet="raw")
         sheets = {ROWS[0]: trained(seed=seed, sheet="canonical"), ROWS[1]: raw[seed]}
         targets += ask_targets(sheets, shown, seed, settings)
+        answers += answers_to(requested_ends(shown, held_out, settings, seed), sheets, shown, seed)
         crossings[seed] = measure_crossings(raw[seed], [item.curve for item in shown])
     first = settings.seeds[0]
     blind = trained_once(TASK, shown, replace(base, seed=first, sheet="raw", orientation_model="sign_blind"), skills)
     return GraspTaskReport(
-        settings, tuple(targets), crossings, sign_blind_ratios(blind, shown), shown, path_across(raw[first], shown)
-    )
+        settings, tuple(targets), tuple(answers), crossings, sign_blind_ratios(blind, shown), shown,
+        path_across(raw[first], shown),
+    )  # fmt: skip
+
+
+def requested_ends(
+    shown: Demonstrations, held_out: Demonstrations, settings: GraspTaskSettings, seed: int
+) -> list[RequestedEnds]:
+    """Ends along the held-out demonstrations, and in every ring beyond those that are shown."""
+    random = np.random.default_rng([seed, settings.ends])
+    along = pieces_of(held_out, settings.ends, random)
+    return along + [ends for ring in RINGS for ends in ends_beyond(shown, ring, settings.ends, random)]
 
 
 def ask_targets(
     skills: dict[str, Skill], shown: Demonstrations, seed: int, settings: GraspTaskSettings
 ) -> list[Target]:
-    """Starts and goals drawn from a seed, asked of skills by their rows, and the straight line between them."""
+    """Starts and goals drawn from a seed, asked of skills by their rows, and both controls between them."""
     planners = {row: ReactivePlanner(skill, settings.planner) for row, skill in skills.items()}
     random, curves = np.random.default_rng([seed, settings.targets]), [item.curve for item in shown]
     found = []
@@ -245,6 +292,7 @@ def ask_targets(
             carried = 0.5 * (plan.verdict.start_offset + plan.verdict.goal_offset)
             found.append(_target(row, seed, path, curves, carried))
         found.append(_target(ROWS[2], seed, task_line(shown, start, goal).corrected, curves))
+        found.append(_target(ROWS[3], seed, nearest_piece(shown, start, goal), curves))
     return found
 
 

@@ -91,7 +91,7 @@ class ImitationReport:
             "rows": self.rows,
             "crossing": {
                 "median_energy_ratio": float(np.median([item.ratio for item in self.crossings])),
-                "flagged": float(np.mean([item.flagged for item in self.crossings])),
+                "refused_for_energy": float(np.mean([item.refused for item in self.crossings])),
             }
             if self.crossings
             else None,
@@ -124,10 +124,10 @@ class ImitationReport:
         notes += self._in_words()
         if self.crossings:
             ratio = np.median([item.ratio for item in self.crossings])
-            flagged = sum(item.flagged for item in self.crossings)
+            refused = sum(item.refused for item in self.crossings)
             notes.append(
-                f"crossing to the cluster of -q: {ratio:.3g} times the energy within (median), flagged "
-                f"{flagged} of {len(self.crossings)}"
+                f"crossing to the cluster of -q: {ratio:.3g} times the energy within (median), refused for "
+                f"its energy {refused} of {len(self.crossings)}"
             )
         title = f"{self.task}: held out {folds}, seeds {', '.join(map(str, self.seeds))}"
         return "\n".join([title, text_table(head, body), *notes])

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from safetensors.torch import load_file, save_file
 
+from geodesic_motion_ros.experiments.trained import digest_of
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.manifold.body_layer import BodyLayer
 from geodesic_motion_ros.manifold.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, body_layer, train_joint_model
+from geodesic_motion_ros.manifold.networks import RadialBasisNetwork
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import SUPPORT_MULTIPLE
@@ -41,18 +45,44 @@ def models(
     seeds: Sequence[int],
     settings: JointTrainingSettings,
     progress: Callable[[str], None] | None = None,
+    folder: Path | None = None,
 ) -> Iterator[tuple[JointSpaceVAE, JointTrainingSettings]]:
     """Learn configurations (N, T, eta) [rad] in each number of latent dimensions, once for every seed.
 
     settings : with the dimension and the seed that replace its own they come with the model. progress : told what
-    begins.
+    begins. folder : where models are kept, and taken from where the very same training was done before; None: nowhere.
     """
     for dimension in dimensions:
         for seed in seeds:
             if progress is not None:
                 progress(f"{dimension}-D, seed {seed}")
             chosen = replace(settings, seed=seed, latent_dimension=dimension)
-            yield train_joint_model(shown, chosen, body_layer(robot, settings.metric)), chosen
+            yield _model(shown, robot, chosen, folder), chosen
+
+
+def _model(shown: np.ndarray, robot: Robot, settings: JointTrainingSettings, folder: Path | None) -> JointSpaceVAE:
+    if folder is None:
+        return train_joint_model(shown, settings, body_layer(robot, settings.metric))
+    kept = folder / f"{digest_of([shown], settings, 'joint_training')}.safetensors"
+    if not kept.is_file():
+        vae = train_joint_model(shown, settings, body_layer(robot, settings.metric))
+        folder.mkdir(parents=True, exist_ok=True)
+        unfinished = kept.with_suffix(".part")
+        # Encoder and decoder share their scaling: the file wants every tensor for itself.
+        save_file({name: tensor.clone() for name, tensor in vae.state_dict().items()}, unfinished)
+        unfinished.replace(kept)
+    # Also right after the training, so that both runs measure on the very same numbers.
+    return _restored(load_file(kept), settings)
+
+
+def _restored(tensors: dict[str, torch.Tensor], settings: JointTrainingSettings) -> JointSpaceVAE:
+    """The model whose state it is, frozen."""
+    scaling = tensors["encoder.offset"], tensors["encoder.scale"]
+    vae = JointSpaceVAE(settings.latent_dimension, settings.hidden, *scaling).double()
+    network = (tensors[f"decoder.inverse_sigma.{name}"] for name in ("centres", "rate", "floor", "scale"))
+    vae.decoder.inverse_sigma = RadialBasisNetwork(*network)
+    vae.load_state_dict(tensors)
+    return vae.requires_grad_(False)
 
 
 def pullback_metric(vae: JointSpaceVAE, robot: Robot, settings: JointTrainingSettings) -> JointPullbackMetric:

@@ -66,6 +66,16 @@ class LearnedPaths:
         return LearnedPath(nodes, length, len(edges) * float(squared.sum()), dearest)
 
 
+def supported_box(skill: Skill) -> PoseGraph:
+    """The support of a skill of task space as the planner has it, with no edge left out of it for what it joins or for
+    what it costs.
+    """
+    return build_pose_graph(
+        skill.decoder, skill.codes, skill.latent_lower, skill.latent_upper, skill.metric, skill.sigma_limit,
+        one_sheet=False, ridges=skill.ridges,
+    )  # fmt: skip
+
+
 def whole_box(skill: Skill, shape: tuple[int, ...] | None = None) -> PoseGraph | ConfigurationGraph:
     """The graph of a skill's whole latent box, nothing pruned or forbidden; `shape` without one as in `WHOLE_BOX`."""
     shape = shape or WHOLE_BOX[len(skill.latent_lower)]

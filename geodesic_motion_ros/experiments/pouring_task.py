@@ -12,7 +12,8 @@ pouring`); what is learned are the poses of the tool. For every seed of the trai
   alone takes an end that was shown for a start. It is played by the arm in PyBullet among the stands.
 
 For the first seed a sphere *moves* through the way while the tool follows it on the raw sheet, and the geodesic is
-drawn at two times.
+drawn at two times. Of the same skill a second picture shows how a sphere reshapes the metric, and many geodesics
+between random points (`reshaped_metric`).
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from geodesic_motion_ros.experiments.held_bottle import (
 from geodesic_motion_ros.experiments.pouring_chain import Chain, pour_all_cups
 from geodesic_motion_ros.experiments.pouring_places import PLACES, at_bottle, at_cup, pouring_strip
 from geodesic_motion_ros.experiments.pouring_stream import Stream, draw_moment, past_a_moving_sphere
+from geodesic_motion_ros.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
@@ -121,6 +123,7 @@ class PouringTaskReport:
     blocked: tuple[Blocked, ...]
     chains: tuple[Chain, ...]
     stream: Stream
+    reshaped: ReshapedMetric = field(repr=False)
     shown: Demonstrations = field(repr=False)
     raw: Skill = field(repr=False)
 
@@ -142,6 +145,7 @@ class PouringTaskReport:
             ],
             "moving": {"reached": self.stream.reached, "clearance": self.stream.clearance,
                        "unaware": self.stream.unaware},
+            "reshaped": self.reshaped.as_dict(),
         }  # fmt: skip
 
     def table(self) -> str:
@@ -186,7 +190,8 @@ class PouringTaskReport:
                 ["chain, seed", "geodesics", "mouth off the cup mm", "tool behind mm", "arm clear mm"], chains, 1
             ), "",
             f"moving sphere: {'reached' if stream.reached else 'NOT reached'}, bottle {1e3 * stream.clearance:.1f} mm "
-            f"clear; {1e3 * stream.unaware:.1f} mm on the way without the sphere", *refused,
+            f"clear; {1e3 * stream.unaware:.1f} mm on the way without the sphere",
+            *self.reshaped.lines(), *refused,
         ])  # fmt: skip
 
 
@@ -227,7 +232,8 @@ def measure_pouring_task(
             streams.append(past_a_moving_sphere(planners["raw"]))
             raw_skills.append(raw)
     return PouringTaskReport(
-        settings, tuple(pairs), tuple(blocked), tuple(chains), streams[0], shown, raw_skills[0]
+        settings, tuple(pairs), tuple(blocked), tuple(chains), streams[0], reshape_metric(raw_skills[0]), shown,
+        raw_skills[0],
     )  # fmt: skip
 
 
@@ -278,7 +284,9 @@ def _clearance(way: TaskSpaceReference, centre: np.ndarray) -> float:
 
 
 def draw_pouring_task(report: PouringTaskReport, path: Path) -> None:
-    """The first seed: all pairs in the latent space and from above, the moving sphere at two times, and the chain."""
+    """The first seed: all pairs in the latent space and from above, the moving sphere at two times, and the chain; in a
+    second picture beside the first, NAME_metric.png, the reshaped metric.
+    """
     from matplotlib.figure import Figure
 
     seed = report.settings.seeds[0]
@@ -307,6 +315,7 @@ def draw_pouring_task(report: PouringTaskReport, path: Path) -> None:
     named = {str(handle.get_label()): handle for handle in handles}
     figure.legend(handles=list(named.values()), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     write_figure(figure, path)
+    draw_reshaped_metric(report.reshaped, path.with_stem(f"{path.stem}_metric"))
 
 
 def _from_above(axes: Any, shown: Demonstrations, ways: Sequence[Way]) -> None:

@@ -136,12 +136,20 @@ def _cached(folder: Path) -> Skill | None:
 def _digest(
     demonstrations: Demonstrations | JointDemonstrations, settings: TrainingSettings | JointTrainingSettings
 ) -> str:
+    if isinstance(demonstrations, JointDemonstrations):
+        return digest_of([item.configurations for item in demonstrations], settings, "joint_training")
+    poses = [array for item in demonstrations for array in (item.positions, item.quaternions)]
+    return digest_of(poses, settings, "training")
+
+
+def digest_of(
+    arrays: Sequence[np.ndarray], settings: TrainingSettings | JointTrainingSettings, module: str
+) -> str:
+    """Name of a training in a cache: of the arrays that are learned, the settings, and the code (`training_code`)."""
     digest = hashlib.sha256(json.dumps(asdict(settings), sort_keys=True).encode())
-    of_joints = isinstance(demonstrations, JointDemonstrations)
-    for item in demonstrations:
-        for array in (item.configurations,) if of_joints else (item.positions, item.quaternions):
-            digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(training_code("joint_training" if of_joints else "training"))
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(training_code(module))
     return digest.hexdigest()[:16]
 
 

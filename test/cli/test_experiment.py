@@ -78,7 +78,7 @@ def test_every_experiment_is_described() -> None:
 def test_experiments_of_one_shape_have_what_is_looked_up_by_their_names() -> None:
     of_one_shape = {measures.of_seeds, measures.of_settings, measures.of_data}
     found = [name for name, entry in EXPERIMENTS.items() if entry.measure in of_one_shape]
-    assert len(found) == 10
+    assert len(found) == 9
     parser = build_parser()
     for name in found:
         arguments = parser.parse_args(["experiment", name])

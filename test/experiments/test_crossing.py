@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.crossing import crossing_report, draw_crossings, measure_crossings
+from geodesic_motion_ros.experiments.crossing import (
+    crossing_report,
+    draw_crossings,
+    judged_summary,
+    measure_crossings,
+)
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
 from geodesic_motion_ros.tables import write_json
@@ -18,14 +23,34 @@ def skill(stored, demonstrations):
     return stored("cup", lambda: train_task_space_skill(demonstrations, settings, name="cup"))
 
 
-def test_changing_clusters_is_dear_and_the_graph_of_the_planner_forbids_it(skill, demonstrations):
+def test_changing_clusters_is_dear_and_flips_the_sign(skill, demonstrations):
     curves = [item.curve for item in demonstrations]
     crossings = measure_crossings(skill, curves)
     assert len(crossings) == len(curves)
     assert all(math.isfinite(item.across) and item.within > 0.0 for item in crossings)
     assert np.median([item.ratio for item in crossings]) > 10.0
     assert np.median([item.edge_ratio for item in crossings]) > 10.0
-    assert all(item.flagged and item.sign_flip for item in crossings)
+    assert all(item.sign_flip for item in crossings)
+
+
+def test_a_path_across_changes_the_cluster_and_the_threshold_decides(skill, demonstrations):
+    curves = [item.curve for item in demonstrations]
+    for limit, refused in ((math.inf, False), (0.0, True)):
+        for item in measure_crossings(replace(skill, energy_per_edge=limit), curves[:2]):
+            within, across = item.judged_within["whole box"], item.judged_across["whole box"]
+            assert within.offered
+            assert across.offered
+            # An odd number of changes ends in the other cluster, an even one in the same.
+            assert across.changes % 2 == 1
+            assert within.changes % 2 == 0
+            assert (within.refused, across.refused) == (refused, refused)
+
+
+def test_the_paths_within_are_among_what_the_support_offers(skill, demonstrations):
+    items = measure_crossings(skill, [item.curve for item in demonstrations])
+    summary = judged_summary(items, "support")
+    assert summary["within_offered"] == len(demonstrations)
+    assert summary["within_changes"] == 0
 
 
 def test_what_is_handed_over_is_complete(skill, demonstrations, tmp_path):
@@ -33,7 +58,8 @@ def test_what_is_handed_over_is_complete(skill, demonstrations, tmp_path):
     content = json.loads(write_json(tmp_path / "crossing.json", report.as_dict()).read_text())
     assert len(content["paths"]["cup"]) == 5
     assert content["summary"]["all"] == content["summary"]["cup"]
-    assert content["summary"]["all"]["flagged"] == 5
+    assert content["energy_criterion"]["all"]["whole box"]["across_offered"] == 5
+    assert "changes of cluster" in report.table()
     assert "cup" in report.table()
     draw_crossings(report, tmp_path / "crossing.png")
     assert (tmp_path / "crossing.png").read_bytes().startswith(b"\x89PNG")

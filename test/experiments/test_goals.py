@@ -20,13 +20,14 @@ from geodesic_motion_ros.experiments.goals import (
     draw_goals,
     drawn,
     measure_goals,
+    requested_ends,
 )
 from geodesic_motion_ros.manifold.training import TrainingSettings
-from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION
+from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, GRASP_HEIGHT
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json
 
-SETTINGS = GoalsSettings(shown=5, held_out=3, seeds=(3,))
+SETTINGS = GoalsSettings(shown=5, held_out=3, ends=2, seeds=(3,))
 SMALL = TrainingSettings(
     steps=500, hidden=(48, 32), samples=80, kernels=80, precision_samples=2, precision_iterations=40
 )
@@ -65,6 +66,20 @@ def test_held_out_motions_are_others_from_the_same_regions(everything) -> None:
     assert apart.min() > 1e-3
 
 
+def test_rings_lie_outside_of_the_region_by_their_distance(everything) -> None:
+    demonstrations, fold = everything
+    held_out = Demonstrations(tuple(demonstrations[index] for index in fold))
+    rings = [item for item in requested_ends(held_out, SETTINGS, 3) if item.where == "100 mm beyond"]
+    assert len(rings) == SETTINGS.ends
+    for item in rings:
+        ground = item.start[0][:2]
+        outside = ground - np.clip(ground, BOTTLE_REGION.lower, BOTTLE_REGION.upper)
+        # The teacher's hand shakes at neither end.
+        assert np.linalg.norm(outside) == pytest.approx(0.1, abs=1e-9)
+        assert item.start[0][2] == pytest.approx(GRASP_HEIGHT)
+        np.testing.assert_array_equal(item.right[0].goal[0], item.goal[0])
+
+
 def test_every_row_has_its_figures_and_answers_end_where_they_were_asked_to(report) -> None:
     assert tuple(report.rows) == ROWS
     for row in ROWS:
@@ -100,6 +115,7 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     assert content["rows"]["geodesic"]["dtw_mm"] == report.rows["geodesic"]["dtw_mm"]
     assert content["over_promp_by_seed"] == {"3": report.over_promp()}
     assert len(content["asked"]) == 3
+    assert content["ends"]["25 mm beyond"]["geodesic"]["requested"] == 2
     said = report.table()
     assert f"geodesic's DTW over ProMP's: {report.over_promp():.2f}" in said
     assert all(row in said for row in ROWS)
@@ -115,8 +131,8 @@ def test_who_would_be_refused_is_named_in_the_table(report) -> None:
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
-    [({"shown": 1}, "at least 2"), ({"held_out": 0}, "at least 1"), ({"seeds": ()}, "at least one"),
-     ({"seeds": (-1,)}, "none negative")],
+    [({"shown": 1}, "at least 2"), ({"held_out": 0}, "at least 1"), ({"ends": 0}, "in each ring"),
+     ({"seeds": ()}, "at least one"), ({"seeds": (-1,)}, "none negative")],
 )  # fmt: skip
 def test_impossible_settings_are_refused(wrong, message) -> None:
     with pytest.raises(ParameterError, match=message):

@@ -16,18 +16,22 @@ from geodesic_motion_ros.experiments.grasp_task import (
     ask_targets,
     draw_grasp_task,
     path_across,
+    requested_ends,
     sign_blind_ratios,
 )
+from geodesic_motion_ros.experiments.requested_ends import answers_to
 from geodesic_motion_ros.tables import write_json
 
-SETTINGS = GraspTaskSettings(targets=3, seeds=(0,))
+SETTINGS = GraspTaskSettings(targets=3, ends=2, seeds=(0,))
 
 
 @pytest.fixture(scope="module")
 def report(reach_pose_skill, reach_poses, fan_skill, fan) -> GraspTaskReport:
+    ends = requested_ends(reach_poses, reach_poses, SETTINGS, 0)
     return GraspTaskReport(
         SETTINGS,
         tuple(ask_targets({ROWS[0]: reach_pose_skill}, reach_poses, 0, SETTINGS)),
+        tuple(answers_to(ends[::2], {ROWS[0]: reach_pose_skill}, reach_poses, 0)),
         {0: measure_crossings(fan_skill, [item.curve for item in fan[:2]])},
         sign_blind_ratios(reach_pose_skill, reach_poses.split(tuple(range(2, 8)))[0]),
         reach_poses,
@@ -62,12 +66,15 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     content = json.loads(write_json(tmp_path / "figures.json", report.as_dict()).read_text())
     assert content["targets"][ROWS[0]]["answered"] == 3
     assert content["crossing"]["0"]["paths"] == 2
+    assert content["energy_criterion"]["0"]["whole box"]["across_offered"] == 2
+    assert content["ends"]["along"][ROWS[0]]["requested"] == 1
     assert "straight line" in report.table()
+    assert "200 mm beyond" in report.table()
     draw_grasp_task(report, tmp_path / "grasp_task.png")
     assert (tmp_path / "grasp_task.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("wrong", [{"targets": 0}, {"seeds": ()}, {"seeds": (-1,)}])
+@pytest.mark.parametrize("wrong", [{"targets": 0}, {"ends": 0}, {"seeds": ()}, {"seeds": (-1,)}])
 def test_impossible_settings_are_refused(wrong) -> None:
     with pytest.raises(ParameterError):
         GraspTaskSettings(**wrong)

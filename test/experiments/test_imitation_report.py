@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from geodesic_motion_ros.experiments.crossing import Crossing
+from geodesic_motion_ros.experiments.crossing import GRAPHS, Crossing, Judged
 from geodesic_motion_ros.experiments.imitation_report import COLUMNS, ROWS, ImitationReport, Measurement
 
 
@@ -74,11 +74,11 @@ def test_the_table_says_where_the_error_comes_from(report):
         assert number in words
 
 
-def test_crossings_are_told_by_their_median_and_how_many_are_flagged(report):
+def test_crossings_are_reported_by_their_median_and_how_many_are_refused(report):
     crossings = tuple(
-        Crossing(1.0, ratio, 1.0, 1.0, sign_flip=True, flagged=flagged)
-        for ratio, flagged in ((4.0, True), (8.0, True), (2.0, False))
+        Crossing(1.0, ratio, 1.0, 1.0, True, judged_within={}, judged_across={GRAPHS[0]: Judged(True, 1, refused)})
+        for ratio, refused in ((4.0, True), (8.0, True), (2.0, False))
     )
     told = ImitationReport(report.task, report.folds, report.seeds, report.people, report.measurements, crossings)
-    assert "4 times the energy within (median), flagged 2 of 3" in told.table()
-    assert told.as_dict()["crossing"] == {"median_energy_ratio": 4.0, "flagged": pytest.approx(2.0 / 3.0)}
+    assert "4 times the energy within (median), refused for its energy 2 of 3" in told.table()
+    assert told.as_dict()["crossing"] == {"median_energy_ratio": 4.0, "refused_for_energy": pytest.approx(2.0 / 3.0)}

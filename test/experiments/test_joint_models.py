@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -57,3 +59,17 @@ def test_models_come_by_dimension_and_seed_and_are_measured(shown) -> None:
         assert not kept[30:].any()
         tensors = pullback_metric(vae, ROBOT, chosen)(torch.tensor(codes[0]))
         assert torch.linalg.eigvalsh(tensors).min() > 0.0
+
+
+def test_a_model_that_was_kept_is_the_one_that_was_trained(shown, tmp_path) -> None:
+    settings = replace(SMALL, steps=20, precision_iterations=5)
+    (trained, _), (kept, _), (plain, _) = (
+        next(models(shown, ROBOT, (2,), (0,), settings, folder=folder)) for folder in (tmp_path, tmp_path, None)
+    )
+    assert len(list(tmp_path.iterdir())) == 1
+    assert [name for name, _ in kept.named_parameters()] == [name for name, _ in plain.named_parameters()]
+    for name, tensor in plain.state_dict().items():
+        assert torch.equal(trained.state_dict()[name], tensor)
+        assert torch.equal(kept.state_dict()[name], tensor)
+    next(models(shown, ROBOT, (2,), (0,), replace(settings, steps=21), folder=tmp_path))
+    assert len(list(tmp_path.iterdir())) == 2

@@ -19,6 +19,7 @@ from geodesic_motion_ros.experiments.pouring_task import (
     blocked_pairs,
     draw_pouring_task,
 )
+from geodesic_motion_ros.experiments.reshaped_metric import reshape_metric
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json
@@ -33,6 +34,7 @@ def report(pouring_poses: Demonstrations, pouring_pose_skill: Skill) -> PouringT
         tuple(blocked_pairs(planner, ReactivePlanner(pouring_pose_skill), "raw", 0, (0,))),
         (pour_all_cups(planner, 0),),
         past_a_moving_sphere(planner),
+        reshape_metric(pouring_pose_skill, pairs=3),
         pouring_poses,
         pouring_pose_skill,
     )
@@ -57,9 +59,11 @@ def test_what_is_handed_over_is_complete(report: PouringTaskReport, tmp_path) ->
     content = json.loads(write_json(tmp_path / "figures.json", report.as_dict()).read_text())
     assert [len(content[part]) for part in ("pairs", "blocked", "chains")] == [9, 9, 1]
     assert content["moving"]["reached"] is True
+    assert content["reshaped"]["random_geodesics"]["pairs"] == 3
     assert "9 of 9" in report.table()
     draw_pouring_task(report, tmp_path / "pouring_task.png")
-    assert (tmp_path / "pouring_task.png").read_bytes().startswith(b"\x89PNG")
+    for name in ("pouring_task.png", "pouring_task_metric.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("wrong", [{"shown": 0}, {"seeds": ()}])
