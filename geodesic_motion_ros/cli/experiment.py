@@ -45,7 +45,7 @@ dimension  two to five latent dimensions of the whole arm, on a grid and on a gr
 rate       planner and twin as two processes: ticks a second with a goal that stays or moves, a moving sphere, clouds;
            with a skill of joint space also the time from an obstacle's message to the trajectory that answers it
 literal    held-out demonstrations by the paper's models and planner to the letter, beside the default ones
-reshaped   how a moving sphere reshapes the metric: a latent plane, a cut through latent tubes, the path at each moment
+reshaped-tubes  how a moving sphere reshapes the metric of the whole arm: a cut through latent tubes, the path in it
 paper-rate the same of the paper's planner in both spaces, and how often a tick ends with the cheapest path
 all        every experiment that needs no recording, with its default arguments, one after the other; hours
 
@@ -274,7 +274,7 @@ EXPERIMENTS: dict[str, Experiment] = {
         "the paper to the letter beside this package's default, on held-out demonstrations", measures.literal,
         (_OF_FOLDS[0], _count("--seed", 0, "of the trainings"), _STEPS), on_recordings=True,
     ),
-    "reshaped": Experiment("the metric as a sphere moves onto the path, in both spaces", measures.reshaped),
+    "reshaped-tubes": Experiment("a cut through latent tubes as a sphere moves", measures.reshaped_tubes),
     "paper-rate": Experiment(
         "the same of the paper's planner, and how often it ends with the cheapest path", measures.paper_rate,
         (

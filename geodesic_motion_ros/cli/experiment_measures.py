@@ -217,13 +217,12 @@ def literal(arguments: argparse.Namespace) -> Measured:
     return Measured.of(report, draw_literal)
 
 
-def reshaped(arguments: argparse.Namespace) -> Measured:
-    """The paper's skills, one of each space."""
-    from geodesic_motion_ros.experiments.reshaped import draw_reshaped, measure_reshaped, picture_skill
+def reshaped_tubes(arguments: argparse.Namespace) -> Measured:
+    """One skill of the whole arm, with a latent space of three dimensions."""
+    from geodesic_motion_ros.experiments.reshaped_tubes import draw_reshaped, measure_reshaped
     from geodesic_motion_ros.skill import Skill
 
-    skills = tuple(picture_skill(Skill.load(name)) for name in ("paper_pouring", "paper_reach"))
-    return Measured.of(measure_reshaped(skills), draw_reshaped)
+    return Measured.of(measure_reshaped(Skill.load("paper_reach")), draw_reshaped)
 
 
 def paper_rate(arguments: argparse.Namespace) -> Measured:

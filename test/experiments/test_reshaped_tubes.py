@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.experiments.reshaped import (
+from geodesic_motion_ros.experiments.reshaped_tubes import (
     DISTANCES,
     Cut,
     draw_reshaped,
     measure_reshaped,
-    picture_skill,
     riemannian_length,
     tensors,
 )
@@ -19,13 +18,12 @@ from geodesic_motion_ros.skill import Skill
 NOTHING = np.empty((0, 3)), np.empty(0), 0.0
 
 
-@pytest.fixture(scope="module", params=["paper_pouring", "paper_reach"])
-def skill(request) -> Skill:
-    return picture_skill(Skill.load(request.param))
+@pytest.fixture(scope="module")
+def skill() -> Skill:
+    return Skill.load("paper_reach")
 
 
-def test_without_obstacles_it_is_the_metric_of_the_graph() -> None:
-    skill = Skill.load("paper_reach")
+def test_without_obstacles_it_is_the_metric_of_the_graph(skill: Skill) -> None:
     graph = skill.graph((14, 14, 14))
     rows, columns = np.triu_indices(3)
     spacing = graph.grid.spacing
@@ -58,11 +56,11 @@ def test_a_cut_holds_the_path_that_it_is_made_for() -> None:
     np.testing.assert_allclose(cut.points(cut.seen(flat)), flat, atol=1e-9)
 
 
-def test_moments_are_measured_and_drawn(tmp_path) -> None:
-    report = measure_reshaped((picture_skill(Skill.load("paper_pouring")),))
+def test_moments_are_measured_and_drawn(skill: Skill, tmp_path) -> None:
+    report = measure_reshaped(skill, (12, 12, 12))
     lengths = [moment.length for moment in report.moments]
     assert len(lengths) == len(DISTANCES)
     assert lengths[-1] > 1.5 * lengths[0]
-    assert report.table().count("\n") == 1 + len(DISTANCES)
+    assert report.table().count("\n") == 2 + len(DISTANCES)
     draw_reshaped(report, tmp_path / "reshaped.png")
     assert (tmp_path / "reshaped.png").stat().st_size > 20_000
