@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
@@ -21,8 +22,9 @@ from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_query import GoalChoice
-from geodesic_motion_ros.joint_reference import JointReference, interpolated
+from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.paper.follower import TimedPath, followed
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 
 #: Samples of the families' mean motions.
 _SAMPLES = 200
+#: After the end of a path what is commanded rests within this [s].
+_SETTLING = 3.0
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,7 @@ class Played:
     ----------
     configurations : (n, eta) [rad] every `CHECK_PERIOD`; latent : (k, d) points that they were decoded from, or are
         near to. duration : [s].
-    reference : what an arm plays, None of the paper's planner, which has no velocities of its own.
+    reference : what an arm plays: of the paper's planner, what is commanded behind its leading point.
     cost : length of the path in the metric of the paper's planner, NaN of ours.
     promised : clearance that the planner promises [m], NaN of the paper's, which promises none.
     """
@@ -75,7 +79,7 @@ class Played:
     configurations: np.ndarray
     latent: np.ndarray
     duration: float
-    reference: JointReference | None = None
+    reference: JointReference
     cost: float = math.nan
     promised: float = math.nan
 
@@ -90,6 +94,10 @@ class Player(Protocol):
         self, start: Sequence[int], goals: Sequence[Sequence[int]], centres: np.ndarray, radii: np.ndarray
     ) -> Played | str:
         """The motion to whichever goal is the cheapest among spheres (o, 3), (o,) [m], or why there is none."""
+        ...
+
+    def families_at(self, latent: np.ndarray) -> np.ndarray:
+        """The families (n,) that latent points (n, d) are in, as the skill sees it."""
         ...
 
 
@@ -113,6 +121,10 @@ class OurArm:
         way = every(CHECK_PERIOD, found)
         return Played(way, found.latent, found.duration, found, promised=plan.verdict.clearance)
 
+    def families_at(self, latent: np.ndarray) -> np.ndarray:
+        """By the nearest ridge."""
+        return np.argmax(self.planner.graph.progress_map(latent)[1], axis=1)
+
 
 class LiteralArm:
     """`PaperPlanner`, along its whole path at the speed that it gives the leading point."""
@@ -132,7 +144,14 @@ class LiteralArm:
         found = [self.planner.plan_between(source, self._node(goal, -1)) for goal in goals]
         path, cost = min(found, key=lambda each: each[1])
         times = np.append(np.arange(0.0, path.duration, CHECK_PERIOD), path.duration)
-        return Played(interpolated(times, path.times, path.places), path.latent, path.duration, cost=cost)
+        motion = interpolated(times, path.times, path.places)
+        return Played(motion, path.latent, path.duration, _followed(path), cost=cost)
+
+    def families_at(self, latent: np.ndarray) -> np.ndarray:
+        """By the nearest code of what was shown: a skill on the raw sheet knows no families."""
+        codes = self.skill.codes
+        _, nearest = cKDTree(codes.reshape(-1, codes.shape[-1])).query(latent)
+        return nearest // (codes.shape[1] * self._each)
 
     def _node(self, groups: Sequence[int], at: int) -> int:
         """The node at that demonstration's first or last code which is nearest to the mean of all of these families."""
@@ -140,6 +159,14 @@ class LiteralArm:
         codes = np.concatenate([self.skill.codes[group * each : (group + 1) * each, at] for group in groups])
         middle = codes[np.argmin(np.sum((codes - codes.mean(axis=0)) ** 2, axis=1))]
         return int(self.planner.graph.nodes_near(middle, 1)[0])
+
+
+def _followed(path: TimedPath) -> JointReference:
+    """What is commanded on a path from rest, until it rests."""
+    most = math.ceil((path.duration + _SETTLING) / PERIOD)
+    knots = followed(path.times, path.places, 0.0, path.places[0], np.zeros_like(path.places[0]), PERIOD, most)
+    times = PERIOD * np.arange(len(knots[0]))
+    return ending_at_rest(times, *knots, interpolated(times, path.times, path.latent))
 
 
 def settings_table(rows: Sequence[tuple[str, Player, JointTrainingSettings]]) -> str:
