@@ -1,25 +1,31 @@
 """Reach to grasp with the whole arm in several families: which ways are left when some of them are blocked?
 
-Two sets of simulated demonstrations (`joint_teacher.reach_to_grasp`), one skill of each for every seed:
+Two sets of simulated demonstrations (`joint_teacher.reach_to_grasp`):
 
 - *separated*: three families, each with the elbow elsewhere from start to goal; the hand does the same in all;
 - *meeting*: two families that begin alike, open to either side, meet half way, open again, and end alike.
 
-Of each skill, on the whole latent box, walls and all: energies of the shortest paths from the start of one family to
-the goal of each, within and across. Then spheres are put in the way and the planner is asked:
+Two rows: *ours*, one skill of each set for every seed, and the paper's to the letter (*literal*), one skill of each set
+with `JointTrainingSettings.paper` and the first seed, planned with `PaperPlanner`.
 
-- *free*: from the start of each family to whichever family's goal configuration is the cheapest;
-- *one way*: a sphere in the arm of one family, late on its way. From its start there is none; the others are left;
-- *goal*: a sphere at the common goal of the hand. There is no way at all;
-- *hybrid*: in the meeting set a sphere on the first opening of one family, and one on the second of the other. What is
-  left is a way that nobody showed: the one family's first half, the other's second;
-- *both*: a sphere on the first opening of both. There is no way at all.
+Spheres are drawn at random in the arm on the families' mean motions (`grasp_joint_scenes`), the same for every skill.
+From every start to whichever goal is the cheapest both planners are asked. Scenes in which a sphere touches the
+arm at its start or at its own family's goal are counted and left out; where that is so from all starts the scene is
+counted and drawn again. The others are told apart by what the spheres leave of what was shown: something, or nothing at
+all; in the meeting set it may be a hybrid alone that nobody showed, the first half of one family and the second of the
+other.
+
+Energies: of ours on the whole latent box, walls and all, from the start of one family to the goal of each; of the
+literal planner's paths, length squared, with no sphere, with one that is put so that it blocks one family, with all
+families blocked, and from one family to the goal of another.
 
 Clearances are those of the arm's meshes, every 5 ms, by PyBullet.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,18 +34,13 @@ import numpy as np
 from tqdm import tqdm
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.blocked_arm import every
-from geodesic_motion_ros.experiments.grasp_joint_scenes import (
-    RADIUS,
-    Scene,
-    mean_ways,
-    meeting_scenes,
-    separated_scenes,
-)
+from geodesic_motion_ros.experiments.arm_players import Families, LiteralArm, OurArm, Player, settings_table
+from geodesic_motion_ros.experiments.grasp_joint_scenes import RADIUS, Answer, Scene, Stage, blocking_spheres
 from geodesic_motion_ros.experiments.learned_paths import LearnedPaths, whole_box
 from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
@@ -49,28 +50,37 @@ from geodesic_motion_ros.tables import Cell, text_table
 if TYPE_CHECKING:
     from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 
-SETS = ("separated", "meeting")
+#: Families of each set.
+SETS = {"separated": 3, "meeting": 2}
+#: Why a planner was not asked.
+COVERED = "not asked: a sphere touches the arm at the start or at the goal"
 #: Nodes along each side of the box for energies.
 _BOX = (40, 40, 40)
-_PICTURE_PERIOD = 0.02
-#: Name and colour of a way without spheres, and among them.
-_MARKED = ("geodesic", BLUE), ("geodesic among spheres", VERMILION)
+#: Name and colour of a way that is clear of all spheres, and of one that is not.
+_MARKED = {"clear": ("geodesic", BLUE), "hits": ("geodesic through a sphere", VERMILION)}
+#: Every so many configurations of an answer are drawn from.
+_THINNED = 4
 
 
 @dataclass(frozen=True)
 class GraspJointSettings:
     """How many demonstrations of each family are shown; `seeds` are of the trainings, one skill of each set for each.
 
-    The demonstrations are the same for all seeds.
+    The demonstrations are the same for all seeds. `places` scenes are drawn of one sphere, for the meeting set as many
+    of two. The literal row is of the first seed.
     """
 
     shown: int = 3
     seeds: tuple[int, ...] = (0, 1, 2)
+    places: int = 24
     planner: JointPlannerSettings = field(default_factory=JointPlannerSettings)
+    literal: PaperSettings = field(default_factory=PaperSettings)
 
     def __post_init__(self) -> None:
         if self.shown < 2:
             raise ParameterError(f"shown is {self.shown}; a family needs at least 2 demonstrations")
+        if self.places < 1:
+            raise ParameterError(f"places is {self.places}; at least one scene is needed")
         check_seeds(self.seeds)
 
 
@@ -97,31 +107,50 @@ class Energies:
 
 @dataclass(frozen=True)
 class SkillReport:
-    """What one skill does."""
+    """What one skill does.
 
+    Attributes
+    ----------
+    row : who plans, ours or literal; kind : of `SETS`; seed : of the training.
+    answers : to scenes without a sphere, with one, and with two.
+    energies : of the families on our skill, None of the literal row.
+    blocked : paths of the literal planner among spheres that are put to block, by what they block; empty of ours.
+    """
+
+    row: str
     kind: str
     seed: int
-    families: int
-    energies: Energies
-    scenes: tuple[Scene, ...]
+    answers: tuple[Answer, ...]
+    energies: Energies | None = None
+    blocked: tuple[tuple[str, Answer], ...] = ()
 
 
 @dataclass(frozen=True)
 class GraspJointReport:
-    """What all skills do, and one of each set to be drawn."""
+    """What all skills do, and one of each row and set to be drawn.
+
+    made : how they came about. again : of each set, scenes that were drawn again.
+    """
 
     settings: GraspJointSettings
     skills: tuple[SkillReport, ...]
-    drawn: dict[str, JointSpacePlanner] = field(repr=False)
+    made: str
+    again: dict[str, int]
+    drawn: dict[tuple[str, str], JointSpacePlanner] = field(repr=False)
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` writes."""
         return {
             "settings": asdict(self.settings),
+            "scenes_drawn_again": self.again,
             "skills": [
                 {
-                    "set": report.kind, "seed": report.seed, "families": report.families,
-                    "energies": asdict(report.energies), "scenes": [scene.told() for scene in report.scenes],
+                    "row": report.row, "set": report.kind, "seed": report.seed,
+                    "energies": None if report.energies is None else asdict(report.energies),
+                    "scenes": [answer.told() for answer in report.answers],
+                    "blocked": [
+                        answer.told() | {"spheres": name, "energy": _energy(answer)} for name, answer in report.blocked
+                    ],
                 }
                 for report in self.skills
             ],
@@ -129,78 +158,159 @@ class GraspJointReport:
 
     def table(self) -> str:
         """The tables as plain text."""
-        return "\n\n".join([self._energies(), self._scenes()])
+        return "\n\n".join([self.made, self._scenes(), self._energies(), self._blocked()])
+
+    def _scenes(self) -> str:
+        head = [
+            "row", "set", "seed", "spheres", "scenes", "covered", "something left", "clear", "as shown", "refused",
+            "hits", "least mm", "hybrids alone left", "taken", "nothing left", "refused", "clear", "hits",
+        ]  # fmt: skip
+        rows: list[list[Cell]] = []
+        for report in self.skills:
+            counts = sorted({len(answer.scene.radii) for answer in report.answers})
+            for count in counts:
+                asked = [answer for answer in report.answers if len(answer.scene.radii) == count]
+                rows.append([report.row, report.kind, report.seed, count, *_counted(asked)])
+        again = ", ".join(f"{kind} {count}" for kind, count in self.again.items())
+        note = f"scenes drawn again because a sphere touches the arm at every start or its goal: {again}"
+        return "\n".join([text_table(head, rows, 0, left=(0, 1)), note])
 
     def _energies(self) -> str:
         head = [
-            "energies", "seed", "families", "within, least", "within, most", "across, least", "across, most",
+            "our energies", "seed", "families", "within, least", "within, most", "across, least", "across, most",
             "least ratio", "edge within", "edge across", "edge allowed",
         ]  # fmt: skip
         rows: list[list[Cell]] = []
         for report in self.skills:
-            if report.kind != "separated":
-                continue
             found = report.energies
-            others = ~np.eye(report.families, dtype=bool)
+            # Families that meet change from one to the other for nothing.
+            if found is None or report.kind != "separated":
+                continue
+            others = ~np.eye(len(found.energy), dtype=bool)
             rows.append([
-                report.kind, report.seed, report.families, float(found.within.min()), float(found.within.max()),
+                report.kind, report.seed, len(found.energy), float(found.within.min()), float(found.within.max()),
                 float(found.across.min()), float(found.across.max()),
                 float(found.across.min() / found.within.max()), float(np.diag(found.dearest).max()),
                 float(found.dearest[others].min()), found.edge_limit,
             ])  # fmt: skip
         return text_table(head, rows, 4)
 
-    def _scenes(self) -> str:
-        head = [
-            "scene", "seed", "from family", "families passed", "clearance mm", "promised mm", "seconds", "as expected",
-        ]  # fmt: skip
+    def _blocked(self) -> str:
+        head = ["literal planner", "set", "from family", "energy", "over free", "families passed", "clearance mm"]
         rows: list[list[Cell]] = []
-        notes: list[str] = []
         for report in self.skills:
-            for scene in report.scenes:
-                passed = " then ".join(map(str, scene.passed)) if scene.reference is not None else "refused"
-                family = "any" if scene.family < 0 else str(scene.family)
+            free = {answer.scene.start: _energy(answer) for name, answer in report.blocked if name == "free"}
+            for name, answer in report.blocked:
+                start = answer.scene.start
+                spheres = len(answer.scene.radii)
                 rows.append([
-                    f"{report.kind}: {scene.name}", report.seed, family, passed, 1e3 * scene.clearance,
-                    1e3 * scene.certified, scene.duration, "yes" if scene.as_expected else "NO",
+                    name, report.kind, "any" if len(start) > 1 else str(start[0]), _energy(answer),
+                    _energy(answer) / free[start], " then ".join(map(str, answer.passed)),
+                    1e3 * answer.clearance if spheres else None,
                 ])  # fmt: skip
-                notes += [scene.reason] if scene.reason else []
-        said = [f"{notes.count(reason)} x refused: {reason}" for reason in sorted(set(notes))]
-        return "\n".join([text_table(head, rows, 1), *said])
+        return text_table(head, rows, 2, left=(0, 1))
+
+
+def _energy(answer: Answer) -> float:
+    """Of the literal planner's path, as a curve of constant speed in its metric."""
+    assert answer.played is not None
+    return answer.played.cost**2
+
+
+def _counted(answers: list[Answer]) -> list[Cell]:
+    """Scenes, those left out, and what is made of the others: the columns of the table from there on."""
+    open_ends = [answer for answer in answers if not answer.scene.covered]
+    some = [answer for answer in open_ends if answer.scene.left]
+    none = [answer for answer in open_ends if not answer.scene.left]
+    clear = [answer for answer in some if answer.kind == "clear"]
+    shown = [answer for answer in clear if answer.passed in answer.scene.left]
+    least = min((answer.clearance for answer in clear), default=math.nan)
+    return [
+        len(answers), len(answers) - len(open_ends), len(some), len(clear), len(shown), _of(some, "refused"),
+        _of(some, "hits"), 1e3 * least if math.isfinite(least) else None,
+        sum(answer.scene.hybrids_alone for answer in some), sum(answer.scene.hybrids_alone for answer in shown),
+        len(none), *(_of(none, kind) for kind in ("refused", "clear", "hits")),
+    ]  # fmt: skip
+
+
+def _of(answers: list[Answer], kind: str) -> int:
+    return sum(answer.kind == kind for answer in answers)
 
 
 def measure_grasp_joint(
     settings: GraspJointSettings = GraspJointSettings(),
     skills: Path = Path("out/experiments/skills"),
     training: JointTrainingSettings | None = None,
+    literal: JointTrainingSettings | None = None,
     show_progress: bool = True,
 ) -> GraspJointReport:
     """Show, train and ask.
 
     Parameters
     ----------
-    skills : cache of trained skills, see `trained_once`. training : its seed is replaced; None: `BRIEFLY`.
+    skills : cache of trained skills, see `trained_once`.
+    training, literal : of both rows, their seeds are replaced; None: `BRIEFLY`, and the paper's.
     """
     from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 
-    base = training or JointTrainingSettings(**BRIEFLY)
+    ours, literally = training or JointTrainingSettings(**BRIEFLY), literal or JointTrainingSettings.paper()
     shown = {
         "separated": reach_to_grasp(settings.shown, 0, families=3, connected=False),
         "meeting": reach_to_grasp(settings.shown, 0, families=2, connected=True, openings=2),
     }
-    reports, drawn = [], {}
-    count = len(SETS) * len(settings.seeds)
-    with tqdm(total=count, desc="grasp-joint", unit="skill", disable=not show_progress) as bar:
-        for seed in settings.seeds:
-            for kind in SETS:
-                skill = trained_once(f"reach_{kind}", shown[kind], replace(base, seed=seed), skills)
+    reports, drawn, made, again = [], {}, [], {}
+    with tqdm(
+        total=len(SETS) * (len(settings.seeds) + 1), desc="grasp-joint", unit="skill", disable=not show_progress
+    ) as bar:
+        for kind, count in SETS.items():
+            families = Families.of(shown[kind], count)
+            stage, first = Stage(families, connected=kind == "meeting"), settings.seeds[0]
+            scenes, again[kind] = all_scenes(stage, settings.places), stage.again
+            for seed in settings.seeds:
+                skill = trained_once(f"reach_{kind}", shown[kind], replace(ours, seed=seed), skills)
                 planner = JointSpacePlanner(skill, settings.planner)
-                scenes = separated_scenes(planner) if kind == "separated" else meeting_scenes(planner)
-                families = len(mean_ways(skill))
-                reports.append(SkillReport(kind, seed, families, family_energies(skill), scenes))
-                drawn.setdefault(kind, planner)
+                drawn.setdefault(("ours", kind), planner)
+                player = OurArm(planner, families)
+                made += [(f"ours, {kind}", player, ours)] if seed == first else []
+                answers = answered(player, stage, scenes)
+                reports.append(SkillReport("ours", kind, seed, answers, family_energies(skill)))
                 bar.update()
-    return GraspJointReport(settings, tuple(reports), drawn)
+            skill = trained_once(f"reach_{kind}", shown[kind], replace(literally, seed=first), skills)
+            paper = LiteralArm(PaperPlanner(skill, settings.literal), families)
+            made.append((f"literal, {kind}", paper, literally))
+            blocked = among_blocking(paper, stage, drawn["ours", kind])
+            reports.append(SkillReport("literal", kind, first, answered(paper, stage, scenes), blocked=blocked))
+            drawn["literal", kind] = JointSpacePlanner(skill, settings.planner)
+            bar.update()
+    return GraspJointReport(settings, tuple(reports), settings_table(made), again, drawn)
+
+
+def all_scenes(stage: Stage, places: int) -> list[Scene]:
+    """Without a sphere, with one in so many places, and of families that meet with two."""
+    scenes = [stage.scene(*ends, np.empty((0, 3))) for ends in stage.ends()]
+    return scenes + [scene for count in ((1, 2) if stage.connected else (1,)) for scene in stage.drawn(places, count)]
+
+
+def answered(player: Player, stage: Stage, scenes: Sequence[Scene]) -> tuple[Answer, ...]:
+    """What a planner makes of scenes; of those that are covered it is not asked."""
+    return tuple(Answer(scene, COVERED) if scene.covered else stage.answer(player, scene) for scene in scenes)
+
+
+def among_blocking(player: LiteralArm, stage: Stage, planner: JointSpacePlanner) -> tuple[tuple[str, Answer], ...]:
+    """Paths of the literal planner among `blocking_spheres`, and of families that are apart from one to another's goal.
+
+    planner : whose arm the spheres are put on.
+    """
+    asked = [
+        (name, stage.scene(*ends, np.array(spheres)))
+        for name, spheres in blocking_spheres(planner, stage).items() for ends in stage.ends()
+    ]  # fmt: skip
+    if not stage.connected:
+        asked += [
+            ("free, to another family's goal", stage.scene(start, tuple(set(goals) - {start}), np.empty((0, 3))))
+            for start, goals in stage.ends()
+        ]  # fmt: skip
+    return tuple((name, stage.answer(player, scene)) for name, scene in asked)
 
 
 def family_energies(skill: Skill, shape: tuple[int, ...] | None = _BOX) -> Energies:
@@ -213,53 +323,77 @@ def family_energies(skill: Skill, shape: tuple[int, ...] | None = _BOX) -> Energ
 
 
 def draw_grasp_joint(report: GraspJointReport, path: Path) -> None:
-    """The first seed: above latent spaces with ways; below the arm on ways that are left, row by row."""
+    """The first seed: above latent spaces with ways; below the arm on some of them, row by row."""
     from matplotlib.figure import Figure
 
     from geodesic_motion_ros.joint_plots import draw_latent_tubes
 
-    seed = report.settings.seeds[0]
-    of = {item.kind: item.scenes for item in report.skills if item.seed == seed}
-    free = [scene for scene in of["separated"] if scene.name == "free"]
-    blocked = [scene for scene in of["separated"] if scene.name == "way 0 blocked"]
-    hybrid = [scene for scene in of["meeting"] if scene.name.startswith("hybrid") and scene.as_expected]
-    strips = [scene for scene in (*blocked, *hybrid[:1]) if scene.reference is not None]
+    first = {(item.row, item.kind): item.answers for item in report.skills if item.seed == report.settings.seeds[0]}
+    ours, literal = _telling(first["ours", "separated"], first["literal", "separated"])
+    hybrid = _hybrid(first["ours", "meeting"])
+    panels = [
+        (("ours", "separated"), ours, "a  Ours: what is blocked is refused"),
+        (("literal", "separated"), literal, "b  Literal, the same scene"),
+        (("ours", "meeting"), [hybrid], "c  Ours, families that meet"),
+    ]
+    rows = [("Ours", _nearest(ours)), ("Literal", _nearest(literal)), ("Ours", hybrid)]
+    strips = [(name, answer) for name, answer in rows if answer.played is not None]
     figure = Figure(figsize=(13.0, 5.2 + 2.05 * len(strips)), layout="constrained")
     grid = figure.add_gridspec(1 + len(strips), 3, height_ratios=(4.8, *(2.0 for _ in strips)))
-    panels = [
-        ("separated", free, "a  Separated families, nothing in the way"),
-        ("separated", blocked, "b  Family 0 blocked: the others are left"),
-        ("meeting", hybrid[:1] or of["meeting"][:1], "c  Families that meet: the hybrid is left"),
-    ]
     named: dict[str, Any] = {}
-    for column, (kind, scenes, title) in enumerate(panels):
+    for column, (drawn, answers, title) in enumerate(panels):
         ways = [
-            Way(scene.reference.latent, np.empty((0, 3)), *_MARKED[bool(len(scene.radii))])
-            for scene in scenes if scene.reference is not None
+            Way(answer.played.latent, np.empty((0, 3)), *_MARKED[answer.kind])
+            for answer in answers if answer.played is not None
         ]  # fmt: skip
-        spheres = [Sphere(centre, RADIUS, centre[None]) for centre in scenes[0].centres]
-        handles = draw_latent_tubes(figure, grid[0, column], report.drawn[kind], ways, spheres, title, zoom=0.85)
+        spheres = [Sphere(centre, RADIUS, centre[None]) for centre in answers[0].scene.centres]
+        handles = draw_latent_tubes(figure, grid[0, column], report.drawn[drawn], ways, spheres, title, zoom=0.85)
         named |= {str(handle.get_label()): handle for handle in handles}
-    for row, scene in enumerate(strips, start=1):
+    for row, (name, answer) in enumerate(strips, start=1):
         axes = figure.add_subplot(grid[row, :])
-        axes.imshow(_strip(scene))
+        axes.imshow(_strip(answer))
         axes.set_axis_off()
-        axes.set_title(f"{'def'[row - 1]}  {_caption(scene)}", loc="left", fontsize=11)
+        axes.set_title(f"{'def'[row - 1]}  {name}, {_caption(answer)}", loc="left", fontsize=11)
     legend_below(figure, list(named.values()))
     write_figure(figure, path)
 
 
-def _caption(scene: Scene) -> str:
-    passed, clear = " then ".join(map(str, scene.passed)), f"{1e3 * scene.clearance:.0f} mm clear of the spheres"
-    if scene.family >= 0:
-        return f"Separated, family 0 blocked: family {passed} is left, {clear}"
-    return f"Meeting, each family blocked on one half: family {passed}, {clear}"
+def _telling(ours: Sequence[Answer], literal: Sequence[Answer]) -> tuple[list[Answer], list[Answer]]:
+    """Both rows' answers, from all starts, to that place of a sphere which tells them apart best."""
+    families = len([answer for answer in ours if not len(answer.scene.radii)])
+
+    def difference(begin: int) -> int:
+        pairs = zip(ours[begin : begin + families], literal[begin : begin + families], strict=True)
+        apart = [(mine.kind, other.kind) for mine, other in pairs if not mine.scene.covered]
+        kinds = {kind for kind, _ in apart}
+        return apart.count(("refused", "hits")) + len(kinds)
+
+    begin = max(range(families, len(ours), families), key=difference)
+    return list(ours[begin : begin + families]), list(literal[begin : begin + families])
 
 
-def _strip(scene: Scene) -> np.ndarray:
-    assert scene.reference is not None
+def _hybrid(answers: Sequence[Answer]) -> Answer:
+    """One that takes a hybrid where nothing else is left; the last where none does."""
+    found = [answer for answer in answers if answer.scene.hybrids_alone and answer.passed in answer.scene.left]
+    return max(found, key=lambda answer: answer.clearance, default=answers[-1])
+
+
+def _nearest(answers: Sequence[Answer]) -> Answer:
+    """The one that comes nearest to the spheres."""
+    return min(answers, key=lambda answer: math.inf if answer.played is None else answer.clearance)
+
+
+def _caption(answer: Answer) -> str:
+    passed = " then ".join(map(str, answer.passed))
+    away = f"{1e3 * abs(answer.clearance):.0f} mm {'clear of' if answer.kind == 'clear' else 'deep in'} the spheres"
+    return f"family {passed}: {away}"
+
+
+def _strip(answer: Answer) -> np.ndarray:
+    assert answer.played is not None
+    scene = answer.scene
     spheres = {
         str(i): (centre, float(radius))
         for i, (centre, radius) in enumerate(zip(scene.centres, scene.radii, strict=True))
     }
-    return posture_strips([every(_PICTURE_PERIOD, scene.reference)], [spheres], width=400, height=270)
+    return posture_strips([answer.played.configurations[::_THINNED]], [spheres], width=400, height=270)

@@ -1,74 +1,97 @@
-"""Scenes of `grasp_joint`: spheres in the way of families, and which of them the planner's way passes."""
+"""Scenes of `grasp_joint`: spheres drawn on the arm's motion, what they leave of what was shown, and the answers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, field
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.arm_players import Families, Played, Player
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
-from geodesic_motion_ros.experiments.blocked_arm import CHECK_PERIOD, arm_clearance, every
+from geodesic_motion_ros.experiments.blocked_arm import arm_clearance
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_sheet import JointSheet
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.skill import Skill
 
 #: Radius of the spheres [m].
 RADIUS = 0.04
-#: Parts of a way, as shares of the body's arc: begin and end, and the two openings.
-BEGIN, END, FIRST, SECOND = (0.0, 0.3), (0.6, 1.0), (0.15, 0.35), (0.65, 0.85)
+#: Parts of a way, as shares of the body's arc: begin and end, and the first opening.
+BEGIN, END, FIRST = (0.0, 0.3), (0.6, 1.0), (0.15, 0.35)
 #: Every so many samples of ways are looked at for a place.
 _EVERY = 6
 #: A way that is in a family for less than this share of it has only brushed against it, where families meet.
 PASSED = 0.15
+#: The seed of the spheres, whatever the seed of a training.
+_SPHERES = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Spheres, and what the planner makes of them.
+    """From where some families begin to where others end, among spheres.
 
     Attributes
     ----------
-    name : as of `grasp_joint`; family : whose start the arm begins at, -1 where all begin alike.
+    start, goals : families whose mean start it is, and whose mean ends, each of which would do.
     centres, radii : (o, 3), (o,) of the spheres [m].
-    wanted : the families that the way is to pass one after the other, each of the tuples would do; empty: there should
-        be no way.
-    passed : those that it passes; empty where the planner refused. reason : why it did.
-    clearance, certified : least distance of the arm from the spheres [m], as measured and as promised; NaN refused.
-    duration : of the way [s]. reference : of the planner, None where it refused.
+    left : demonstrated motions from this start that no sphere touches: the family, or those of the two halves.
+    covered : whether a sphere touches the arm at the start, or at the end of that family (of those families); then
+        nothing else is looked at.
     """
 
-    name: str
-    family: int
+    start: tuple[int, ...]
+    goals: tuple[tuple[int, ...], ...]
     centres: np.ndarray
     radii: np.ndarray
-    wanted: tuple[tuple[int, ...], ...]
-    passed: tuple[int, ...]
-    reason: str
-    clearance: float = math.nan
-    certified: float = math.nan
-    duration: float = math.nan
-    reference: JointReference | None = None
+    left: tuple[tuple[int, ...], ...]
+    covered: bool = False
 
     @property
-    def as_expected(self) -> bool:
-        """Whether the way is one of those wanted and clear, or refused where there is none."""
-        if not self.wanted:
-            return self.reference is None
-        return self.passed in self.wanted and not self.clearance <= 0.0
+    def hybrids_alone(self) -> bool:
+        """Whether all that is left changes from one family to another on the way."""
+        return bool(self.left) and all(len(way) > 1 for way in self.left)
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a planner makes of a scene.
+
+    Attributes
+    ----------
+    reason : why it refused, else empty. passed : the families that it passes, one after the other.
+    clearance : least distance of the arm's meshes from the spheres [m], NaN refused.
+    """
+
+    scene: Scene
+    reason: str
+    passed: tuple[int, ...] = ()
+    clearance: float = math.nan
+    played: Played | None = field(default=None, repr=False)
+
+    @property
+    def kind(self) -> str:
+        """refused (or not asked), clear or hits."""
+        if self.played is None:
+            return "refused"
+        return "clear" if self.clearance > 0.0 else "hits"
 
     def told(self) -> dict[str, Any]:
         """What `--json` writes."""
-        left_out = {"reference"}
-        told = {name: value for name, value in vars(self).items() if name not in left_out}
-        return told | {"as_expected": self.as_expected}
+        played, scene = self.played, self.scene
+        return {
+            **vars(scene), "answer": self.kind, "reason": self.reason, "passed": self.passed,
+            "clearance": self.clearance,
+            "promised": math.nan if played is None else played.promised,
+            "duration": math.nan if played is None else played.duration,
+        }  # fmt: skip
 
 
 def mean_ways(skill: Skill) -> np.ndarray:
@@ -86,49 +109,6 @@ def mean_ways(skill: Skill) -> np.ndarray:
     ])  # fmt: skip
 
 
-def separated_scenes(planner: JointSpacePlanner) -> tuple[Scene, ...]:
-    """The scenes of families that never meet."""
-    ways = mean_ways(planner.skill)
-    stage, families = _Stage(planner), range(len(ways))
-    goals = GoalChoice(ways[:, -1], "the hand's goal, in whichever family")
-    hand = planner.robot.forward(ways[0, -1])[0]
-    scenes = [stage.scene("free", f, ways[f, 0], goals, [], [(f,)]) for f in families]
-    for blocked in families:
-        # Where the arm starts it is not to stand in the sphere.
-        free = [*np.delete(ways, blocked, axis=0), _part(ways[blocked], *BEGIN)]
-        sphere = sphere_on(planner, _part(ways[blocked], *END), np.concatenate(free))
-        scenes += [
-            stage.scene(f"way {blocked} blocked", f, ways[f, 0], goals, [sphere], [] if f == blocked else [(f,)])
-            for f in families
-        ]
-    return (*scenes, *(stage.scene("goal blocked", f, ways[f, 0], goals, [hand], []) for f in families))
-
-
-def meeting_scenes(planner: JointSpacePlanner) -> tuple[Scene, ...]:
-    """The scenes of two families that meet at both ends and half way."""
-    ways = mean_ways(planner.skill)
-    if len(ways) != 2:
-        raise ParameterError(f"the skill has {len(ways)} families; these scenes are of two")
-    stage = _Stage(planner)
-    start, goal = ways[:, 0].mean(axis=0), GoalChoice(ways[:, -1].mean(axis=0)[None], "that of all demonstrations")
-    ends = ways[:, [0, -1]].reshape(-1, ways.shape[-1])
-
-    def spheres(first: int, second: int) -> list[np.ndarray]:
-        """On the other family's openings than those of a way."""
-        way = np.concatenate([_part(ways[first], 0.0, 0.5), _part(ways[second], 0.5, 1.0)])
-        return [sphere_on(planner, _part(ways[1 - family], *part), way)
-                for family, part in ((first, FIRST), (second, SECOND))]  # fmt: skip
-
-    asked: list[tuple[str, list[np.ndarray], list[tuple[int, ...]]]] = [
-        ("free", [], [(0,), (1,), (0, 1), (1, 0)]),
-        ("first of 0 blocked", spheres(1, 1)[:1], [(1,), (1, 0)]),
-        ("hybrid, 1 then 0", spheres(1, 0), [(1, 0)]),
-        ("hybrid, 0 then 1", spheres(0, 1), [(0, 1)]),
-        ("both blocked", [sphere_on(planner, _part(way, *FIRST), ends) for way in ways], []),
-    ]
-    return tuple(stage.scene(name, -1, start, goal, centres, wanted) for name, centres, wanted in asked)
-
-
 def sphere_on(planner: JointSpacePlanner, blocked: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Centre (3,) [m] of a sphere in the arm somewhere on a motion (n, eta), as far as may be from it on another."""
     places = body_spheres(planner, blocked[::_EVERY]).reshape(-1, 3)
@@ -136,41 +116,91 @@ def sphere_on(planner: JointSpacePlanner, blocked: np.ndarray, free: np.ndarray)
     return max(places, key=lambda place: float(distances(planner, bodies, place, RADIUS).min()))
 
 
-class _Stage:
-    """Asks one planner, and judges what it answers."""
+class Stage:
+    """Draws scenes of some families, and judges what planners make of them.
 
-    def __init__(self, planner: JointSpacePlanner) -> None:
-        self._planner, self._geometry = planner, CollisionGeometry.panda()
+    Attributes
+    ----------
+    families : that were shown. connected : whether they begin and end alike, and meet half way.
+    again : scenes that were drawn again so far.
+    """
 
-    def scene(
-        self,
-        name: str,
-        family: int,
-        start: np.ndarray,
-        goal: GoalChoice,
-        spheres: Sequence[np.ndarray],
-        wanted: Sequence[tuple[int, ...]],
-    ) -> Scene:
-        """From a start (eta,) to a goal among spheres, given by their centres."""
-        centres, radii = np.array(spheres).reshape(-1, 3), np.full(len(spheres), RADIUS)
-        self._planner.set_obstacles(centres, radii)
-        plan = self._planner.plan_configurations(start, goal)
-        asked = name, family, centres, radii, tuple(wanted)
-        if plan.reference is None:
-            return Scene(*asked, (), plan.verdict.reason)
-        way = every(CHECK_PERIOD, plan.reference)
-        clearance = arm_clearance(self._geometry, way, centres, radii)
-        return Scene(
-            *asked, self._passed(plan.reference.latent), "", clearance, plan.verdict.clearance,
-            plan.reference.duration, plan.reference,
-        )  # fmt: skip
+    def __init__(self, families: Families, connected: bool) -> None:
+        self.families, self.connected = families, connected
+        self.again = 0
+        self._geometry = CollisionGeometry.panda()
+        self._trees = [cKDTree(way) for way in families.ways]
 
-    def _passed(self, latent: np.ndarray) -> tuple[int, ...]:
-        """The families that latent points (n, d) pass, one after the other."""
-        return passed_in_turn(np.argmax(self._planner.graph.progress_map(latent)[1], axis=1))
+    def ends(self) -> list[tuple[tuple[int, ...], tuple[tuple[int, ...], ...]]]:
+        """Starts and goals that are asked for, as of `Scene`."""
+        each = range(len(self.families.ways))
+        if self.connected:
+            return [(tuple(each), (tuple(each),))]
+        return [((family,), tuple((other,) for other in each)) for family in each]
+
+    def drawn(self, places: int, spheres: int) -> list[Scene]:
+        """So many scenes from each start, of so many spheres each: somewhere in the arm, anywhere on its mean motion.
+
+        The sphere is in a family's motion that is drawn; of two, one is in the first half of a family's motion, the
+        other in the second half of another's, so that hybrids may be left. Where all starts are covered spheres are
+        drawn again, which is counted in `again`.
+        """
+        random = np.random.default_rng([_SPHERES, spheres])
+        scenes: list[Scene] = []
+        while len(scenes) < places * len(self.ends()):
+            on = random.permutation(len(self.families.ways))[:spheres]
+            parts = np.linspace(0.0, 1.0, spheres + 1)
+            ways = [part_of(self.families.ways[k], *parts[i : i + 2]) for i, k in enumerate(on)]
+            centres = np.array([self._place(way, random) for way in ways])
+            found = [self.scene(*ends, centres) for ends in self.ends()]
+            if all(scene.covered for scene in found):
+                self.again += 1
+            else:
+                scenes += found
+        return scenes
+
+    def scene(self, start: tuple[int, ...], goals: tuple[tuple[int, ...], ...], centres: np.ndarray) -> Scene:
+        """From a start to goals among spheres at centres (o, 3) [m]."""
+        centres = np.reshape(centres, (-1, 3))
+        radii = np.full(len(centres), RADIUS)
+        ends = np.array([self.families.ends(start, at) for at in (0, -1)])
+        if self.clearance(ends, centres) <= 0.0:
+            return Scene(start, goals, centres, radii, (), covered=True)
+        left = [way for way in self._shown_from(start) if self.clearance(self._motion(way), centres) > 0.0]
+        return Scene(start, goals, centres, radii, tuple(left))
+
+    def answer(self, player: Player, scene: Scene) -> Answer:
+        """Ask a planner, and judge."""
+        played = player.play(scene.start, scene.goals, scene.centres, scene.radii)
+        if isinstance(played, str):
+            return Answer(scene, played)
+        nearest = np.argmin([tree.query(played.configurations)[0] for tree in self._trees], axis=0)
+        clearance = self.clearance(played.configurations, scene.centres)
+        return Answer(scene, "", passed_in_turn(nearest), clearance, played)
+
+    def clearance(self, configurations: np.ndarray, centres: np.ndarray) -> float:
+        """Least distance [m] of the arm's meshes in configurations (n, eta) from spheres at centres (o, 3) [m]."""
+        return arm_clearance(self._geometry, configurations, centres, np.full(len(centres), RADIUS))
+
+    def _shown_from(self, start: tuple[int, ...]) -> list[tuple[int, ...]]:
+        """What demonstrations know from a start: a family, or the first half of one and the second of another."""
+        if not self.connected:
+            return [(family,) for family in start]
+        return [(first,) if first == second else (first, second) for first, second in product(start, repeat=2)]
+
+    def _motion(self, way: tuple[int, ...]) -> np.ndarray:
+        first, second = self.families.ways[way[0]], self.families.ways[way[-1]]
+        return np.concatenate([part_of(first, 0.0, 0.5), part_of(second, 0.5, 1.0)])
+
+    @staticmethod
+    def _place(way: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        """The centre (3,) [m] of one of the arm's collision spheres somewhere on a motion (n, eta)."""
+        model, robot = CollisionModel.panda(), Robot.panda()
+        bodies = model.positions(robot, way[random.integers(len(way))][None])[0, model.moving]
+        return bodies[random.integers(len(bodies))]
 
 
-def _part(way: np.ndarray, first: float, last: float) -> np.ndarray:
+def part_of(way: np.ndarray, first: float, last: float) -> np.ndarray:
     """A motion (n, eta) between two shares of it."""
     return way[round(first * (len(way) - 1)) : round(last * (len(way) - 1)) + 1]
 
@@ -183,3 +213,22 @@ def passed_in_turn(families: np.ndarray) -> tuple[int, ...]:
         if end - begin > PASSED * len(families)
     ]  # fmt: skip
     return tuple(family for i, family in enumerate(stays) if i == 0 or family != stays[i - 1])
+
+
+def blocking_spheres(planner: JointSpacePlanner, stage: Stage) -> dict[str, Sequence[np.ndarray]]:
+    """Spheres (3,) [m] that are put so that they block none, one, or all of the families.
+
+    Of families that are apart: late in the arm of the first, as far as may be from the others; at the goal of the hand,
+    which all share. Of families that meet: on the first opening of one, or of both.
+    """
+    ways = stage.families.ways
+    if stage.connected:
+        ends = ways[:, [0, -1]].reshape(-1, ways.shape[-1])
+        one = sphere_on(planner, part_of(ways[0], *FIRST), ways[1])
+        return {"free": [], "one family blocked": [one],
+                "all blocked": [sphere_on(planner, part_of(way, *FIRST), ends) for way in ways]}  # fmt: skip
+    # Where the arm starts it is not to stand in the sphere.
+    free = np.concatenate([*ways[1:], part_of(ways[0], *BEGIN)])
+    one = sphere_on(planner, part_of(ways[0], *END), free)
+    hand = planner.robot.forward(ways[0, -1])[0]
+    return {"free": [], "one family blocked": [one], "all blocked": [hand]}

@@ -9,7 +9,8 @@ dtw_mm           mean distance of the points that dynamic time warping matches, 
 orientation_deg  mean angle between the orientations of the same points
 ends_mm          mean distance of both ends of the path from those that were demanded; ours is carried to them
 people_mm        dtw of pairs of demonstrations among themselves: human variation
-unanswered       held-out demonstrations for which no path was found; they count in no mean
+unanswered       held-out demonstrations for which no path was found, or whose training made no skill: its support does
+                 not join the ends of any demonstration; they count in no mean
 """
 
 from __future__ import annotations
@@ -29,8 +30,9 @@ from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.similarity import COMPARED_POINTS, compare
+from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.experiments.folds import Fold
-from geodesic_motion_ros.experiments.imitation import stage_shown_on
+from geodesic_motion_ros.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.experiments.trained import trained_once
@@ -98,8 +100,7 @@ def compare_literal(
             for fold in folds[name]:
                 shown, hidden = recording.split(fold)
                 for planner, settings in _settings(recording, seed, steps).items():
-                    skill = trained_once(name, shown, settings, cache, stage_shown_on(bar))
-                    predict = (_literal if planner == LITERAL else _ours)(skill)
+                    predict = _predictor(name, shown, planner, settings, cache, stage_shown_on(bar))
                     found[planner] += [(_tool(item, recording), predict(item)) for item in hidden]
                     bar.update()
         people = [
@@ -139,6 +140,21 @@ def _tool(item: Any, recording: Recording) -> PoseCurve:
     if isinstance(recording, JointDemonstrations):
         return tool_curve(item.configurations, Robot.named(recording.robot))
     return item.curve
+
+
+def _predictor(
+    name: str,
+    shown: Recording,
+    planner: str,
+    settings: TrainingSettings | JointTrainingSettings,
+    cache: Path,
+    progress: Progress,
+) -> Predict:
+    try:
+        skill = trained_once(name, shown, settings, cache, progress)
+    except SkillError:
+        return lambda _: None
+    return (_literal if planner == LITERAL else _ours)(skill)
 
 
 def _literal(skill: Skill) -> Predict:

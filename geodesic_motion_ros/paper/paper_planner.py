@@ -172,12 +172,17 @@ class PaperPlanner:
 
     def plan(self, start: tuple[np.ndarray, np.ndarray], goal: tuple[np.ndarray, np.ndarray]) -> TimedPath:
         """The path between two tool poses (3,) [m], (4,) among the present obstacles; nothing else changes."""
+        return self.plan_between(self._nearest(*start), self._nearest(*goal))[0]
+
+    def plan_between(self, source: int, target: int) -> tuple[TimedPath, float]:
+        """The path from one node of the graph to another among the present obstacles, and what the shortest path on the
+        graph costs, its length in the metric; nothing else changes.
+        """
         search = LiteralSearch(self.graph.adjacency, self.weights, self.settings.strength)
-        target = self._nearest(*goal)
         search.aim(target, search.field(target))
-        search.begin(self._nearest(*start), self._obstacles.centres, self._obstacles.radii)
+        search.begin(source, self._obstacles.centres, self._obstacles.radii)
         search.go_on()
-        return self._decoded(self.graph.latent[search.nodes])
+        return self._decoded(self.graph.latent[search.nodes]), search.cost
 
     def tool_poses(self, path: TimedPath) -> tuple[np.ndarray, np.ndarray]:
         """Tool positions (n, 3) [m] and quaternions (n, 4) along a path."""

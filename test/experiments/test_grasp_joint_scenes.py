@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.arm_players import Families
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
-from geodesic_motion_ros.experiments.grasp_joint_scenes import RADIUS, mean_ways, passed_in_turn, sphere_on
+from geodesic_motion_ros.experiments.grasp_joint_scenes import RADIUS, Stage, mean_ways, passed_in_turn, sphere_on
 from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.skill import Skill
@@ -32,3 +33,29 @@ def test_a_sphere_is_put_into_one_way_and_leaves_the_other_free(reach_skill: Ski
 def test_a_skill_on_the_raw_sheet_is_refused(reach_skill: Skill) -> None:
     with pytest.raises(ParameterError, match="knows no families"):
         mean_ways(replace(reach_skill, canonical=None))
+
+
+def test_spheres_are_drawn_in_the_arm_and_some_start_is_not_covered(separated_demonstrations) -> None:
+    families = Families.of(separated_demonstrations, 2)
+    drawn = Stage(families, connected=False).drawn(4, 1)
+    assert [scene.start for scene in drawn] == [(0,), (1,)] * 4
+    for first, second in zip(drawn[::2], drawn[1::2], strict=True):
+        np.testing.assert_array_equal(first.centres, second.centres)
+        # It is in the motion of one of both.
+        assert not (first.covered and second.covered)
+        assert not (first.left and second.left)
+    again = Stage(families, connected=False).drawn(4, 1)
+    np.testing.assert_array_equal([scene.centres for scene in drawn], [scene.centres for scene in again])
+
+
+def test_what_is_left_of_families_that_meet_may_be_a_hybrid(reach_demonstrations) -> None:
+    stage = Stage(Families.of(reach_demonstrations, 2), connected=True)
+    ((start, goals),) = stage.ends()
+    everything = stage.scene(start, goals, np.empty((0, 3)))
+    assert everything.left == ((0,), (0, 1), (1, 0), (1,))
+    assert not everything.hybrids_alone
+    far = stage.scene(start, goals, np.array([[0.0, 0.0, 5.0]]))
+    assert far.left == everything.left
+    at_start = stage.scene(start, goals, np.array([[0.0, 0.0, 0.2]]))
+    assert at_start.covered
+    assert at_start.left == ()
