@@ -5,9 +5,9 @@ regions: one skill per seed is learned from some demonstrations and asked for ot
 regions, both new with every seed. Rows and columns are those of `imitation`; `people` is how far two demonstrations of
 this teacher differ when one of them is carried to the other's ends.
 
-Those ends come from the distribution that was demonstrated. Besides, every skill is asked for ends *along* the held-out
-demonstrations and for ends *beyond* both regions, in rings (`requested_ends`); right is the held-out piece, or what the
-teacher means to do from there. Beside it stands the nearest demonstration, carried to the ends.
+Those ends come from the distribution that was demonstrated. Besides, ends are requested of every skill *along* the
+held-out demonstrations and *beyond* both regions, in rings (`requested_ends`); right is the held-out piece, or what
+the teacher means to do from there. Beside it stands the nearest demonstration, carried to the ends.
 
 Held-out ends are predicted wherever they lie. What the planner's usual limits say of them is counted apart: how far
 start and goal are carried from the demonstrated means, how much of that lies beyond the convex hull of what was shown,

@@ -7,8 +7,8 @@ reach_to_grasp`, one family); what is learned are the poses of the tool. For eve
   one, and the raw one, the paper's, where what was learned is carried to what is asked. Beside them the straight line
   with an even turn (slerp), and the nearest demonstration carried to them. What counts is how far a path is from the
   closest demonstration, matched by dynamic time warping along its whole length;
-- *ends*: targets come from the distribution that was demonstrated. So both sheets are also asked for ends along
-  demonstrations that were held out, and for ends beyond all that were demonstrated, in rings (`requested_ends`);
+- *ends*: targets come from the distribution that was demonstrated. So ends are also requested along
+  demonstrations that were held out, and beyond all that were demonstrated, in rings (`requested_ends`);
 - *crossing*: on the raw sheet every motion is there with q and with -q. From the start with q to the goal with q, and
   to the goal with -q, the shortest paths through the whole latent box: their energies, within and across. So for the
   single von Mises-Fisher density, whose clusters are apart, and, for one seed, for the paper's antipodal mixture, which

@@ -1,4 +1,4 @@
-"""Starts and goals along what was demonstrated and beyond it, asked of planners beside a control.
+"""Starts and goals along what was demonstrated and beyond it, requested of planners beside a control.
 
 *Along*: a piece of a demonstration that was held out, from a random point of its first 40 % to one of its last 40 %.
 *Beyond*: start and goal, each so far outside the convex hull of the demonstrated ones, in rings. Every pair of ends
