@@ -123,7 +123,7 @@ def draw_literal(report: LiteralReport, path: Path) -> None:
     axes.hlines(people, np.arange(len(names)) - 0.42, np.arange(len(names)) + 0.42, "black", "--", label="people")
     axes.set_xticks(np.arange(len(names)), names)
     axes.set_ylabel("DTW to the held-out demonstration [mm]")
-    axes.legend(frameon=False)
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
     write_figure(figure, path)
 
 
