@@ -42,7 +42,7 @@ def test_the_page_is_read():
     tests = [name for name, _ in NAMED if name.startswith("test_")]
     assert len(tests) > 20
     assert len(NAMED) - len(tests) > 30
-    assert len(COMMANDS) == 12
+    assert len(COMMANDS) >= 12
 
 
 @pytest.mark.parametrize("target", sorted({target for _, target in LINKS}))
