@@ -33,6 +33,7 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.joint_models import decoded, models, pullback_metric, supported, told, tool_error
 from geodesic_motion_ros.experiments.latent_pictures import between_samples, draw_haloed, grid_around
 from geodesic_motion_ros.experiments.metric_graph import MetricGraph, evenly
+from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
@@ -72,9 +73,12 @@ class Circles:
 
 @dataclass(frozen=True)
 class CircleWay:
-    """A geodesic (m, d), the family of its ends, and of each of its points (m,); how far off the data it gets [rad]."""
+    """A geodesic (m, d) and the configurations (m, 7) [rad] that it decodes to, the family of its ends, and of each of
+    its points (m,); how far off the data it gets [rad].
+    """
 
     latent: np.ndarray
+    configurations: np.ndarray
     family: int
     nearest: np.ndarray
     off: float
@@ -195,21 +199,33 @@ def circle_ways(
                 apart += 1
                 continue
             latent = evenly(path)
-            off, nearest = tree.query(decode(latent))
+            configurations = decode(latent)
+            off, nearest = tree.query(configurations)
             families = nearest // (fine.shape[1] * shown.per_family)
-            ways.append(CircleWay(latent, number // shown.per_family, families, float(off.max())))
+            ways.append(CircleWay(latent, configurations, number // shown.per_family, families, float(off.max())))
     return ways, apart
 
 
 def draw_circle(report: CircleReport, path: Path) -> None:
-    """Of the seed with most switches both latent spaces and its worst path; of every seed, which family is where."""
-    figure = Figure(figsize=(10.0, 7.2), layout="constrained")
-    grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
+    """Of the seed with most switches both latent spaces and its worst path, the joints along it and the arm; of every
+    seed, which family is where.
+    """
+    figure = Figure(figsize=(10.0, 12.4), layout="constrained")
+    grid = figure.add_gridspec(5, 2, height_ratios=(1.25, 1.0, 0.9, 0.55, 0.55))
     for column, dimension in enumerate((2, 3)):
         rows = report.of(dimension)
         space = figure.add_subplot(grid[0, column], **({"projection": "3d"} if dimension == 3 else {}))
         worst = max(rows, key=lambda row: sum(way.switches for way in row.ways))
-        _draw_latent(space, report.shown, worst)
+        _draw_codes(space, report.shown, worst)
+        if worst.ways:
+            drawn = max(worst.ways, key=lambda way: way.switches)
+            draw_haloed(space, drawn.latent, "black", "-")
+            space.plot(*drawn.latent[[0, -1]].T, "o", color="black", markeredgecolor="white", zorder=6)
+            _draw_joints(figure.add_subplot(grid[2, column]), drawn, "ef"[column])
+            strip = figure.add_subplot(grid[3 + column, :])
+            strip.imshow(posture_strips([drawn.configurations], [{}], width=300, height=200, postures=6))
+            strip.set_axis_off()
+            strip.set_title(f"{'gh'[column]}  the arm along the path of {'ab'[column]}", loc="left", fontsize=11)
         title = f"{'ab'[column]}  {dimension} latent dimensions, seed {worst.seed}"
         space.set_title(title, loc="left", fontsize=11)
         axes = figure.add_subplot(grid[1, column])
@@ -230,13 +246,19 @@ def _count(rows: Sequence[CircleRow]) -> int:
     return sum(len(row.ways) for row in rows)
 
 
-def _draw_latent(axes: Axes, shown: Circles, row: CircleRow) -> None:
+def _draw_joints(axes: Axes, way: CircleWay, letter: str) -> None:
+    """Joints along a path: where it switches between families they jump."""
+    share = np.linspace(0.0, 1.0, len(way.configurations))
+    axes.plot(share, np.degrees(way.configurations - way.configurations[0]), linewidth=1.2)
+    axes.set(xlabel="share of the path", ylabel="joints from their start [deg]", xlim=(0.0, 1.0))
+    fastest = np.degrees(np.abs(np.diff(way.configurations, axis=0)).max() / (share[1] - share[0]))
+    title = f"{letter}  its seven joints, {way.switches} switches, {fastest:.0f} deg per path at most"
+    axes.set_title(title, loc="left", fontsize=11)
+
+
+def _draw_codes(axes: Axes, shown: Circles, row: CircleRow) -> None:
     for number, code in enumerate(row.codes):
         axes.plot(*code.T, color=_COLOURS[number // shown.per_family], linewidth=1.0)
-    if row.ways:
-        worst = max(row.ways, key=lambda way: way.switches)
-        draw_haloed(axes, worst.latent, "black", "-")
-        axes.plot(*worst.latent[[0, -1]].T, "o", color="black", markeredgecolor="white", zorder=6)
     for name, number in zip("xyz", range(1, row.dimension + 1), strict=False):
         getattr(axes, f"set_{name}label")(f"$z_{number}$")
 

@@ -41,6 +41,7 @@ from geodesic_motion_ros.experiments.crossing import (
     measure_crossings,
 )
 from geodesic_motion_ros.experiments.learned_paths import LearnedPath, LearnedPaths, whole_box
+from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.requested_ends import (
     NEAREST,
     RINGS,
@@ -68,6 +69,7 @@ from geodesic_motion_ros.plots import (
     write_figure,
 )
 from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import draw_reaching_query, reach_to_grasp
 from geodesic_motion_ros.skill import Skill
@@ -334,8 +336,8 @@ def draw_grasp_task(report: GraspTaskReport, path: Path) -> None:
     from matplotlib.lines import Line2D
 
     drawn = report.drawn
-    figure = Figure(figsize=(13.0, 9.0), layout="constrained")
-    grid = figure.add_gridspec(2, 2, height_ratios=(1.15, 1.0))
+    figure = Figure(figsize=(13.0, 10.8), layout="constrained")
+    grid = figure.add_gridspec(3, 2, height_ratios=(1.15, 1.0, 0.5))
     axes = figure.add_subplot(grid[0, 0])
     handles = latent_background(figure, axes, drawn.skill)
     handles += draw_latent_ways(axes, [
@@ -364,7 +366,22 @@ def draw_grasp_task(report: GraspTaskReport, path: Path) -> None:
         else:
             axes.legend(ncols=5, loc="center", bbox_to_anchor=(0.5, 0.82), fontsize=9, frameon=False)
         axes.set_title(title, loc="left", fontsize=11)
+    found = next((item.path for item in report.targets if item.row == ROWS[0] and item.path is not None), None)
+    if found is not None:
+        strip = figure.add_subplot(grid[2, :])
+        strip.imshow(posture_strips([arm_along(found)], [{}], width=300, height=200, postures=6))
+        strip.set_axis_off()
+        strip.set_title("e  The arm on a path to a target that was not shown", loc="left", fontsize=11)
     write_figure(figure, path)
+
+
+def arm_along(curve: PoseCurve, postures: int = 60) -> np.ndarray:
+    """Configurations (postures, 7) [rad] of a Panda whose tool follows a curve, each the one nearest to that before."""
+    robot, even, configuration, found = Robot.panda(), curve.resampled(postures), None, []
+    for position, quaternion in zip(even.positions, even.quaternions, strict=True):
+        configuration = solve(robot, position, quaternion, configuration)
+        found.append(configuration)
+    return np.stack(found)
 
 
 def _side_view(axes: Any, report: GraspTaskReport) -> None:

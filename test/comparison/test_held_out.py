@@ -200,8 +200,8 @@ def test_what_was_shown_comes_back_of_a_skill_of_the_whole_arm(reach_skill, reac
 
 def test_a_skill_is_trained_as_it_says_and_refused_where_it_does_not(canonical_fan_skill, reach_skill) -> None:
     for skill in (canonical_fan_skill, reach_skill):
-        settings = asdict(training_settings(skill))
-        # What was no setting yet when the skill was trained has its default.
-        assert settings | skill.provenance["settings"] == settings
+        settings, recorded = asdict(training_settings(skill)), skill.provenance["settings"]
+        # What was no setting yet when the skill was trained, of the metric too, has its default.
+        assert settings | recorded | {"metric": settings["metric"] | recorded["metric"]} == settings
     with pytest.raises(ParameterError, match="does not say how it was trained"):
         training_settings(replace(reach_skill, provenance={}))

@@ -44,9 +44,9 @@ def test_families_draw_the_same_circles_with_their_elbows_elsewhere(shown) -> No
 
 
 def test_a_switch_is_a_change_of_the_nearest_family() -> None:
-    way = CircleWay(np.zeros((6, 2)), 1, np.array([1, 1, 0, 0, 2, 1]), 0.0)
+    way = CircleWay(np.zeros((6, 2)), np.zeros((6, 7)), 1, np.array([1, 1, 0, 0, 2, 1]), 0.0)
     assert way.switches == 3
-    assert CircleWay(np.zeros((3, 2)), 2, np.array([2, 2, 2]), 0.0).switches == 0
+    assert CircleWay(np.zeros((3, 2)), np.zeros((3, 7)), 2, np.array([2, 2, 2]), 0.0).switches == 0
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

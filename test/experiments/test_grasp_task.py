@@ -13,6 +13,7 @@ from geodesic_motion_ros.experiments.grasp_task import (
     ROWS,
     GraspTaskReport,
     GraspTaskSettings,
+    arm_along,
     ask_targets,
     draw_grasp_task,
     path_across,
@@ -20,6 +21,8 @@ from geodesic_motion_ros.experiments.grasp_task import (
     sign_blind_ratios,
 )
 from geodesic_motion_ros.experiments.requested_ends import answers_to
+from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.tables import write_json
 
 SETTINGS = GraspTaskSettings(targets=3, ends=2, seeds=(0,))
@@ -45,6 +48,17 @@ def test_targets_are_reached_along_what_was_shown_and_straight_lines_are_not(rep
     assert canonical["turn_deg"] == pytest.approx(90.0, abs=8.0)
     assert canonical["farthest_off_mm"] < 0.7 * line["off_mm"]
     assert report.summary(ROWS[1])["off_mm"] is None
+
+
+def test_the_arm_of_the_picture_follows_the_path_without_a_jump(report) -> None:
+    path = next(item.path for item in report.targets if item.path is not None)
+    configurations, robot = arm_along(path, 40), Robot.panda()
+    even = path.resampled(40)
+    for configuration, position, quaternion in zip(configurations, even.positions, even.quaternions, strict=True):
+        reached = robot.forward(configuration)
+        np.testing.assert_allclose(reached[0], position, atol=1e-3)
+        assert angle_between(reached[1], quaternion) < 0.01
+    assert np.abs(np.diff(configurations, axis=0)).max() < 0.5
 
 
 def test_the_sign_flips_once_across_and_never_within(report) -> None:
