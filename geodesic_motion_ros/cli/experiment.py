@@ -67,7 +67,7 @@ examples:
   geodesic-motion experiment moving-tool --skill panda_bottle2shelf --scenes 20 --seeds 0,1,2,3 --processes 2
   geodesic-motion experiment obstacle-laws --scenes 200
   geodesic-motion experiment volume
-  geodesic-motion experiment all
+  geodesic-motion experiment all --seeds-from 10000
   geodesic-motion experiment rate --skill panda_reach_to_grasp --rates 100,250,500
 """
 
@@ -303,6 +303,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         own.set_defaults(run=_run)
     alone = {name: names.choices[name] for name, experiment in EXPERIMENTS.items() if not experiment.on_recordings}
     everything = names.add_parser("all", help="one after the other", formatter_class=HelpFormatter)
+    everything.add_argument(
+        "--seeds-from", type=int, default=0, metavar="SEED",
+        help="add SEED to every experiment's default seeds (default: 0, to develop on); tables are made with 10000",
+    )  # fmt: skip
     everything.set_defaults(run=lambda arguments: _all(arguments, alone))
     for own in names.choices.values():
         own.add_argument("--out", type=Path, default=Path("out/experiments"), metavar="FOLDER", help="for results")
@@ -328,6 +332,10 @@ def _all(arguments: argparse.Namespace, parsers: Mapping[str, argparse.ArgumentP
     for number, (name, parser) in enumerate(parsers.items(), start=1):
         print(f"[{number}/{len(parsers)}] {name}", flush=True)
         own = parser.parse_args(["--out", str(arguments.out)], argparse.Namespace(experiment=name))
+        if "seeds" in own:
+            own.seeds = tuple(seed + arguments.seeds_from for seed in own.seeds)
+        if "seed" in own:
+            own.seed += arguments.seeds_from
         began, busy, error = time.monotonic(), _processor_time(), ""
         try:
             own.run(own)

@@ -360,9 +360,9 @@ def draw_goals(report: GoalsReport, path: Path) -> None:
     from geodesic_motion_ros.plots import BLUE, GREY, VERMILION, write_figure
 
     figure = Figure(figsize=(13.0, 6.4), layout="constrained")
-    panels = figure.subplot_mosaic([["above", "distances"], ["aside", "rings"]], width_ratios=(1.5, 1.0))
-    above, aside, distances = panels["above"], panels["aside"], panels["distances"]
-    for axes, across, names in ((above, (1, 0), ("y", "x")), (aside, (1, 2), ("y", "z"))):
+    panels = figure.subplot_mosaic([["above", "distances"], ["behind", "rings"]], width_ratios=(1.5, 1.0))
+    above, behind, distances = panels["above"], panels["behind"], panels["distances"]
+    for axes, across, names in ((above, (1, 0), ("y", "x")), (behind, (1, 2), ("y", "z"))):
         for positions in report.example.shown:
             axes.plot(*(100.0 * positions[:, across].T), color=GREY, linewidth=0.7, alpha=0.5, label="shown")
         for predicted in report.example.predicted:
@@ -379,8 +379,8 @@ def draw_goals(report: GoalsReport, path: Path) -> None:
         above.add_patch(Rectangle(lower[::-1], size[1], size[0], fill=False, linestyle="--"))
         above.text(*lower[::-1] + 0.5, name, fontsize=8)
     above.set_title(f"seed {report.settings.seeds[0]} from above", loc="left")
-    aside.set_title("from behind", loc="left")
-    handles, labels = aside.get_legend_handles_labels()
+    behind.set_title("from behind", loc="left")
+    handles, labels = behind.get_legend_handles_labels()
     named = dict(zip(labels, handles, strict=True))
     figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=4)
     found = {row: _by_demonstration(report, row) for row in ("geodesic", "promp")}

@@ -11,9 +11,9 @@ with `JointTrainingSettings.paper` and the first seed, planned with `PaperPlanne
 Spheres are drawn at random in the arm on the families' mean motions (`grasp_joint_scenes`), the same for every skill.
 From every start to whichever goal is the cheapest both planners are asked. Scenes in which a sphere touches the
 arm at its start or at its own family's goal are counted and left out; where that is so from all starts the scene is
-counted and drawn again. The others are told apart by what the spheres leave of what was shown: something, or nothing at
-all; in the meeting set it may be a hybrid alone that nobody showed, the first half of one family and the second of the
-other.
+counted and drawn again. The others are distinguished by what the spheres leave of what was demonstrated: something, or
+nothing at all; in the meeting set it may be a hybrid alone that nobody demonstrated, the first half of one family and
+the second of the other.
 
 Energies: of ours on the whole latent box, walls and all, from the start of one family to the goal of each; of the
 literal planner's paths, length squared, with no sphere, with one that is put so that it blocks one family, with all
@@ -35,7 +35,7 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_players import Families, LiteralArm, OurArm, Player, settings_table
-from geodesic_motion_ros.experiments.grasp_joint_scenes import RADIUS, Answer, Scene, Stage, blocking_spheres
+from geodesic_motion_ros.experiments.grasp_joint_scenes import RADIUS, Scene, SceneAnswer, Stage, blocking_spheres
 from geodesic_motion_ros.experiments.learned_paths import LearnedPaths, whole_box
 from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
@@ -120,9 +120,9 @@ class SkillReport:
     row: str
     kind: str
     seed: int
-    answers: tuple[Answer, ...]
+    answers: tuple[SceneAnswer, ...]
     energies: Energies | None = None
-    blocked: tuple[tuple[str, Answer], ...] = ()
+    blocked: tuple[tuple[str, SceneAnswer], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -147,9 +147,10 @@ class GraspJointReport:
                 {
                     "row": report.row, "set": report.kind, "seed": report.seed,
                     "energies": None if report.energies is None else asdict(report.energies),
-                    "scenes": [answer.told() for answer in report.answers],
+                    "scenes": [answer.as_dict() for answer in report.answers],
                     "blocked": [
-                        answer.told() | {"spheres": name, "energy": _energy(answer)} for name, answer in report.blocked
+                        answer.as_dict() | {"spheres": name, "energy": _energy(answer)}
+                        for name, answer in report.blocked
                     ],
                 }
                 for report in self.skills
@@ -211,13 +212,13 @@ class GraspJointReport:
         return text_table(head, rows, 2, left=(0, 1))
 
 
-def _energy(answer: Answer) -> float:
+def _energy(answer: SceneAnswer) -> float:
     """Of the literal planner's path, as a curve of constant speed in its metric."""
     assert answer.played is not None
     return answer.played.cost**2
 
 
-def _counted(answers: list[Answer]) -> list[Cell]:
+def _counted(answers: list[SceneAnswer]) -> list[Cell]:
     """Scenes, those left out, and what is made of the others: the columns of the table from there on."""
     open_ends = [answer for answer in answers if not answer.scene.covered]
     some = [answer for answer in open_ends if answer.scene.left]
@@ -233,7 +234,7 @@ def _counted(answers: list[Answer]) -> list[Cell]:
     ]  # fmt: skip
 
 
-def _of(answers: list[Answer], kind: str) -> int:
+def _of(answers: list[SceneAnswer], kind: str) -> int:
     return sum(answer.kind == kind for answer in answers)
 
 
@@ -264,7 +265,8 @@ def measure_grasp_joint(
     ) as bar:
         for kind, count in SETS.items():
             families = Families.of(shown[kind], count)
-            stage, first = Stage(families, connected=kind == "meeting"), settings.seeds[0]
+            first = settings.seeds[0]
+            stage = Stage(families, connected=kind == "meeting", seed=first)
             scenes, again[kind] = all_scenes(stage, settings.places), stage.again
             for seed in settings.seeds:
                 skill = trained_once(f"reach_{kind}", shown[kind], replace(ours, seed=seed), skills)
@@ -291,12 +293,12 @@ def all_scenes(stage: Stage, places: int) -> list[Scene]:
     return scenes + [scene for count in ((1, 2) if stage.connected else (1,)) for scene in stage.drawn(places, count)]
 
 
-def answered(player: Player, stage: Stage, scenes: Sequence[Scene]) -> tuple[Answer, ...]:
+def answered(player: Player, stage: Stage, scenes: Sequence[Scene]) -> tuple[SceneAnswer, ...]:
     """What a planner makes of scenes; of those that are covered it is not asked."""
-    return tuple(Answer(scene, COVERED) if scene.covered else stage.answer(player, scene) for scene in scenes)
+    return tuple(SceneAnswer(scene, COVERED) if scene.covered else stage.answer(player, scene) for scene in scenes)
 
 
-def among_blocking(player: LiteralArm, stage: Stage, planner: JointSpacePlanner) -> tuple[tuple[str, Answer], ...]:
+def among_blocking(player: LiteralArm, stage: Stage, planner: JointSpacePlanner) -> tuple[tuple[str, SceneAnswer], ...]:
     """Paths of the literal planner among `blocking_spheres`, and of families that are apart from one to another's goal.
 
     planner : whose arm the spheres are put on.
@@ -358,7 +360,9 @@ def draw_grasp_joint(report: GraspJointReport, path: Path) -> None:
     write_figure(figure, path)
 
 
-def _telling(ours: Sequence[Answer], literal: Sequence[Answer]) -> tuple[list[Answer], list[Answer]]:
+def _telling(
+    ours: Sequence[SceneAnswer], literal: Sequence[SceneAnswer]
+) -> tuple[list[SceneAnswer], list[SceneAnswer]]:
     """Both rows' answers, from all starts, to that place of a sphere which tells them apart best."""
     families = len([answer for answer in ours if not len(answer.scene.radii)])
 
@@ -372,24 +376,24 @@ def _telling(ours: Sequence[Answer], literal: Sequence[Answer]) -> tuple[list[An
     return list(ours[begin : begin + families]), list(literal[begin : begin + families])
 
 
-def _hybrid(answers: Sequence[Answer]) -> Answer:
+def _hybrid(answers: Sequence[SceneAnswer]) -> SceneAnswer:
     """One that takes a hybrid where nothing else is left; the last where none does."""
     found = [answer for answer in answers if answer.scene.hybrids_alone and answer.passed in answer.scene.left]
     return max(found, key=lambda answer: answer.clearance, default=answers[-1])
 
 
-def _nearest(answers: Sequence[Answer]) -> Answer:
+def _nearest(answers: Sequence[SceneAnswer]) -> SceneAnswer:
     """The one that comes nearest to the spheres."""
     return min(answers, key=lambda answer: math.inf if answer.played is None else answer.clearance)
 
 
-def _caption(answer: Answer) -> str:
+def _caption(answer: SceneAnswer) -> str:
     passed = " then ".join(map(str, answer.passed))
     away = f"{1e3 * abs(answer.clearance):.0f} mm {'clear of' if answer.kind == 'clear' else 'deep in'} the spheres"
     return f"family {passed}: {away}"
 
 
-def _strip(answer: Answer) -> np.ndarray:
+def _strip(answer: SceneAnswer) -> np.ndarray:
     assert answer.played is not None
     scene = answer.scene
     spheres = {

@@ -30,8 +30,6 @@ BEGIN, END, FIRST = (0.0, 0.3), (0.6, 1.0), (0.15, 0.35)
 _EVERY = 6
 #: A way that is in a family for less than this share of it has only brushed against it, where families meet.
 PASSED = 0.15
-#: The seed of the spheres, whatever the seed of a training.
-_SPHERES = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +59,7 @@ class Scene:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class SceneAnswer:
     """What a planner makes of a scene.
 
     Attributes
@@ -83,7 +81,7 @@ class Answer:
             return "refused"
         return "clear" if self.clearance > 0.0 else "hits"
 
-    def told(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """What `--json` writes."""
         played, scene = self.played, self.scene
         return {
@@ -121,12 +119,12 @@ class Stage:
 
     Attributes
     ----------
-    families : that were shown. connected : whether they begin and end alike, and meet half way.
+    families : that were shown. connected : whether they begin and end alike, and meet half way. seed : of the spheres.
     again : scenes that were drawn again so far.
     """
 
-    def __init__(self, families: Families, connected: bool) -> None:
-        self.families, self.connected = families, connected
+    def __init__(self, families: Families, connected: bool, seed: int = 0) -> None:
+        self.families, self.connected, self.seed = families, connected, seed
         self.again = 0
         self._geometry = CollisionGeometry.panda()
         self._trees = [cKDTree(way) for way in families.ways]
@@ -145,7 +143,7 @@ class Stage:
         other in the second half of another's, so that hybrids may be left. Where all starts are covered spheres are
         drawn again, which is counted in `again`.
         """
-        random = np.random.default_rng([_SPHERES, spheres])
+        random = np.random.default_rng([self.seed, spheres])
         scenes: list[Scene] = []
         while len(scenes) < places * len(self.ends()):
             on = random.permutation(len(self.families.ways))[:spheres]
@@ -169,14 +167,14 @@ class Stage:
         left = [way for way in self._shown_from(start) if self.clearance(self._motion(way), centres) > 0.0]
         return Scene(start, goals, centres, radii, tuple(left))
 
-    def answer(self, player: Player, scene: Scene) -> Answer:
+    def answer(self, player: Player, scene: Scene) -> SceneAnswer:
         """Ask a planner, and judge."""
         played = player.play(scene.start, scene.goals, scene.centres, scene.radii)
         if isinstance(played, str):
-            return Answer(scene, played)
+            return SceneAnswer(scene, played)
         nearest = np.argmin([tree.query(played.configurations)[0] for tree in self._trees], axis=0)
         clearance = self.clearance(played.configurations, scene.centres)
-        return Answer(scene, "", passed_in_turn(nearest), clearance, played)
+        return SceneAnswer(scene, "", passed_in_turn(nearest), clearance, played)
 
     def clearance(self, configurations: np.ndarray, centres: np.ndarray) -> float:
         """Least distance [m] of the arm's meshes in configurations (n, eta) from spheres at centres (o, 3) [m]."""

@@ -6,8 +6,8 @@ the arm in PyBullet, among the stands of that bottle and of all cups. Two rows: 
 seed, and the paper's to the letter (*literal*), one skill with `JointTrainingSettings.paper` and the first seed,
 planned with `PaperPlanner` from code to code and played by its follower.
 
-Which group a way is in is told twice: as the skill sees it, by the ridge that its latent point is nearest to (ours) or
-by the nearest code (literal, which knows no ridges); and by the group whose demonstrated tool positions the executed
+Which group a path is in is judged twice: as the skill sees it, by the ridge that its latent point is nearest to (ours)
+or by the nearest code (literal, which knows no ridges); and by the group whose demonstrated tool positions the executed
 tool is nearest to, of which the skill knows nothing.
 """
 

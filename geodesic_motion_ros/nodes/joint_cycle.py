@@ -16,14 +16,13 @@ from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_planner import JointSpacePlanner, PreparedGoal
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_solver import JointPlan
+from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: From the planner's answer to the arm that plays it, at most [s].
 TRANSIT = 0.005
-#: An arm that was lost rests while no joint leaves this interval [rad].
-REST_ANGLE = 0.01
 
 
 class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
@@ -164,12 +163,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
         commanded = self.planner.commanded(taken)
         assert commanded is not None  # _knows_where came first
-        off = np.abs(measured - commanded[0])
-        worst = int(np.argmax(off))
-        if off[worst] <= self.tracking_tolerance:
-            return None
-        joint = self.planner.robot.joint_names[worst]
-        return f"{off[worst]:.3f} rad in '{joint}'", f"{self.tracking_tolerance:.3f} rad"
+        return joint_deviation(measured, commanded[0], self.planner.robot.joint_names, self.tracking_tolerance)
 
     def _moved(self, measured: np.ndarray, before: np.ndarray) -> bool:
-        return bool(np.max(np.abs(measured - before)) > REST_ANGLE)
+        return joints_moved(measured, before)

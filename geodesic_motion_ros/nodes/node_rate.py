@@ -137,15 +137,16 @@ def measure_paper(folder: Path, rate: float = 100.0, seconds: float = 8.0, domai
     if not (seconds > 0.0 and rate > 0.0):
         raise ParameterError(f"seconds {seconds}, rate {rate}: must be positive")
     rows = []
-    for skill, strength in PAPER.items():
-        planner = PaperPlanner(Skill.load(skill), PaperSettings(strength), _COARSE[len(Skill.load(skill).latent_lower)])
-        ends = (tuple(np.split(pose, [3])) for pose in (planner.skill.start_pose, planner.skill.goal_pose))
+    for name, strength in PAPER.items():
+        skill = Skill.load(name)
+        planner = PaperPlanner(skill, PaperSettings(strength), _COARSE[len(skill.latent_lower)])
+        ends = (tuple(np.split(pose, [3])) for pose in (skill.start_pose, skill.goal_pose))
         path, _ = planner.tool_poses(planner.plan(*ends))
         paper = {"method": "paper", "simulation_only": True, "ambient_strength": strength}
-        for name, spheres in {"no obstacle": no_spheres, "a sphere moves through the path": _through(path)}.items():
-            with PlannerStream(skill, folder / skill / name.replace(" ", "_"), rate, domain, **paper) as stream:
+        for scene, spheres in {"no obstacle": no_spheres, "a sphere moves through the path": _through(path)}.items():
+            with PlannerStream(name, folder / name / scene.replace(" ", "_"), rate, domain, **paper) as stream:
                 stream.spheres = spheres
-                rows.append(_stretch(stream, rate, f"{skill}: {name}", seconds, 0.0))
+                rows.append(_stretch(stream, rate, f"{name}: {scene}", seconds, 0.0))
     return rows
 
 

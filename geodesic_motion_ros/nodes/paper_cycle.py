@@ -17,19 +17,16 @@ import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated, joined
+from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation, pose_moved
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Place, Pose, StreamCycle
 from geodesic_motion_ros.paper.follower import TimedPath, followed
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperGoal, PaperPlanner
-from geodesic_motion_ros.quaternions import angle_between, normalise
+from geodesic_motion_ros.quaternions import normalise
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-#: A new trajectory of the joints takes over so long [s] after its planning began.
-LATENCY = 0.03
 #: The mass has come to rest so long [s] after the leading point, at the latest.
 _SETTLING = 5.0
-#: An arm that was lost rests while it stays within this distance [m] and angle [rad], and its joints within this [rad].
-_REST_DISTANCE, _REST_ANGLE, _REST_JOINT = 0.005, 0.02, 0.01
 
 
 class PaperCycle(StreamCycle[Place, PaperGoal]):
@@ -56,6 +53,7 @@ class PaperCycle(StreamCycle[Place, PaperGoal]):
     ) -> None:
         super().__init__(command_topic, state_timeout, resume_timeout, clock, background)
         self.planner, self._offsets = planner, offsets
+        self._task_frame: Pose | None = None
         self._displaced = False
 
     def stop(self, verdict: Verdict) -> CycleOutput:
@@ -95,7 +93,10 @@ class PaperCycle(StreamCycle[Place, PaperGoal]):
         return self.planner.set_obstacles(inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.heard))
 
     def _take_task_frame(self, frame: Pose | None) -> None:
-        self._displaced = frame is not None and not TaskFrame(*frame).is_identity
+        if frame is None or frame is self._task_frame:
+            return
+        self._task_frame = frame
+        self._displaced = not TaskFrame(*frame).is_identity
 
     def _path_to_goal(self, verdict: Verdict) -> tuple[TimedPath | None, float]:
         """The path that is followed, and the time that it still takes [s]; None and nan without one."""
@@ -148,32 +149,29 @@ class PaperPoseCycle(PaperCycle[Pose]):
         self.planner.stand_at(self._place, *measured)
 
     def _deviation(self, measured: Pose, taken: float) -> tuple[str, str] | None:
-        position, quaternion = self._commanded()
-        distance, angle = float(np.linalg.norm(measured[0] - position)), float(angle_between(measured[1], quaternion))
-        if distance <= self.tracking_tolerance and angle <= self.tracking_tolerance_angle:
-            return None
-        limit, limit_angle = 1000 * self.tracking_tolerance, math.degrees(self.tracking_tolerance_angle)
-        return f"{1000 * distance:.0f} mm and {math.degrees(angle):.1f} deg", f"{limit:.0f} mm, {limit_angle:.1f} deg"
+        return pose_deviation(
+            measured, self._commanded(), self.tracking_tolerance, self.tracking_tolerance_angle
+        )
 
     def _moved(self, measured: Pose, before: Pose) -> bool:
-        moved = float(np.linalg.norm(measured[0] - before[0]))
-        return moved > _REST_DISTANCE or float(angle_between(measured[1], before[1])) > _REST_ANGLE
+        return pose_moved(measured, before)
 
 
 class PaperJointCycle(PaperCycle[np.ndarray]):
-    """The stream of joint trajectories: one for every path, from what is commanded in LATENCY [s] until rest.
+    """The stream of joint trajectories: one for every path, from what is commanded `latency` [s] later until rest.
 
     Parameters
     ----------
+    latency : a new trajectory takes over so long after its planning began [s].
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
     """
 
     def __init__(
-        self, planner: PaperPlanner, *common: float, tracking_tolerance: float, offsets: tuple[float, float],
-        clock: Callable[[], float] = time.monotonic, background: Executor | None = None,
+        self, planner: PaperPlanner, *common: float, latency: float, tracking_tolerance: float,
+        offsets: tuple[float, float], clock: Callable[[], float] = time.monotonic, background: Executor | None = None,
     ) -> None:  # fmt: skip
         super().__init__(planner, "joint_trajectory", *common, offsets, clock, background)
-        self.tracking_tolerance = tracking_tolerance
+        self.latency, self.tracking_tolerance = latency, tracking_tolerance
         self._now = 0.0
         # What the arm plays, as sent, and since when [s]; and the path that what was sent last follows.
         self._playing: tuple[JointReference, float] | None = None
@@ -190,9 +188,9 @@ class PaperJointCycle(PaperCycle[np.ndarray]):
         trajectory, leading = None, self.planner.path
         if self._playing is not None and leading is not None and leading is not self._sent:
             old, since = self._playing
-            new = self._reference(leading, *self._commanded(self._now + LATENCY)[:2])
-            self._playing = joined(old.rest(self._now - since), 0.0, new, LATENCY), self._now
-            self._sent, trajectory = leading, (new, self._now + LATENCY)
+            new = self._reference(leading, *self._commanded(self._now + self.latency)[:2])
+            self._playing = joined(old.rest(self._now - since), 0.0, new, self.latency), self._now
+            self._sent, trajectory = leading, (new, self._now + self.latency)
         commanded = None if self._playing is None else self._commanded(self._now)
         return CycleOutput(
             verdict, self._goal_verdict, trajectory=trajectory, reference=path, time_to_goal=left,
@@ -223,12 +221,8 @@ class PaperJointCycle(PaperCycle[np.ndarray]):
         self._sent = None
 
     def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
-        off = np.abs(measured - self._commanded(taken)[0])
-        worst = int(np.argmax(off))
-        if off[worst] <= self.tracking_tolerance:
-            return None
-        joint = self.planner.robot.joint_names[worst]
-        return f"{off[worst]:.3f} rad in '{joint}'", f"{self.tracking_tolerance:.3f} rad"
+        names = self.planner.robot.joint_names
+        return joint_deviation(measured, self._commanded(taken)[0], names, self.tracking_tolerance)
 
     def _moved(self, measured: np.ndarray, before: np.ndarray) -> bool:
-        return bool(np.max(np.abs(measured - before)) > _REST_JOINT)
+        return joints_moved(measured, before)

@@ -40,7 +40,7 @@ def no_spheres(_: float) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Tick:
-    """What a status has told: when it came [s], the tick's number, the duration of the one before [ms], all misses, the
+    """A status as received: when it came [s], the tick's number, the duration of the one before [ms], all misses, the
     verdict's code, and by how much of its cost the path may be dearer than the cheapest.
     """
 

@@ -11,14 +11,11 @@ from functools import partial
 import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.nodes.deviation import pose_deviation, pose_moved
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.planner import PreparedGoal, ReactivePlanner
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.reference import ReferenceFollower, TaskSpaceReference
 from geodesic_motion_ros.verdict import Verdict
-
-#: An arm that was lost rests while it stays within this distance [m] and angle [rad].
-REST_DISTANCE, REST_ANGLE = 0.005, 0.02
 
 
 class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
@@ -120,14 +117,9 @@ class PlanningCycle(StreamCycle[Pose, PreparedGoal]):
         self.follower.reset(*measured)
 
     def _deviation(self, measured: Pose, taken: float) -> tuple[str, str] | None:
-        position, quaternion = self.follower.commanded
-        distance = float(np.linalg.norm(measured[0] - position))
-        angle = float(angle_between(measured[1], quaternion))
-        if distance <= self.tracking_tolerance and angle <= self.tracking_tolerance_angle:
-            return None
-        limit, limit_angle = 1000 * self.tracking_tolerance, math.degrees(self.tracking_tolerance_angle)
-        return f"{1000 * distance:.0f} mm and {math.degrees(angle):.1f} deg", f"{limit:.0f} mm, {limit_angle:.1f} deg"
+        return pose_deviation(
+            measured, self.follower.commanded, self.tracking_tolerance, self.tracking_tolerance_angle
+        )
 
     def _moved(self, measured: Pose, before: Pose) -> bool:
-        moved = float(np.linalg.norm(measured[0] - before[0]))
-        return moved > REST_DISTANCE or float(angle_between(measured[1], before[1])) > REST_ANGLE
+        return pose_moved(measured, before)

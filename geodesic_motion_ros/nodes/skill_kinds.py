@@ -210,8 +210,9 @@ class PaperKind(SkillKind):
         if self._of_joints:
             self.command_topic, self.subject = "joint_trajectory", "the whole arm, by the paper's planner"
             self.cycle = PaperJointCycle(
-                *common, tracking_tolerance=values["tracking_tolerance_joint"], offsets=offsets, background=self._goals
-            )
+                *common, latency=values["latency"], tracking_tolerance=values["tracking_tolerance_joint"],
+                offsets=offsets, background=self._goals,
+            )  # fmt: skip
         else:
             self.command_topic, self.subject = "target_pose", "the tool, by the paper's planner"
             tolerances = {name: values[name] for name in ("tracking_tolerance", "tracking_tolerance_angle")}

@@ -188,7 +188,12 @@ class LiteralSearch:
 
     def aim(self, target: int, to_target: np.ndarray) -> None:
         """Search for paths to a target from now on; to_target : its `field`."""
-        self._target, self._to_target, self.finished = target, to_target, True
+        self._target, self._to_target = target, to_target
+        self.abandon()
+
+    def abandon(self) -> None:
+        """End the search that runs; what it has found stays."""
+        self.finished = True
 
     def begin(self, source: int, centres: np.ndarray, radii: np.ndarray, known: np.ndarray | None = None) -> None:
         """Ask for the cheapest path from a source among spheres (o, 3), (o,) [m].

@@ -31,7 +31,7 @@ _NOTHING = np.empty(0, dtype=np.int32)
 
 @dataclass(frozen=True)
 class PaperSettings:
-    """What the paper's planner is told.
+    """Settings of the paper's planner.
 
     Attributes
     ----------
@@ -82,7 +82,8 @@ class PaperPlanner:
         refuse_unsupported(self.graph.sigma < limit, limit, "rad" if self._of_joints else "m")
         self._obstacles = Obstacles.none()
         self._goal: PaperGoal | None = None
-        self._due = False
+        # Whether goal, place or obstacles have changed since the last search began.
+        self._search_due = False
         self._nodes = _NOTHING
         self.path: TimedPath | None = None
         self.lead = 0.0
@@ -107,7 +108,7 @@ class PaperPlanner:
 
     def take_goal(self, goal: PaperGoal) -> None:
         """Plan to a prepared goal from now on."""
-        self._goal, self._due, self._nodes = goal, True, _NOTHING
+        self._goal, self._search_due, self._nodes = goal, True, _NOTHING
         self.search.aim(goal.node, goal.field)
 
     def clear_goal(self) -> None:
@@ -119,7 +120,7 @@ class PaperPlanner:
         """Stay where the leading point is; the next tick plans to the goal from there."""
         if self.path is not None and not self.path.stands:
             self._stand_at(self.path.latent_at(self.lead), self.path.place_at(self.lead))
-        self._due = self._goal is not None
+        self._search_due = self._goal is not None
 
     def stand_at(self, place: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Stay at a place (p,), as of `TimedPath`, whose tool pose is (3,) [m], (4,); plan from the nearest node on: in
@@ -127,7 +128,7 @@ class PaperPlanner:
         """
         node = self._nearest_configuration(place) if self._of_joints else self._nearest(position, quaternion)
         self._stand_at(self.graph.latent[node], place)
-        self._due = self._goal is not None
+        self._search_due = self._goal is not None
 
     def set_obstacles(self, obstacles: Obstacles) -> Verdict:
         """Plan among spheres from now on; BAD_INPUT where there is anything else: the paper knows nothing else."""
@@ -137,7 +138,7 @@ class PaperPlanner:
         if objection:
             return Verdict(VerdictCode.BAD_INPUT, objection)
         if not obstacles.same_places(self._obstacles):
-            self._obstacles, self._due = obstacles, self._goal is not None
+            self._obstacles, self._search_due = obstacles, self._goal is not None
         return Verdict(VerdictCode.OK)
 
     def tick(self, deadline: Deadline = NEVER) -> Verdict:
@@ -149,7 +150,7 @@ class PaperPlanner:
         if self._goal is None or self.path is None:
             return Verdict(VerdictCode.NO_GOAL, "no goal has been given")
         self.search.go_on(deadline)
-        if self.search.finished and self._due:
+        if self.search.finished and self._search_due:
             self._begin_search()
             self.search.go_on(deadline)
         if not np.array_equal(self.search.nodes, self._nodes[-len(self.search.nodes) :]):
@@ -163,7 +164,7 @@ class PaperPlanner:
     @property
     def is_exact(self) -> bool:
         """Whether what is followed is the cheapest path among the newest obstacles."""
-        return self.search.finished and not self._due
+        return self.search.finished and not self._search_due
 
     def advance(self, period: float) -> None:
         """Move the leading point on by a time [s]; where it ends it stays."""
@@ -195,7 +196,7 @@ class PaperPlanner:
         known = self._nodes[self._nearest_of(self._nodes, here) :] if len(self._nodes) else None
         source = self.graph.nodes_near(here, 1)[0] if known is None else known[0]
         self.search.begin(int(source), self._obstacles.centres, self._obstacles.radii, known)
-        self._due = False
+        self._search_due = False
 
     def _nearest_of(self, nodes: np.ndarray, here: np.ndarray) -> int:
         """Which node of a path (p,) is nearest to a latent point (d,)."""
@@ -211,7 +212,8 @@ class PaperPlanner:
 
     def _stand_at(self, latent: np.ndarray, place: np.ndarray) -> None:
         self.path, self.lead = TimedPath.standing(place, latent), 0.0
-        self.search.finished, self._nodes = True, _NOTHING
+        self.search.abandon()
+        self._nodes = _NOTHING
 
     def _decoded(self, latent: np.ndarray) -> TimedPath:
         """The path of a spline that is fitted to latent points (n, d), at full speed."""

@@ -17,7 +17,13 @@ SHARES = (1.0, 2.0, 4.0, 8.0)
 
 
 @pytest.fixture
-def ran(monkeypatch) -> list[str]:
+def seeds() -> dict[str, tuple[int, ...]]:
+    """Those that each experiment which has some was run with."""
+    return {}
+
+
+@pytest.fixture
+def ran(monkeypatch, seeds) -> list[str]:
     """Names of what ran where nothing is measured, `circle` was asked for wrongly and `modes` has a fault.
 
     Experiment number n, from 1, takes n times SHARES of the processor's time.
@@ -27,6 +33,10 @@ def ran(monkeypatch) -> list[str]:
 
     def played(arguments: argparse.Namespace) -> None:
         names.append(arguments.experiment)
+        if "seeds" in arguments:
+            seeds[arguments.experiment] = arguments.seeds
+        if "seed" in arguments:
+            seeds[arguments.experiment] = (arguments.seed,)
         spent[:] = [time + len(names) * share for time, share in zip(spent, SHARES, strict=True)]
         if arguments.experiment == "circle":
             raise ParameterError("no circle today")
@@ -53,3 +63,11 @@ def test_all_go_on_after_failures_and_tell_of_them(ran, tmp_path: Path, capsys) 
     assert [row["processor_seconds"] for row in content] == [sum(SHARES) * (n + 1) for n in range(len(ran))]
     assert {row["error"] for row in content} == {"", "ParameterError: no circle today", "ZeroDivisionError: a fault"}
     assert (tmp_path / "all" / "table.txt").read_text().count("failed") == 2
+
+
+def test_seeds_of_all_begin_where_one_asks(ran, seeds, tmp_path: Path) -> None:
+    assert main(["experiment", "all", "--out", str(tmp_path)]) == 2
+    by_default = dict(seeds)
+    assert main(["experiment", "all", "--out", str(tmp_path), "--seeds-from", "10000"]) == 2
+    assert {"goals", "whole-arm", "moving-tool"} < set(by_default)
+    assert seeds == {name: tuple(seed + 10_000 for seed in own) for name, own in by_default.items()}

@@ -10,14 +10,14 @@ import pytest
 
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
-from geodesic_motion_ros.nodes.paper_cycle import LATENCY, PaperCycle, PaperJointCycle, PaperPoseCycle
+from geodesic_motion_ros.nodes.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.paper.follower import STIFFNESS
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 
-PERIOD = 0.01
+PERIOD, LATENCY = 0.01, 0.03
 NOTHING = ObstacleSet(np.zeros((0, 3)), np.zeros(0), (), 0, np.zeros((0, 3)), np.zeros(0))
 OFFSETS = 0.1, 0.5
 
@@ -44,7 +44,8 @@ def cycle(planner: PaperPlanner) -> PaperCycle:
     planner.clear_goal()
     timeouts = 0.25, 1.0
     if planner.skill.space == "joint":
-        return PaperJointCycle(planner, *timeouts, tracking_tolerance=0.1, offsets=OFFSETS, clock=lambda: 0.0)
+        tolerances = {"latency": LATENCY, "tracking_tolerance": 0.1}
+        return PaperJointCycle(planner, *timeouts, **tolerances, offsets=OFFSETS, clock=lambda: 0.0)
     tolerances = {"tracking_tolerance": 0.05, "tracking_tolerance_angle": 0.35}
     return PaperPoseCycle(planner, *timeouts, **tolerances, offsets=OFFSETS, clock=lambda: 0.0)
 

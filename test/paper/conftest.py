@@ -24,5 +24,5 @@ def planners() -> dict[str, PaperPlanner]:
 
 @pytest.fixture(params=list(CASES))
 def shared(request, planners) -> PaperPlanner:
-    """One planner of each space; whoever changes it sets it up first."""
+    """One planner of each space; a test that changes it sets it up first."""
     return planners[request.param]

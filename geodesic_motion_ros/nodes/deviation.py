@@ -1,0 +1,52 @@
+"""How far an arm is from where it was sent, and whether it moves: tool poses, configurations. Knows nothing of ROS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from geodesic_motion_ros.nodes.stream_cycle import Pose
+from geodesic_motion_ros.quaternions import angle_between
+
+#: An arm that was lost rests while its tool stays within this distance [m] and angle [rad].
+REST_DISTANCE, REST_ANGLE = 0.005, 0.02
+#: It rests while no joint leaves this interval [rad].
+REST_JOINT = 0.01
+
+
+def pose_deviation(measured: Pose, commanded: Pose, distance: float, angle: float) -> tuple[str, str] | None:
+    """How far a measured pose is from the commanded one, and what is allowed; None within a distance [m] and an angle
+    [rad].
+    """
+    off = float(np.linalg.norm(measured[0] - commanded[0]))
+    turned = float(angle_between(measured[1], commanded[1]))
+    if off <= distance and turned <= angle:
+        return None
+    return (
+        f"{1000 * off:.0f} mm and {math.degrees(turned):.1f} deg",
+        f"{1000 * distance:.0f} mm, {math.degrees(angle):.1f} deg",
+    )
+
+
+def pose_moved(measured: Pose, before: Pose) -> bool:
+    """Whether an arm whose tool should rest has moved."""
+    moved = float(np.linalg.norm(measured[0] - before[0]))
+    return moved > REST_DISTANCE or float(angle_between(measured[1], before[1])) > REST_ANGLE
+
+
+def joint_deviation(
+    measured: np.ndarray, commanded: np.ndarray, names: Sequence[str], tolerance: float
+) -> tuple[str, str] | None:
+    """How far the worst joint (eta,) is from where it was sent, and what is allowed; None within a tolerance [rad]."""
+    off = np.abs(measured - commanded)
+    worst = int(np.argmax(off))
+    if off[worst] <= tolerance:
+        return None
+    return f"{off[worst]:.3f} rad in '{names[worst]}'", f"{tolerance:.3f} rad"
+
+
+def joints_moved(measured: np.ndarray, before: np.ndarray) -> bool:
+    """Whether an arm that should rest has moved."""
+    return bool(np.max(np.abs(measured - before)) > REST_JOINT)
