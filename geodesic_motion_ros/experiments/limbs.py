@@ -6,6 +6,9 @@ left to whoever solves the inverse kinematics. So for every node of a fine grid 
 pose of the geodesic, many solutions are worked out in closed form (`robot.panda_solutions`; the last joint takes evenly
 spread values, and all branches count), and it is counted how many of them the sphere touches (collision spheres).
 
+How many these are is a matter of where the sphere is. The first one leaves the arm's other family free, so that there
+is a path for the whole arm; a second one of the same size is put where most solutions along the geodesic touch it.
+
 Beside it a skill of joint space of the same task: it sees the whole arm, and takes its other family.
 """
 
@@ -18,10 +21,11 @@ from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
-from geodesic_motion_ros.experiments.blocked_arm import CHECK_PERIOD, INTERIOR, arm_clearance, every, hand_alone
+from geodesic_motion_ros.experiments.blocked_arm import CHECK_PERIOD, HAND, INTERIOR, arm_clearance, every, hand_alone
 from geodesic_motion_ros.experiments.grasp_joint_scenes import RADIUS, mean_ways, sphere_on
 from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
@@ -36,7 +40,7 @@ from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below
 from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, link_frames
-from geodesic_motion_ros.robot.panda_solutions import MOST, solutions_at, wrist_frames
+from geodesic_motion_ros.robot.panda_solutions import MOST, panda_solutions, solutions_at, wrist_frames
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 from geodesic_motion_ros.skill import Skill
@@ -48,6 +52,10 @@ if TYPE_CHECKING:
 TASK = "reach"
 #: Angles of the last joint that are tried for one pose, at most.
 _ANGLES = 400
+#: Where the sphere is looked for that most solutions touch: so far apart [m], for so many poses of the geodesic with so
+#: many solutions each; so far from the hand [m], and from the shoulder, which stands in all solutions [m].
+_STEP, _POSES, _FEW, _FROM_HAND, _FROM_SHOULDER = 0.05, 7, 40, 0.10, 0.30
+_SHOULDER = np.array([0.0, 0.0, 0.333])
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _PICTURE_PERIOD = 0.02
 
@@ -98,6 +106,7 @@ class LimbsReport:
     grid, nodes : the grid over the latent space, and its solutions.
     free, way, along : geodesic of the tool without and with the sphere, and solutions at the samples of the latter.
     tool_clearance : of the tool's spheres on that way, as the planner promises [m].
+    crowded_centre, crowded : the sphere that most solutions touch [m], and solutions at the same samples with it.
     nominal, avoiding : ways of the whole arm without and with the sphere; None where that was refused.
     nominal_clearance, avoiding_clearance : of the arm's meshes from the sphere on them [m].
     hand_clearance : of the hand's collision spheres from the sphere on the nominal way [m].
@@ -115,6 +124,8 @@ class LimbsReport:
     way: TaskSpaceReference
     along: Solutions
     tool_clearance: float
+    crowded_centre: np.ndarray
+    crowded: Solutions
     nominal: JointReference
     avoiding: JointReference | None
     nominal_clearance: float
@@ -124,6 +135,7 @@ class LimbsReport:
     def summary(self) -> dict[str, float | int]:
         """The figures."""
         inside, along = self.supported & (self.nodes.found > 0), self.along.shares
+        crowded = self.crowded.shares
         moved = np.linalg.norm(self.way.positions[:, None] - self.free.positions, axis=-1).min(axis=1).max()
         return {
             "nodes": len(self.nodes.found),
@@ -136,6 +148,9 @@ class LimbsReport:
             "share_touched_on_the_geodesic_mean": float(np.nanmean(along)),
             "share_touched_on_the_geodesic_most": float(np.nanmax(along)),
             "share_of_the_geodesic_with_touched_solutions": float(np.mean(self.along.touched > 0)),
+            "share_touched_by_the_sphere_of_most_mean": float(np.nanmean(crowded)),
+            "share_touched_by_the_sphere_of_most_most": float(np.nanmax(crowded)),
+            "share_of_the_geodesic_where_it_touches_over_90_of_100": float(np.mean(crowded > 0.9)),
             "joint_space_without_the_sphere_mm": 1e3 * self.nominal_clearance,
             "joint_space_with_the_sphere_mm": 1e3 * self.avoiding_clearance,
             "hand_of_the_joint_space_way_mm": 1e3 * self.hand_clearance,
@@ -146,6 +161,7 @@ class LimbsReport:
         return {
             "settings": asdict(self.settings),
             "sphere": {"centre": self.centre, "radius": self.radius},
+            "sphere_of_most": {"centre": self.crowded_centre, "radius": self.radius},
             "summary": self.summary(),
             "along": {"found": self.along.found, "touched": self.along.touched},
         }
@@ -203,6 +219,8 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
     plan = tool.plan(*poses)
     if plan.reference is None:
         raise ParameterError(f"the sphere was to leave the tool's way free, but: {plan.verdict.reason}")
+    along = plan.reference.positions, plan.reference.quaternions
+    crowded = most_touched(*(part[np.linspace(0, len(part) - 1, _POSES).astype(int)] for part in along))
     grid = LatentGrid(skill.latent_lower, skill.latent_upper, settings.shape)
     decoded = skill.decoder.decode(grid.nodes())
     geometry = CollisionGeometry.panda()
@@ -219,8 +237,10 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
         nodes=solved(decoded.positions, decoded.quaternions, centres, radii, settings.solutions),
         free=free,
         way=plan.reference,
-        along=solved(plan.reference.positions, plan.reference.quaternions, centres, radii, settings.solutions),
+        along=solved(*along, centres, radii, settings.solutions),
         tool_clearance=plan.verdict.clearance,
+        crowded_centre=crowded,
+        crowded=solved(*along, crowded[None], radii, settings.solutions),
         nominal=nominal,
         avoiding=avoiding,
         nominal_clearance=arm_clearance(geometry, arm_way, centres, radii),
@@ -229,21 +249,51 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
     )
 
 
+def most_touched(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """Centre (3,) [m] of the sphere that most of an arm's solutions touch, for tool poses (n, 3), (n, 4) of a Panda.
+
+    It keeps `_FROM_HAND` from the hand at each of the poses.
+    """
+    robot, model = Robot.panda(), CollisionModel.panda()
+    is_hand = np.array([name == HAND for name in model.points.names])[model.moving]
+    axes = (np.arange(low, high, _STEP) for low, high in ((-0.5, 0.8), (-0.7, 0.7), (0.0, 1.1)))
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    allowed = np.linalg.norm(places - _SHOULDER, axis=1) > _FROM_SHOULDER
+    shares = np.zeros(len(places))
+    for position, quaternion in zip(positions, quaternions, strict=True):
+        lasts = _last_joints(robot)[:_FEW]
+        solutions = np.concatenate([panda_solutions(robot, position, quaternion, last) for last in lasts])
+        if not len(solutions):
+            continue
+        bodies = np.moveaxis(model.positions(robot, solutions[:_FEW])[:, model.moving], 1, 0)
+        touched = np.zeros((bodies.shape[1], len(places)), bool)
+        for centres, radius, of_hand in zip(bodies, model.radii[model.moving], is_hand, strict=True):
+            apart = cdist(centres, places) - radius - RADIUS
+            touched |= apart < 0.0
+            if of_hand:
+                allowed &= np.all(apart > _FROM_HAND, axis=0)
+        shares += touched.mean(axis=0)
+    return places[int(np.argmax(np.where(allowed, shares, -1.0)))]
+
+
 def solved(
     positions: np.ndarray, quaternions: np.ndarray, centres: np.ndarray, radii: np.ndarray, wanted: int
 ) -> Solutions:
-    """So many solutions for tool poses (n, 3), (n, 4) of a Panda, among spheres (o, 3), (o,) [m].
-
-    The angles of the last joint are multiples of the golden section of its range, which are evenly spread however many
-    of them are needed.
-    """
+    """So many solutions for tool poses (n, 3), (n, 4) of a Panda, among spheres (o, 3), (o,) [m]."""
     robot, model = Robot.panda(), CollisionModel.panda()
-    angles = robot.lower[6] + (robot.upper[6] - robot.lower[6]) * (np.arange(_ANGLES) * _GOLDEN % 1.0)
     moving = model.moving
     return Solutions(*_solved(
-        *wrist_frames(robot, positions, quaternions), angles, wanted, robot.lower, robot.upper, robot.chain,
-        model.points.frames[moving], model.points.offsets[moving], model.radii[moving], centres, radii,
+        *wrist_frames(robot, positions, quaternions), _last_joints(robot), wanted, robot.lower, robot.upper,
+        robot.chain, model.points.frames[moving], model.points.offsets[moving], model.radii[moving], centres, radii,
     ))  # fmt: skip
+
+
+def _last_joints(robot: Robot) -> np.ndarray:
+    """Angles (_ANGLES,) [rad] of the last joint that are tried one after the other.
+
+    They are multiples of the golden section of its range, which are evenly spread however many of them are needed.
+    """
+    return robot.lower[6] + (robot.upper[6] - robot.lower[6]) * (np.arange(_ANGLES) * _GOLDEN % 1.0)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -320,7 +370,9 @@ def draw_limbs(report: LimbsReport, path: Path) -> None:
     axes = figure.add_subplot(grid[0, 1])
     share = np.linspace(0.0, 1.0, len(report.along.found))
     axes.fill_between(share, 100.0 * report.along.shares, color=VERMILION, alpha=0.35, linewidth=0.0)
-    axes.plot(share, 100.0 * report.along.shares, color=VERMILION, linewidth=1.8)
+    axes.plot(share, 100.0 * report.along.shares, color=VERMILION, linewidth=1.8, label="leaves a family free")
+    axes.plot(share, 100.0 * report.crowded.shares, color="black", linewidth=1.4, label="where most touch it")
+    axes.legend(title="the sphere", frameon=False, loc="upper left", bbox_to_anchor=(0.0, 0.8))
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, None), xlabel="share of the geodesic", ylabel="touch the sphere [%]")
     axes.grid(alpha=0.3)
     axes.set_title("b  The same along the tool's geodesic", loc="left", fontsize=11)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.experiments.blocked_arm import hand_alone
 from geodesic_motion_ros.experiments.limbs import LimbsReport, LimbsSettings, compare_limbs, draw_limbs, solved
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
@@ -50,6 +51,19 @@ def test_the_tools_way_stays_and_solutions_on_it_are_touched(report) -> None:
     assert figures["clearance_of_the_tool_mm"] > 50.0
     assert figures["share_touched_on_the_geodesic_most"] > 0.05
     assert figures["supported_nodes_where_some_solution_is_touched"] > 0.0
+
+
+def test_where_most_solutions_touch_the_sphere_they_are_more_and_the_hand_is_not_near(report) -> None:
+    figures = report.summary()
+    assert figures["share_touched_by_the_sphere_of_most_mean"] > figures["share_touched_on_the_geodesic_mean"]
+    # No link but the hand is looked at: wherever the rest of the arm is, it is as near in each solution.
+    hand = hand_alone(MODEL)
+    some = report.crowded.examples[:, 1][np.isfinite(report.crowded.examples[:, 1, 0])]
+    assert len(some) > 0
+    centres = hand.positions(ROBOT, some)
+    away = np.linalg.norm(centres - report.crowded_centre, axis=-1) - hand.radii - report.radius
+    # Between poses at which it was looked for the hand moves on by centimetres.
+    assert np.min(away) > 0.05
 
 
 def test_the_whole_arm_takes_another_way(report) -> None:
