@@ -88,7 +88,8 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--remake", action="store_true", help="make anew what is stored with the tests: skills, answers")
+    stored = "skills, answers, streams"
+    parser.addoption("--remake", action="store_true", help=f"make anew what is stored with the tests: {stored}")
 
 
 @pytest.fixture(scope="session")
