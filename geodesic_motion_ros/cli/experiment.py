@@ -47,7 +47,7 @@ rate       planner and twin as two processes: ticks a second with a goal that st
 literal    held-out demonstrations by the paper's models and planner to the letter, beside the default ones
 reshaped-tubes  how a moving sphere reshapes the metric of the whole arm: a cut through latent tubes, the path in it
 paper-rate the same of the paper's planner in both spaces, and how often a tick ends with the cheapest path
-all        every experiment that needs no recording, with its default arguments, one after the other; hours
+all        every experiment that needs no recording, with its default arguments, one after the other; an hour
 
 What the paper shows and what these show stands in geodesic_motion_ros/experiments/README.md. Table, figure and JSON go
 to out/experiments/NAME/. avoidance, crossing, goals and modes train skills, each once: they are kept in
@@ -336,6 +336,8 @@ def _all(arguments: argparse.Namespace, parsers: Mapping[str, argparse.ArgumentP
             own.seeds = tuple(seed + arguments.seeds_from for seed in own.seeds)
         if "seed" in own:
             own.seed += arguments.seeds_from
+        if "processes" in own:
+            own.processes = len(os.sched_getaffinity(0))
         began, busy, error = time.monotonic(), _processor_time(), ""
         try:
             own.run(own)

@@ -372,7 +372,7 @@ def draw_limbs(report: LimbsReport, path: Path) -> None:
     axes.fill_between(share, 100.0 * report.along.shares, color=VERMILION, alpha=0.35, linewidth=0.0)
     axes.plot(share, 100.0 * report.along.shares, color=VERMILION, linewidth=1.8, label="leaves a family free")
     axes.plot(share, 100.0 * report.crowded.shares, color="black", linewidth=1.4, label="where most touch it")
-    axes.legend(title="the sphere", frameon=False, loc="upper left", bbox_to_anchor=(0.0, 0.8))
+    axes.legend(title="the sphere", frameon=False, loc="lower center", bbox_to_anchor=(0.5, 0.24))
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, None), xlabel="share of the geodesic", ylabel="touch the sphere [%]")
     axes.grid(alpha=0.3)
     axes.set_title("b  The same along the tool's geodesic", loc="left", fontsize=11)
