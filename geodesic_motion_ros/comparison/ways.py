@@ -88,7 +88,7 @@ class Ways:
         return np.min(np.linalg.norm(self._bodies[way] - centre, axis=-1), axis=0) - self._radii - radius
 
     def hand_keeps(self, distance: float, spheres: Sequence[MovingSphere]) -> np.ndarray:
-        """On which ways the hand keeps a distance [m] from spheres that stand, (N,) bool."""
+        """On which demonstrations the hand keeps a distance [m] from spheres that stand, (N,) bool."""
         return np.array([
             all(np.min(self.clearances(way, item.begin, item.radius)[self.hand]) >= distance for item in spheres)
             for way in range(len(self._bodies))

@@ -64,8 +64,7 @@ def test_motions_are_judged_without_a_planner(scenes, tmp_path, capsys) -> None:
     np.savez(motions, configurations=straight, joint_names=joints, names=names, times=np.linspace(0.0, 4.0, 400))
     command = ["judge", "--scenes", str(scenes), "--motions", str(motions)]
     assert main([*command, "--json", str(tmp_path / "x.json")]) == 0
-    told = capsys.readouterr().out
-    assert "the whole arm guarded" in told
+    assert "the whole arm guarded" in capsys.readouterr().out
     content = json.loads((tmp_path / "x.json").read_text())
     row = content["rows"]["straight"]["all"]
     assert (row["scenes"], row["rate_held_percent"], row["replan_p99_ms"]) == (2, None, None)

@@ -52,8 +52,8 @@ def same(one: object, other: object) -> bool:
 
 def test_what_is_read_is_what_was_written_to_the_bit(drawn, path) -> None:
     read = SceneFile.read(path)
-    told = [(item.skill, item.skill_digest, item.guard, item.seed, item.families) for item in (drawn, read)]
-    assert told[0] == told[1]
+    one, other = ((item.skill, item.skill_digest, item.guard, item.seed, item.families) for item in (drawn, read))
+    assert one == other
     for one, other in zip(drawn.scenes, read.scenes, strict=True):
         assert same(asdict(replace(one, demonstrations=())), asdict(other))
     # Control: the last bit of one number.
