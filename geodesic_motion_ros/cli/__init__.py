@@ -22,6 +22,7 @@ from geodesic_motion_ros.cli import (
     faults,
     goal,
     inspect,
+    judge,
     train,
 )
 from geodesic_motion_ros.cli.arguments import HelpFormatter
@@ -46,6 +47,7 @@ examples:
   geodesic-motion goal skills/pouring
   geodesic-motion bench --quick
   geodesic-motion benchmark --scenes 2
+  geodesic-motion judge --scenes scenes.npz --motions mine.csv
   geodesic-motion faults --only state_stops
 
 `geodesic-motion COMMAND --help` explains a command. Exit status: 0 done, 2 something asked for is not possible (one
@@ -59,7 +61,7 @@ def build_parser() -> argparse.ArgumentParser:
         prog="geodesic-motion", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in (demonstrate, train, evaluate, inspect, demo, goal, experiment, bench, benchmark, faults):
+    for command in (demonstrate, train, evaluate, inspect, demo, goal, experiment, bench, benchmark, judge, faults):
         command.add_command(commands)
     return parser
 

@@ -7,6 +7,7 @@ from importlib import import_module
 from pathlib import Path
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, given, name_list, needing, seed, writable
+from geodesic_motion_ros.errors import ParameterError
 
 _DESCRIPTION = """\
 Plays seeded scenes on a simulated Panda with every method, the same stream of obstacles for each of them, and judges
@@ -14,9 +15,12 @@ what the arm does: by PyBullet's distances of its meshes, and by how near it sta
 
 skills    of the whole arm (panda_reach_to_grasp): all of the arm is guarded; of the tool (panda_pouring,
           panda_bottle2shelf): the hand alone is, for every method, and spheres are drawn into its way
-families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone (not with skills of
-          the tool); crossing; chasing; gate: closes on the hand's way, and opens again; crowd: five that stand and
-          five that cross
+guard     --guard arm with a skill of the tool: all of the arm is guarded. Scenes are drawn and demonstrations found
+          free by all of the arm, and a contact of any link ends a scene. Free demonstration, ProMP, RRT-Connect and
+          barriers avoid with all of the arm; ours plans poses of the tool and avoids with the hand alone
+families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone (where all of the
+          arm is guarded); crossing; chasing; gate: closes on the hand's way, and opens again; crowd: five that stand
+          and five that cross
 methods   ours; ours, hard (no soft metric); ours, soft (the soft metric alone, nothing removed or certified; not the
           paper's planner); replay (of the nearest demonstration, blind: the control); free demonstration (the nearest
           that is free, another one joined where it is blocked); and peers, which are left out where their libraries are
@@ -34,8 +38,12 @@ columns   success: the goal within 10 mm and 0.1 rad, no contact; moving: scenes
           Clearance, similarity, jerk and time are those of successes. Intervals: Wilson, bootstrap of the median
 tables    all scenes; those in which at least half of the demonstrations stay free, where to copy a free one suffices,
           and the rest; successes by family
-files     in the folder SKILL of the output folder, held_out in it with --held-out: table.txt and the same tables in
-          table.md, figures.json, success.png, clearance.png, strip.png
+files     in the folder SKILL of the output folder, in it in guard_arm where --guard arm is not what the skill guards by
+          itself, and in held_out with --held-out: table.txt and the same tables in table.md, figures.json, success.png,
+          clearance.png, strip.png
+scenes    --save-scenes FILE plays nothing and writes the scenes that would be played as numbers, .npz; --scenes-from
+          FILE plays exactly these, whichever version of the code would draw others, and keeps its results in a folder
+          scenes_DIGEST of the file's own; `judge` judges motions of other programs in them
 held out  with --held-out every method is given two thirds of the demonstrations, a skill trained on these alone; a
           scene goes from where one of the others began to where it ended, and dtw and orient are distance and angle
           from this one, which no method has seen: the control is no distance from what it replays, but it is from
@@ -52,6 +60,9 @@ examples:
   geodesic-motion benchmark --scenes 100 --processes 2 --json out/benchmark.json
   geodesic-motion benchmark --skill panda_pouring
   geodesic-motion benchmark --skill panda_pouring --held-out
+  geodesic-motion benchmark --skill panda_pouring --guard arm
+  geodesic-motion benchmark --scenes 20 --save-scenes out/reach.npz
+  geodesic-motion benchmark --scenes-from out/reach.npz --methods ours
   geodesic-motion benchmark --methods 'ours; replay' --families crossing,gate --scenes 20
 """
 
@@ -70,10 +81,19 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     )
     parser.add_argument("--methods", type=name_list(";"), metavar="NAME;NAME", help="all that can run without it")
     parser.add_argument("--families", type=name_list(","), metavar="NAME,NAME", help="all without it")
-    parser.add_argument("--seed", type=seed, default=0, help="of the scenes")
+    parser.add_argument("--seed", type=seed, help="of the scenes; 0 without it")
+    parser.add_argument("--save-scenes", type=Path, metavar="FILE", help="write the scenes to a file, play nothing")
+    parser.add_argument(
+        "--scenes-from", type=Path, metavar="FILE",
+        help="play the scenes of a file: not with --scenes, --families, --seed, --held-out",
+    )  # fmt: skip
     parser.add_argument(
         "--held-out", action="store_true", help="scenes of demonstrations that no method was given; trains three skills"
     )
+    parser.add_argument(
+        "--guard", choices=("arm", "tool"),
+        help="what is kept clear and judged; without it arm with a skill of the whole arm, tool with one of the tool",
+    )  # fmt: skip
     parser.add_argument(
         "--strip", type=_scene, metavar="FAMILY:NUMBER", help="draw this scene as every method plays it: strip.png"
     )
@@ -89,35 +109,54 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Play what has not been played, print the tables, write the files."""
+    from tqdm import tqdm
+
     with needing("the benchmark needs", "pip install 'geodesic_motion_ros[simulation]'"):
         from geodesic_motion_ros.comparison.catalogue import ROWS, chosen
         from geodesic_motion_ros.comparison.families import check_families, families_of
         from geodesic_motion_ros.comparison.figures import draw_clearances, draw_strip, draw_success
+        from geodesic_motion_ros.comparison.guard import guard_of
         from geodesic_motion_ros.comparison.report import Report
-        from geodesic_motion_ros.comparison.results import results_folder
         from geodesic_motion_ros.comparison.run import Bench, BenchmarkSettings, kept_benchmark, play_benchmark
+        from geodesic_motion_ros.comparison.scene_file import SceneFile
     from geodesic_motion_ros.skill import Skill
     from geodesic_motion_ros.tables import write_json
 
     methods = chosen(arguments.methods)
     left_out = [f"{name} ({row.missing} is not installed)" for name, row in ROWS.items() if row.missing]
     skill = Skill.load(arguments.skill)
-    families = arguments.families or families_of(skill)
-    settings = BenchmarkSettings(methods, families, **given(arguments, "scenes", "seed", "processes", "held_out"))
-    check_families(skill, families if arguments.strip is None else (*families, arguments.strip[0]))
+    guard = guard_of(skill, arguments.guard)
+    chosen_options = given(arguments, "scenes", "seed", "processes", "held_out", "scenes_from")
+    families = arguments.families or families_of(guard)
+    _check_scene_options(arguments)
+    if arguments.scenes_from is not None:
+        file = SceneFile.read(arguments.scenes_from)
+        file.check(skill, guard)
+        families, chosen_options["seed"] = file.families, file.seed
+        if arguments.strip is not None:
+            file.scene(*arguments.strip)
+    settings = BenchmarkSettings(methods, families, guard=guard, **chosen_options)
+    check_families(skill.name, guard, families if arguments.strip is None else (*families, arguments.strip[0]))
+    if arguments.save_scenes is not None:
+        writable(arguments.save_scenes)
+        bench = Bench(skill, settings, arguments.out)
+        scenes = [bench.draw(*scene) for scene in tqdm(bench.scene_ids(), desc="scenes", unit="scene")]
+        SceneFile.of(skill, guard, settings.seed, scenes).write(arguments.save_scenes)
+        print(f"wrote {len(scenes)} scenes to {arguments.save_scenes}")
+        return
     if settings.held_out:
         with needing("--held-out trains skills, which needs", "pip install 'geodesic_motion_ros[learn]'"):
             import_module("geodesic_motion_ros.manifold.training")
     if arguments.methods is None and left_out:
         print(f"left out: {', '.join(left_out)}")
-    folder = results_folder(arguments.out, skill.name, settings.held_out)
+    folder = settings.results_folder(arguments.out, skill)
     # Where nothing is kept no file is touched.
     kept = kept_benchmark(skill, settings, arguments.out, arguments.scenes) if arguments.kept else None
     for path in (folder / "table.txt", arguments.json):
         writable(path)
     played = list(play_benchmark(skill, settings, arguments.out)) if kept is None else kept
     told = {name: ROWS[name].told for name in methods}
-    report = Report(skill.name, settings.seed, played, told, settings.held_out)
+    report = Report(skill.name, settings.seed, played, told, settings.held_out, guard)
     print(report.plain())
     (folder / "table.txt").write_text(report.plain() + "\n")
     (folder / "table.md").write_text(report.markdown() + "\n")
@@ -132,6 +171,18 @@ def run(arguments: argparse.Namespace) -> None:
         rows = {row: bench.method(row, arena) for row in methods}
         draw_strip(bench.stage, scene, rows, folder / "strip.png")
     print(f"wrote tables and figures to {folder}")
+
+
+def _check_scene_options(arguments: argparse.Namespace) -> None:
+    """ParameterError: options that say otherwise than a file of scenes, or than to play nothing."""
+    for option, others in (
+        ("scenes_from", ("scenes", "families", "seed", "held_out", "save_scenes")),
+        ("save_scenes", ("held_out", "kept", "strip", "json")),
+    ):
+        if getattr(arguments, option) is not None:
+            for other in others:
+                if getattr(arguments, other) is not None and getattr(arguments, other) is not False:
+                    raise ParameterError(f"--{option} and --{other} exclude each other".replace("_", "-"))
 
 
 def _scene(text: str) -> tuple[str, int]:

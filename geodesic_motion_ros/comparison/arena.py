@@ -1,7 +1,7 @@
 """Arena: what all scenes of one skill have in common, whichever method moves the arm.
 
 Every method is given the demonstrations as they were shown, the same limits, and the same collision spheres of the
-body that is to be kept clear: the whole arm, or, with a skill of the tool, the hand.
+body that is guarded (`guard.py`).
 """
 
 from __future__ import annotations
@@ -10,17 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.comparison.guard import Guard, GuardedArm, guard_of, guarded_spheres
 from geodesic_motion_ros.comparison.tool_demonstrations import followed, moved_curves, shown_curves
-from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.experiments.blocked_arm import HAND
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
-from geodesic_motion_ros.quaternions import continuous_signs
-from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.sheet import CanonicalSheet
@@ -28,45 +25,43 @@ from geodesic_motion_ros.skill import Skill
 
 
 @dataclass(frozen=True, eq=False)
-class Arena:
-    """A skill, its arm, and what was shown.
+class Arena(GuardedArm):
+    """A skill, its arm with what is guarded of it, and what was shown.
 
     Attributes
     ----------
-    collision : the spheres that obstacles are to be kept away from.
     limits : that every method's references are timed within, but streams of poses, which know none of joints.
     shown : (N, S, eta) demonstrations as they were shown, equally spaced along their arcs [rad].
     modes : (N,) which way each of them took.
     """
 
     skill: Skill
-    robot: Robot
-    collision: CollisionModel
     limits: JointLimits
     shown: np.ndarray
     modes: np.ndarray
 
     @classmethod
-    def of(cls, skill: Skill) -> Arena:
-        """Of a skill on the canonical sheet.
+    def of(cls, skill: Skill, guard: Guard | None = None) -> Arena:
+        """Of a skill on the canonical sheet, with its own guard or the requested one.
 
         Raises
         ------
-        ParameterError : it is on the raw sheet, its demonstrations begin or end in several families of configurations,
-            or the arm cannot carry the tool along them. RobotError : it does not reach where they begin.
+        ParameterError : the skill has no such guard, it is on the raw sheet, its demonstrations begin or end in several
+            families of configurations, or the arm cannot carry the tool along them.
+        RobotError : the arm does not reach where they begin.
         """
-        sheet = skill.canonical
+        sheet, guarded = skill.canonical, guard_of(skill, guard)
         if sheet is None:
             raise ParameterError(f"'{skill.name}' is on the raw sheet: scenes are drawn for skills on a canonical one")
         robot, settings = Robot.named(skill.robot), JointPlannerSettings()
         limits = JointLimits.of(robot, settings.speed_scale, settings.acceleration_scale)
-        collision = CollisionModel.named(skill.robot)
+        arm = (robot, guarded, guarded_spheres(skill.robot, guarded))
         if isinstance(sheet, CanonicalSheet):
             curves = shown_curves(sheet)
             # The first pose decides which of the arm's postures is taken, for all demonstrations.
             begin = solve(robot, curves[0].positions[0], curves[0].quaternions[0])
             shown = np.stack([followed(robot, curve, begin) for curve in curves])
-            return cls(skill, robot, collision.of_link(HAND), limits, shown, sheet.modes)
+            return cls(*arm, skill, limits, shown, sheet.modes)
         if len(sheet.start_poles) != 1 or len(sheet.goal_poles) != 1:
             raise ParameterError(
                 f"'{skill.name}' begins or ends in several families of configurations: scenes are drawn for skills "
@@ -74,11 +69,11 @@ class Arena:
             )
         ends = np.stack([sheet.start_poles[0] + sheet.start_offsets, sheet.goal_poles[0] + sheet.goal_offsets], axis=1)
         shown = np.stack([_moved(robot, *pair) for pair in zip(sheet.configurations, ends, strict=True)])
-        return cls(skill, robot, collision, limits, shown, sheet.modes)
+        return cls(*arm, skill, limits, shown, sheet.modes)
 
     @property
     def whole_arm(self) -> bool:
-        """Whether the skill is of the whole arm, and not of the tool."""
+        """Whether the skill is of the whole arm, and not of the tool; what is guarded is another question."""
         return self.skill.space == "joint"
 
     def moved(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
@@ -120,21 +115,6 @@ class Arena:
         if reference is None:
             raise ParameterError("a demonstration cannot be played within the joints' limits")
         return reference
-
-    def body(self, configurations: np.ndarray) -> np.ndarray:
-        """Centres (n, B, 3) [m] of the spheres that joints move, in configurations (n, eta) [rad]."""
-        return self.collision.positions(self.robot, configurations)[:, self.collision.moving]
-
-    @property
-    def body_radii(self) -> np.ndarray:
-        """Radii (B,) [m] of the same spheres."""
-        return self.collision.radii[self.collision.moving]
-
-    def tool_curve(self, configurations: np.ndarray) -> PoseCurve:
-        """The poses of the tool in configurations (n, eta) [rad]."""
-        poses = [self.robot.forward(configuration) for configuration in configurations]
-        positions, quaternions = map(np.array, zip(*poses, strict=True))
-        return PoseCurve(positions, continuous_signs(quaternions))
 
 
 def _moved(robot: Robot, item: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -1,9 +1,10 @@
-"""One method plays one scene: the arm in physics, the stream of obstacles, and a judge who knows of no planner.
+"""One scene: a source of motion, the stream of obstacles, and a judge who knows of no planner.
 
-The arm is a Panda in PyBullet that plays what it is sent by the rules of joint_trajectory_controller, or follows a
-stream of poses as the twin does, inside its limits of velocity and acceleration. Obstacles are judged 200 times a
-second by PyBullet's distance of the collision meshes, where they are measured to be, from each sphere: the meshes of
-the arm, or, with a skill of the tool, those of hand and fingers, which alone it guards. A scene ends
+The motion is that of a method, whose arm is a Panda in PyBullet that plays what it is sent by the rules of
+joint_trajectory_controller, or follows a stream of poses as the twin does, inside its limits of velocity and
+acceleration; or it is a table of joint positions (`motions.py`). Obstacles are judged 200 times a second by PyBullet's
+distance of the collision meshes, where they are measured to be, from each sphere: the meshes of what is guarded
+(`guard.py`), the arm, or hand and fingers alone. A scene ends
 
 - at the goal: the tool is measured within `REACHED` and `REACHED_ANGLE` of the goal pose, and rests;
 - at the first contact of what is guarded, while the arm moves or as it stands;
@@ -17,19 +18,19 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.guard import GuardedArm
 from geodesic_motion_ros.comparison.method import Answer, Method
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.comparison.ways import chased_point
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.similarity import compare
 from geodesic_motion_ros.errors import RobotError
-from geodesic_motion_ros.experiments.moving_spheres import STEP_HZ, STEPS_PER_TICK, SpheresInMotion, needed_room
+from geodesic_motion_ros.experiments.moving_spheres import STEP, STEP_HZ, STEPS_PER_TICK, SpheresInMotion, needed_room
 from geodesic_motion_ros.joint_reference import PERIOD
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import angle_between
@@ -101,50 +102,146 @@ class Outcome:
         return asdict(self)
 
 
-class Stage:
-    """The arm in physics and the judge's meshes: what scenes are played with, one after the other."""
+@dataclass
+class Effort:
+    """What a method says of itself while a scene is played; the last three as of `Outcome`."""
 
-    def __init__(self, arena: Arena) -> None:
-        self.arena = arena
-        self.world, self.geometry = PandaWorld(rate_hz=STEP_HZ), CollisionGeometry.panda()
-        self.guarded = frozenset(arena.collision.points.names)
+    refusal: str = ""
+    replans: list[float] = field(default_factory=list)
+    ticks: int = 0
+    in_time: int = 0
+
+
+class Motion(Protocol):
+    """A source of motion of an arm, from the start of one scene after the other.
+
+    Attributes
+    ----------
+    joint_positions, joint_velocities : where the arm is by now (eta,) [rad], [rad/s].
+    commanded_positions : where it is to be (eta,) [rad]. effort : in this scene.
+    """
+
+    effort: Effort
+
+    @property
+    def joint_positions(self) -> np.ndarray: ...
+
+    @property
+    def joint_velocities(self) -> np.ndarray: ...
+
+    @property
+    def commanded_positions(self) -> np.ndarray: ...
+
+    def reset(self, scene: Scene) -> None:
+        """The arm stands at the scene's start at time 0."""
+
+    def tick(self, now: float, obstacles: Obstacles) -> None:
+        """Called every STEPS_PER_TICK steps, from 0 [s] on, with the obstacles that are there."""
+
+    def step(self) -> None:
+        """Go on by one step of the judge."""
+
+
+class PlayedMethod:
+    """A method, and the arm in physics that plays its answers, each of them one tick later."""
+
+    def __init__(self, world: PandaWorld, method: Method) -> None:
+        self._world, self._method = world, method
+
+    def reset(self, scene: Scene) -> None:
+        self._world.reset(scene.start)
+        self._method.reset(scene)
+        self._pending, self.effort = Answer(), Effort()
+
+    def tick(self, now: float, obstacles: Obstacles) -> None:
+        self._hand_over(self._pending)
+        began = time.thread_time()
+        answer = self._method.tick(now, obstacles)
+        took = time.thread_time() - began
+        effort = self.effort
+        if answer.planned and (answer.waypoints is not None or answer.pose is not None):
+            effort.replans.append(took)
+        effort.ticks += 1
+        effort.in_time += took <= DEADLINE
+        effort.refusal = answer.refusal
+        self._pending = answer
+
+    def step(self) -> None:
+        self._world.step()
+
+    @property
+    def joint_positions(self) -> np.ndarray:
+        return self._world.joint_positions
+
+    @property
+    def joint_velocities(self) -> np.ndarray:
+        return self._world.joint_velocities
+
+    @property
+    def commanded_positions(self) -> np.ndarray:
+        return self._world.commanded_positions
+
+    def _hand_over(self, answer: Answer) -> None:
+        try:
+            if answer.pose is not None:
+                self._world.set_target_pose(*answer.pose)
+            elif answer.waypoints is not None:
+                self._world.set_joint_trajectory(answer.waypoints, answer.begin)
+        except RobotError as error:
+            # As the controller does: what was played goes on.
+            self.effort.refusal = f"the controller refused: {error}"
+
+
+class Judge:
+    """The meshes by which motions are judged, in one scene after the other."""
+
+    def __init__(self, arm: GuardedArm) -> None:
+        self.arm, self.geometry = arm, CollisionGeometry.panda()
+        self.guarded = frozenset(arm.collision.points.names)
+
+    def judge(self, scene: Scene, motion: Motion) -> tuple[Outcome, np.ndarray]:
+        """What became of the scene, and the postures (n, eta) [rad], 50 a second, the last one at its end."""
+        return _Run(self, scene, motion).judged()
+
+
+class Stage(Judge):
+    """A judge, and the arm in physics that methods move."""
+
+    def __init__(self, arm: GuardedArm) -> None:
+        super().__init__(arm)
+        self.world = PandaWorld(rate_hz=STEP_HZ)
 
     def play(self, scene: Scene, method: Method) -> tuple[Outcome, np.ndarray]:
-        """What became of the scene, and the measured postures (n, eta) [rad], 50 a second."""
-        return _Run(self, scene, method).play()
+        """As `judge`, the motion of a method."""
+        return self.judge(scene, PlayedMethod(self.world, method))
 
 
 class _Run:
-    """One scene being played."""
+    """One scene being judged."""
 
-    def __init__(self, stage: Stage, scene: Scene, method: Method) -> None:
-        self._arena, self._world, self._geometry = stage.arena, stage.world, stage.geometry
-        self._guarded, self._arm_touched = stage.guarded, False
-        self._scene, self._method = scene, method
+    def __init__(self, judge: Judge, scene: Scene, motion: Motion) -> None:
+        self._arm, self._geometry = judge.arm, judge.geometry
+        self._guarded, self._arm_touched = judge.guarded, False
+        self._scene, self._motion = scene, motion
         self._spheres = SpheresInMotion(
-            scene.spheres, lambda: chased_point(self._arena, scene.tool_chased, self._world.joint_positions)
+            scene.spheres, lambda: chased_point(self._arm, scene.tool_chased, motion.joint_positions)
         )
-        self._world.reset(scene.start)
-        self._commanded = [self._world.commanded_positions]
+        motion.reset(scene)
+        self._commanded = [motion.commanded_positions]
         self._postures: list[np.ndarray] = []
-        self._refusal = ""
-        self._replans: list[float] = []
-        self._ticks, self._in_time = 0, 0
 
-    def play(self) -> tuple[Outcome, np.ndarray]:
-        world, pending = self._world, Answer()
-        self._method.reset(self._scene)
-        stood, reached, step, posture = 0.0, False, 0, world.joint_positions
+    def judged(self) -> tuple[Outcome, np.ndarray]:
+        motion = self._motion
+        stood, reached, step, posture = 0.0, False, 0, motion.joint_positions
         while step < LONGEST * STEP_HZ:
             now = step / STEP_HZ
             if step % STEPS_PER_TICK == 0:
-                self._hand_over(pending)
-                pending = self._tick(now)
+                motion.tick(now, Obstacles.of_spheres(*self._spheres.seen(now, self._has_room), now))
             step += 1
-            world.step()
+            motion.step()
             self._spheres.move(step / STEP_HZ)
-            self._commanded.append(world.commanded_positions)
-            before, posture = posture, world.joint_positions
+            self._commanded.append(motion.commanded_positions)
+            before, posture = posture, motion.joint_positions
             if step % _KEPT == 0:
                 self._postures.append(posture)
             moves = self._moves(before, posture)
@@ -152,33 +249,21 @@ class _Run:
             self._spheres.judge(step / STEP_HZ, moves, self._clearance)
             if self._spheres.contacts:
                 break
-            reached = not moves and self._at_goal()
-            stood = 0.0 if moves or self._will_change(step / STEP_HZ) else stood + world.dt
+            reached = not moves and self._at_goal(posture)
+            stood = 0.0 if moves or self._will_change(step / STEP_HZ) else stood + STEP
             if reached or stood >= GIVEN_UP:
                 break
-        self._postures.append(world.joint_positions)
+        self._postures.append(posture)
         return self._outcome(reached, step / STEP_HZ), np.array(self._postures)
 
     def _moves(self, before: np.ndarray, posture: np.ndarray) -> bool:
         """Whether what is guarded moved in the last step, between two postures (eta,) [rad]: a hand may rest while the
         elbow swings.
         """
-        if self._arena.whole_arm:
-            return bool(np.max(np.abs(self._world.joint_velocities)) > RESTING)
-        ways = np.diff(self._arena.body(np.stack([before, posture])), axis=0)
-        return bool(np.max(np.linalg.norm(ways, axis=-1)) > TOOL_RESTING * self._world.dt)
-
-    def _tick(self, now: float) -> Answer:
-        obstacles = Obstacles.of_spheres(*self._spheres.seen(now, self._has_room), now)
-        began = time.thread_time()
-        answer = self._method.tick(now, obstacles)
-        took = time.thread_time() - began
-        if answer.planned and (answer.waypoints is not None or answer.pose is not None):
-            self._replans.append(took)
-        self._ticks += 1
-        self._in_time += took <= DEADLINE
-        self._refusal = answer.refusal
-        return answer
+        if self._arm.guard == "arm":
+            return bool(np.max(np.abs(self._motion.joint_velocities)) > RESTING)
+        ways = np.diff(self._arm.body(np.stack([before, posture])), axis=0)
+        return bool(np.max(np.linalg.norm(ways, axis=-1)) > TOOL_RESTING * STEP)
 
     def _clearance(self, centre: np.ndarray, radius: float) -> float:
         """Of what is guarded from a sphere [m], and take note of the rest of the arm."""
@@ -190,42 +275,32 @@ class _Run:
                 self._arm_touched |= distance <= 0.0
         return guarded
 
-    def _hand_over(self, answer: Answer) -> None:
-        try:
-            if answer.pose is not None:
-                self._world.set_target_pose(*answer.pose)
-            elif answer.waypoints is not None:
-                self._world.set_joint_trajectory(answer.waypoints, answer.begin)
-        except RobotError as error:
-            # As the controller does: what was played goes on.
-            self._refusal = f"the controller refused: {error}"
-
     def _has_room(self, centre: np.ndarray, radius: float, speed: float) -> bool:
         """Whether a sphere is far enough for an arm at rest to take note of: all are in sight before it moves."""
-        self._geometry.place(self._world.joint_positions)
+        self._geometry.place(self._motion.joint_positions)
         return self._clearance(centre, radius) > needed_room(0.0, PERIOD, speed)
 
     def _will_change(self, now: float) -> bool:
         """Whether spheres are there that will move or go."""
         return any(math.isfinite(sphere.vanishes) and now < sphere.vanishes for sphere in self._scene.spheres)
 
-    def _at_goal(self) -> bool:
-        position, quaternion = self._world.tool_pose()
+    def _at_goal(self, posture: np.ndarray) -> bool:
+        position, quaternion = self._arm.robot.forward(posture)
         goal = self._scene.goal_pose
         near = float(np.linalg.norm(position - goal[0])) <= REACHED
         return near and float(angle_between(quaternion, goal[1])) <= REACHED_ANGLE
 
     def _outcome(self, reached: bool, duration: float) -> Outcome:
-        contacts = self._spheres.contacts
-        executed = self._arena.tool_curve(np.array(self._postures))
+        contacts, effort = self._spheres.contacts, self._motion.effort
+        executed = self._arm.tool_curve(np.array(self._postures))
         dtw, orientation = _to_closest(executed, self._scene.compared)
         jerks = np.diff(self._commanded, 3, axis=0) * STEP_HZ**3
         return Outcome(
             mostly_free=self._scene.mostly_free, reached=reached, contact=contacts[0] if contacts else "",
-            refusal="" if reached else self._refusal, duration=duration,
+            refusal="" if reached else effort.refusal, duration=duration,
             clearance=float(min(self._spheres.clearance, LOOKED_FOR)), dtw=dtw, orientation=orientation,
             jerk=float(np.sqrt(np.mean(np.sum(jerks**2, axis=1)))) if len(jerks) else 0.0,
-            replans=tuple(self._replans), ticks=self._ticks, in_time=self._in_time,
+            replans=tuple(effort.replans), ticks=effort.ticks, in_time=effort.in_time,
             arm_touched=self._arm_touched,
         )  # fmt: skip
 

@@ -6,16 +6,18 @@ start until those that move are gone is never touched.
 
 - *none*: the control.
 - *static*: one to three spheres that stand on the way; start and goal stay free of them.
-- *elbow*: one that stands in the way of the arm, while the hand keeps `FREE_HAND` from it; likewise. Not with skills of
-  the tool, which do not guard the arm.
+- *elbow*: one that stands in the way of the arm, while the hand keeps `FREE_HAND` from it; likewise. Only where
+  all of the arm is guarded.
 - *crossing*: one to three that pass the body's place on the way at the same time as it, in a straight line.
-- *chasing*: one or two that move towards the tool or, with a skill of the whole arm, the elbow, wherever it is, until
+- *chasing*: one or two that move towards the tool or, where all of the arm is guarded, the elbow, wherever it is, until
   an arm that had stayed at the start would be near.
 - *gate*: two pairs that close on the hand's way from two sides about when it passes, and open `GATE_STAYS` later.
 - *crowd*: ten, five that stand and five that cross.
 
 Where demonstrations are *spared*, spheres are drawn again until at least half of the demonstrations stay free of them;
-those that stand or cross block at least one, but in a crowd.
+those that stand or cross block at least one, but in a crowd. With a skill of the tool all demonstrations are played in
+one family of postures of the arm, and an elbow's sphere blocks nearly all of them: there those are spared whose hand
+keeps `FREE_HAND` from it, as the arm may carry it in another posture.
 """
 
 from __future__ import annotations
@@ -26,10 +28,10 @@ from typing import Literal
 
 import numpy as np
 
+from geodesic_motion_ros.comparison.guard import Guard
 from geodesic_motion_ros.comparison.ways import Ways
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import RADII, MovingSphere
-from geodesic_motion_ros.skill import Skill
 
 Family = Literal["none", "static", "elbow", "crossing", "chasing", "gate", "crowd"]
 Spheres = tuple[MovingSphere, ...]
@@ -130,24 +132,28 @@ def _draws(family: Family, random: np.random.Generator) -> Sequence[Draw]:
 FAMILIES: tuple[Family, ...] = ("none", "static", "elbow", "crossing", "chasing", "gate", "crowd")
 
 
-def families_of(skill: Skill) -> tuple[Family, ...]:
-    """Those that there are with a skill."""
-    return tuple(family for family in FAMILIES if family != "elbow" or skill.space == "joint")
+def families_of(guard: Guard) -> tuple[Family, ...]:
+    """Those that there are with a guard."""
+    return tuple(family for family in FAMILIES if family != "elbow" or guard == "arm")
 
 
-def check_families(skill: Skill, families: Iterable[Family]) -> None:
-    """ParameterError where there is one that the skill has no scenes of."""
-    known = families_of(skill)
+def check_families(skill: str, guard: Guard, families: Iterable[Family]) -> None:
+    """ParameterError where there is one of which no scenes are drawn for a skill, by its name, and a guard."""
+    known = families_of(guard)
     for family in families:
         if family not in known:
             raise ParameterError(
-                f"there is no '{family}' with '{skill.name}', a skill of the tool, which does not guard the rest of "
-                f"the arm: choose from {', '.join(known)}"
+                f"there is no '{family}' with '{skill}' while the tool alone is guarded: choose from "
+                f"{', '.join(known)}, or guard all of the arm"
             )
 
 
-def draw_family(family: Family, ways: Ways, random: np.random.Generator, spared: bool) -> tuple[Spheres, np.ndarray]:
+def draw_family(
+    family: Family, ways: Ways, random: np.random.Generator, spared: bool, of_tool: bool = False
+) -> tuple[Spheres, np.ndarray]:
     """The spheres of a scene and which demonstrations stay free, (N,) bool.
+
+    of_tool : whether the demonstrations are of the tool, which the arm carries in postures of its own.
 
     Raises
     ------
@@ -162,7 +168,8 @@ def draw_family(family: Family, ways: Ways, random: np.random.Generator, spared:
                 continue
             left = ways.free_of(drawn)
             blocks = family not in ("static", "crossing") or not np.all(left)
-            if not spared or (blocks and np.mean(free & left) >= SPARED):
+            passable = ways.hand_keeps(FREE_HAND, drawn) if of_tool and family == "elbow" else free & left
+            if not spared or (blocks and np.mean(passable) >= SPARED):
                 break
         else:
             raise ParameterError(f"no place was found for the spheres of a scene '{family}' on these demonstrations")

@@ -66,7 +66,7 @@ class HeldOut:
         trained = trained_on_folds(
             whole.skill.name, demonstrations, folds, (settings.seed,), folder, settings, show_progress
         )
-        return cls(whole, seed, folds, tuple(Arena.of(item.skill) for item in trained))
+        return cls(whole, seed, folds, tuple(Arena.of(item.skill, whole.guard) for item in trained))
 
     def arena(self, family: Family, number: int) -> Arena:
         """What is without the demonstration that a scene is of."""
@@ -93,7 +93,7 @@ class HeldOut:
 
     def draw(self, family: Family, number: int) -> Scene:
         """As `draw_scene`, from the start to the goal of a demonstration that is held out, compared with this one."""
-        random = scene_generator(self.whole.skill, family, number, self.seed)
+        random = scene_generator(self.whole, family, number, self.seed)
         shown = self.whole.shown[self.demonstration(family, number)]
         arena = self.arena(family, number)
         scene = draw_between(arena, shown[0], shown[-1], family, number, self.seed, random)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.comparison.families import FAMILIES, Family
+from geodesic_motion_ros.comparison.guard import Guard
 from geodesic_motion_ros.comparison.results import Played, SceneId
 from geodesic_motion_ros.tables import text_table
 
@@ -17,6 +18,8 @@ from geodesic_motion_ros.tables import text_table
 LEVEL, _QUANTILE, _DRAWS = 0.95, 1.959964, 1000
 #: The row that avoids nothing: where it fails there was something to avoid.
 BLIND = "replay"
+
+_GUARDED: dict[Guard, str] = {"arm": "the whole arm", "tool": "the hand"}
 
 Figures = dict[str, Any]
 
@@ -46,7 +49,7 @@ def figures(played: Sequence[Played], blind_fails: Set[SceneId] | None = None) -
     """The columns of one row, of scenes that it played.
 
     Clearance, similarity, jerk and time are those of successes; clearance where there are spheres, and dtw_avoiding in
-    the scenes `blind_fails`: None without these.
+    the scenes `blind_fails`: None without these. What processor time is said of is None of motions without ticks.
     """
     outcomes = [item.outcome for item in played]
     won = [item for item in played if item.outcome.success]
@@ -78,7 +81,7 @@ def figures(played: Sequence[Played], blind_fails: Set[SceneId] | None = None) -
         "time_s": _median([outcome.duration for outcome in good]),
         "replan_p50_ms": float(np.percentile(replans, 50)) if len(replans) else None,
         "replan_p99_ms": float(np.percentile(replans, 99)) if len(replans) else None,
-        "rate_held_percent": 100.0 * sum(outcome.in_time for outcome in outcomes) / max(ticks, 1),
+        "rate_held_percent": 100.0 * sum(outcome.in_time for outcome in outcomes) / ticks if ticks else None,
     }
 
 
@@ -100,7 +103,7 @@ def _value(name: str) -> Callable[[Figures], str]:
 
 
 def _percent(name: str) -> Callable[[Figures], str]:
-    return lambda own: f"{own[name]:.1f}"
+    return lambda own: "-" if own[name] is None else f"{own[name]:.1f}"
 
 
 #: Of the tables by what stays free; the last one with skills of the tool alone.
@@ -150,6 +153,7 @@ class Report:
     Attributes
     ----------
     told : what each row is, in a line. held_out : whether similarity is to a demonstration that was held out.
+    guard : what was guarded; None where that is not said.
     """
 
     skill: str
@@ -157,6 +161,7 @@ class Report:
     played: Sequence[Played]
     told: dict[str, str]
     held_out: bool = False
+    guard: Guard | None = None
 
     @property
     def similar_to(self) -> str:
@@ -177,6 +182,7 @@ class Report:
             "skill": self.skill,
             "seed": self.seed,
             "held_out": self.held_out,
+            "guard": self.guard,
             "level": LEVEL,
             "rows": {
                 row: {
@@ -222,7 +228,8 @@ class Report:
         return [family for family in FAMILIES if family in known]
 
     def _title(self) -> str:
-        return f"{self.skill}, seed {self.seed}; DTW and orientation from {self.similar_to}"
+        guarded = "" if self.guard is None else f", {_GUARDED[self.guard]} guarded"
+        return f"{self.skill}, seed {self.seed}{guarded}; DTW and orientation from {self.similar_to}"
 
     def _tables(self) -> list[_Table]:
         return [

@@ -33,20 +33,23 @@ class Played:
         return self.family, self.number
 
 
-def results_folder(folder: Path, skill: str, held_out: bool = False) -> Path:
-    """Where all of a skill is in the folder for results; apart what has to do with demonstrations held out."""
-    return folder / skill / "held_out" if held_out else folder / skill
+def results_folder(folder: Path, skill: str, held_out: bool = False, apart: str = "") -> Path:
+    """The folder of a skill in the folder for results. Demonstrations held out have one of their own in it, and so has
+    `apart`: what else must not be mixed with the skill's scenes.
+    """
+    own = folder / skill / apart
+    return own / "held_out" if held_out else own
 
 
 class Results:
-    """Outcomes by row, family and number, of one skill and one seed, with demonstrations held out or without.
+    """Outcomes by row, family and number, of one seed in one of the folders of a skill (`results_folder`).
 
     An outcome is valid for what it was played with: the method's settings, and what was learned; not for a version of
     the code.
     """
 
-    def __init__(self, folder: Path, skill: str, seed: int, held_out: bool = False) -> None:
-        self._folder = results_folder(folder, skill, held_out) / f"seed_{seed}"
+    def __init__(self, folder: Path, skill: str, seed: int, held_out: bool = False, apart: str = "") -> None:
+        self._folder = results_folder(folder, skill, held_out, apart) / f"seed_{seed}"
 
     def outcome(self, row: str, family: Family, number: int, settings: dict[str, Any]) -> Outcome | None:
         """What is known; None where it has to be played."""

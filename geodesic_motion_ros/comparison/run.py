@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,12 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.catalogue import ROWS
 from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.families import FAMILIES, Family, check_families
+from geodesic_motion_ros.comparison.guard import Guard, guard_of, own_guard
 from geodesic_motion_ros.comparison.held_out import HeldOut, digest
 from geodesic_motion_ros.comparison.method import Method
 from geodesic_motion_ros.comparison.results import Played, Results, SceneId, results_folder
-from geodesic_motion_ros.comparison.scene import Scene, draw_scene
+from geodesic_motion_ros.comparison.scene import Scene, draw_scene, moved_demonstrations
+from geodesic_motion_ros.comparison.scene_file import SceneFile
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.skill import Skill
 
@@ -28,7 +31,8 @@ class BenchmarkSettings:
     """What is compared: scenes of each family, rows, and the seed of the scenes.
 
     `processes` play scenes at once, which does not change them. `held_out`: scenes of demonstrations that no method was
-    given.
+    given. `guard`: what is guarded; None: what the skill guards by itself. `scenes_from`: a file whose scenes are
+    played, in the place of scenes that are drawn; `families` and `seed` are those of the file then.
     """
 
     methods: tuple[str, ...]
@@ -37,6 +41,8 @@ class BenchmarkSettings:
     seed: int = 0
     processes: int = 1
     held_out: bool = False
+    guard: Guard | None = None
+    scenes_from: Path | None = None
 
     def __post_init__(self) -> None:
         unknown = [family for family in self.families if family not in FAMILIES]
@@ -45,8 +51,26 @@ class BenchmarkSettings:
         for name in ("scenes", "processes"):
             if getattr(self, name) < 1:
                 raise ParameterError(f"{name} is {getattr(self, name)}; at least 1 is needed")
+        if self.scenes_from is not None and self.held_out:
+            raise ParameterError("scenes of a file are of no demonstrations that are held out")
         if not self.methods:
             raise ParameterError(f"no method is given: choose from {'; '.join(ROWS)}")
+
+    def results_folder(self, folder: Path, skill: Skill) -> Path:
+        """Where all of these scenes is in the folder for results."""
+        return results_folder(folder, skill.name, self.held_out, self._apart(skill))
+
+    def results(self, folder: Path, skill: Skill) -> Results:
+        """What is kept of these scenes there."""
+        return Results(folder, skill.name, self.seed, self.held_out, self._apart(skill))
+
+    def _apart(self, skill: Skill) -> str:
+        """The part of the folder's name without which results of other scenes would mix with the skill's own."""
+        guard = guard_of(skill, self.guard)
+        other = [] if guard == own_guard(skill) else [f"guard_{guard}"]
+        if self.scenes_from is not None:
+            other.append(f"scenes_{hashlib.sha256(self.scenes_from.read_bytes()).hexdigest()[:16]}")
+        return "/".join(other)
 
 
 class Bench:
@@ -57,12 +81,17 @@ class Bench:
 
     def __init__(self, skill: Skill, settings: BenchmarkSettings, folder: Path, show_progress: bool = False) -> None:
         self._settings = settings
-        self._whole = Arena.of(skill)
+        self._whole = Arena.of(skill, settings.guard)
+        self._file: SceneFile | None = None
+        if settings.scenes_from is not None:
+            self._file = SceneFile.read(settings.scenes_from)
+            self._file.check(skill, self._whole.guard)
         self._held_out: HeldOut | None = None
         if settings.held_out:
+            # The same skills, whatever is guarded.
             kept = results_folder(folder, skill.name, held_out=True) / "skills"
             self._held_out = HeldOut.of(self._whole, settings.seed, kept, show_progress)
-        self._results = Results(folder, skill.name, settings.seed, settings.held_out)
+        self._results = settings.results(folder, skill)
         self._skill = digest(skill)
         self._stage: Stage | None = None
         self._methods: dict[tuple[str, Arena], Method] = {}
@@ -78,12 +107,22 @@ class Bench:
         """That in which a scene is drawn and methods are made."""
         return self._whole if self._held_out is None else self._held_out.arena(family, number)
 
+    def scene_ids(self) -> list[SceneId]:
+        """The scenes to play: families take turns, so that a run that is ended early knows all of them."""
+        if self._file is not None:
+            return [(scene.family, scene.number) for scene in self._file.scenes]
+        scenes = [(family, number) for number in range(self._settings.scenes) for family in self._settings.families]
+        return [scene for scene in scenes if not self.repeats(*scene)]
+
     def repeats(self, family: Family, number: int) -> bool:
         """Whether a scene is one again that has a smaller number."""
         return self._held_out is not None and self._held_out.repeats(family, number)
 
     def draw(self, family: Family, number: int) -> Scene:
-        """A scene."""
+        """A scene; ParameterError where it is not in the file that scenes are played from."""
+        if self._file is not None:
+            scene = self._file.scene(family, number)
+            return replace(scene, demonstrations=moved_demonstrations(self._whole, scene.start, scene.goal))
         if self._held_out is None:
             return draw_scene(self._whole, family, number, self._settings.seed)
         return self._held_out.draw(family, number)
@@ -139,20 +178,20 @@ def _scene(which: tuple[Family, int]) -> list[Played]:
 def play_benchmark(
     skill: Skill, settings: BenchmarkSettings, folder: Path, show_progress: bool = True
 ) -> Iterator[Played]:
-    """Draw, play and judge; families take turns, so that a run that is ended early knows all of them.
+    """Draw or read, play and judge.
 
     Raises
     ------
-    ParameterError : there are no scenes with this skill. DemonstrationError : too few demonstrations to hold one out.
+    ParameterError : there are no such scenes with this skill.
+    DemonstrationError : too few demonstrations to hold one out.
     """
-    check_families(skill, settings.families)
+    check_families(skill.name, guard_of(skill, settings.guard), settings.families)
     # Refuses what cannot be played, and trains before processes that would all do so.
     bench = Bench(skill, settings, folder, show_progress)
     # As the planner node does: threads of the linear algebra would only wait for each other.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
-    scenes = [(family, number) for number in range(settings.scenes) for family in settings.families]
-    todo = [scene for scene in scenes if not bench.repeats(*scene)]
+    todo = bench.scene_ids()
     with get_context("spawn").Pool(settings.processes, _prepare, (skill, settings, folder)) as pool:
         made = pool.imap_unordered(_scene, todo)
         for played in tqdm(made, desc="benchmark", unit="scene", total=len(todo), disable=not show_progress):
@@ -168,8 +207,8 @@ def kept_benchmark(skill: Skill, settings: BenchmarkSettings, folder: Path, scen
     ------
     GeodesicMotionError : there is none.
     """
-    check_families(skill, settings.families)
-    results = Results(folder, skill.name, settings.seed, settings.held_out)
+    check_families(skill.name, guard_of(skill, settings.guard), settings.families)
+    results = settings.results(folder, skill)
     numbers = {
         (row, family): [number for number in results.numbers(row, family) if scenes is None or number < scenes]
         for row in settings.methods
@@ -186,8 +225,8 @@ def kept_benchmark(skill: Skill, settings: BenchmarkSettings, folder: Path, scen
     if not shared:
         counts = ", ".join(f"{row} {len(own)}" for row, own in kept.items())
         raise GeodesicMotionError(
-            f"no scene is kept in {results_folder(folder, skill.name, settings.held_out)} that every method has played "
-            f"as it is set up now, with the skill as it is (scenes: {counts}): play them without --kept, or choose "
-            "others with --methods"
+            f"no scene is kept in {settings.results_folder(folder, skill)} that every method has played as it is set "
+            f"up now, with the skill as it is (scenes: {counts}): play them without --kept, or choose others with "
+            "--methods"
         )
     return [own[scene] for scene in sorted(shared) for own in kept.values()]

@@ -12,7 +12,6 @@ from geodesic_motion_ros.comparison.ways import Ways
 from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.skill import Skill
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,16 +50,16 @@ def draw_scene(arena: Arena, family: Family, number: int, seed: int) -> Scene:
     """Scene number `number` of a family: the start of one demonstration, the goal of another one, and spheres.
 
     Demonstrations are spared in scenes of even number. A scene depends on nothing else but its family, its number and
-    the seed. ParameterError where there is no such family with the skill, or no place for the spheres.
+    the seed. ParameterError where there is no such family in the arena, or no place for the spheres.
     """
-    random = scene_generator(arena.skill, family, number, seed)
+    random = scene_generator(arena, family, number, seed)
     first, last = random.integers(len(arena.shown), size=2)
     return draw_between(arena, arena.shown[first, 0], arena.shown[last, -1], family, number, seed, random)
 
 
-def scene_generator(skill: Skill, family: Family, number: int, seed: int) -> np.random.Generator:
-    """What all that is random in a scene comes from; ParameterError where there is no such family with the skill."""
-    check_families(skill, (family,))
+def scene_generator(arena: Arena, family: Family, number: int, seed: int) -> np.random.Generator:
+    """What all that is random in a scene comes from; ParameterError where there is no such family in the arena."""
+    check_families(arena.skill.name, arena.guard, (family,))
     return np.random.default_rng([seed, FAMILIES.index(family), number])
 
 
@@ -74,10 +73,16 @@ def draw_between(
     random: np.random.Generator,
 ) -> Scene:
     """A scene between a start and a goal (eta,) [rad]; ParameterError where there is no place for the spheres."""
-    tool_chased = bool(random.uniform() < 0.5) or not arena.whole_arm
-    played = tuple(arena.timed(path) for path in arena.moved(start, goal))
-    spheres, free = draw_family(family, Ways(arena, played, tool_chased), random, spared=number % 2 == 0)
+    tool_chased = bool(random.uniform() < 0.5) or arena.guard == "tool"
+    played = moved_demonstrations(arena, start, goal)
+    ways, of_tool = Ways(arena, played, tool_chased), not arena.whole_arm
+    spheres, free = draw_family(family, ways, random, number % 2 == 0, of_tool)
     compared = tuple(arena.tool_curve(item.positions) for item in played)
     return Scene(
         family, number, seed, start, goal, arena.robot.forward(goal), spheres, tool_chased, played, free, compared
     )
+
+
+def moved_demonstrations(arena: Arena, start: np.ndarray, goal: np.ndarray) -> tuple[JointReference, ...]:
+    """The demonstrations moved to a start and a goal (eta,) [rad] and played; ParameterError where that fails."""
+    return tuple(arena.timed(path) for path in arena.moved(start, goal))

@@ -1,7 +1,7 @@
 """Ways: the demonstrations between the start and the goal of a scene, as spheres are drawn on them.
 
 A demonstration *stays free* where, moved to the scene's start and goal and played from the beginning within the
-arena's limits, none of the arena's collision spheres, those of the arm or of the hand, touches a sphere of the scene
+arena's limits, none of the arena's collision spheres, those of what is guarded, touches a sphere of the scene
 until its end. Spheres that chase chase it.
 """
 
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.guard import GuardedArm
 from geodesic_motion_ros.experiments.blocked_arm import HAND
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.joint_reference import JointReference
@@ -27,9 +28,9 @@ _INTERIOR = (0.2, 0.8)
 _OFF = 0.03
 
 
-def chased_point(arena: Arena, tool: bool, configuration: np.ndarray) -> np.ndarray:
+def chased_point(arm: GuardedArm, tool: bool, configuration: np.ndarray) -> np.ndarray:
     """What chasing spheres move towards, (3,) [m]: the tool or the elbow in a configuration (eta,) [rad]."""
-    return arena.robot.forward(configuration)[0] if tool else elbow_position(arena.robot, configuration)
+    return arm.robot.forward(configuration)[0] if tool else elbow_position(arm.robot, configuration)
 
 
 class Ways:
@@ -85,6 +86,13 @@ class Ways:
     def clearances(self, way: int, centre: np.ndarray, radius: float) -> np.ndarray:
         """Least distance (B,) [m] of each of the body's spheres from a sphere that stands, on a way."""
         return np.min(np.linalg.norm(self._bodies[way] - centre, axis=-1), axis=0) - self._radii - radius
+
+    def hand_keeps(self, distance: float, spheres: Sequence[MovingSphere]) -> np.ndarray:
+        """On which demonstrations the hand keeps a distance [m] from spheres that stand, (N,) bool."""
+        return np.array([
+            all(np.min(self.clearances(way, item.begin, item.radius)[self.hand]) >= distance for item in spheres)
+            for way in range(len(self._bodies))
+        ])  # fmt: skip
 
     def free_of(self, spheres: Sequence[MovingSphere]) -> np.ndarray:
         """Which ways stay free of spheres, (N,) bool."""

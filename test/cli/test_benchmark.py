@@ -20,7 +20,8 @@ from geodesic_motion_ros.skill import Skill
     ("arguments", "said"),
     [
         (["--skill", "no_such_skill"], "no skill 'no_such_skill'"),
-        (["--skill", "panda_pouring", "--families", "elbow"], "elbow"),
+        (["--skill", "panda_pouring", "--families", "elbow"], "or guard all of the arm"),
+        (["--guard", "tool"], "there is no guard 'tool'"),
         (["--methods", "theirs"], "there is no method 'theirs': choose from ours;"),
         (["--families", "wall"], "choose from none, static"),
         (["--scenes", "0"], "at least 1 is needed"),
@@ -43,7 +44,7 @@ def test_what_is_no_scene_is_refused(scene, capsys) -> None:
     assert "like crossing:0" in capsys.readouterr().err
 
 
-def keep_replays(folder: Path, skill: str, numbers: Sequence[int], held_out: bool = False) -> None:
+def keep_replays(folder: Path, skill: str, numbers: Sequence[int], held_out: bool = False, apart: str = "") -> None:
     """Results as if those scenes of `crossing` had been played."""
     outcome = Outcome(
         mostly_free=True, reached=True, contact="", refusal="", duration=6.0, clearance=0.05, dtw=0.002,
@@ -51,7 +52,7 @@ def keep_replays(folder: Path, skill: str, numbers: Sequence[int], held_out: boo
     )  # fmt: skip
     valid = {"skill": digest(Skill.load(skill))}
     for number in numbers:
-        Results(folder, skill, 0, held_out).keep("replay", "crossing", number, valid, outcome)
+        Results(folder, skill, 0, held_out, apart).keep("replay", "crossing", number, valid, outcome)
 
 
 def test_what_is_kept_is_reported_without_playing(tmp_path, capsys) -> None:
@@ -67,6 +68,18 @@ def test_what_is_kept_is_reported_without_playing(tmp_path, capsys) -> None:
     assert "free: 9 scenes" in (tmp_path / "panda_reach_to_grasp" / "table.txt").read_text()
     assert main(["benchmark", "--kept", "--scenes", "4", "--methods", "replay", "--out", str(tmp_path)]) == 0
     assert "half or more stay free: 4 scenes" in capsys.readouterr().out
+
+
+def test_what_is_kept_of_another_guard_is_reported_apart(tmp_path, capsys) -> None:
+    keep_replays(tmp_path, "panda_pouring", range(2))
+    keep_replays(tmp_path, "panda_pouring", range(3), apart="guard_arm")
+    command = ["benchmark", "--kept", "--skill", "panda_pouring", "--methods", "replay", "--out", str(tmp_path)]
+    for options, count, guarded in (([], 2, "the hand"), (["--guard", "arm"], 3, "the whole arm")):
+        assert main([*command, *options]) == 0
+        told = capsys.readouterr().out
+        assert f"half or more stay free: {count} scenes" in told
+        assert f"{guarded} guarded" in told
+    assert (tmp_path / "panda_pouring" / "guard_arm" / "table.txt").is_file()
 
 
 def test_where_nothing_is_kept_that_is_said_and_no_file_is_touched(tmp_path, capsys) -> None:

@@ -91,8 +91,8 @@ def test_scenes_are_drawn_on_the_hand_and_again_the_same(arena) -> None:
 
 
 def test_there_is_no_elbow_to_be_guarded(arena, tmp_path) -> None:
-    assert "elbow" not in families_of(arena.skill)
-    with pytest.raises(ParameterError, match="no 'elbow' with 'panda_pouring', a skill of the tool"):
+    assert "elbow" not in families_of(arena.guard)
+    with pytest.raises(ParameterError, match="no 'elbow' with 'panda_pouring' while the tool alone"):
         draw_scene(arena, "elbow", 0, 0)
     with pytest.raises(ParameterError, match="choose from none, static, crossing"):
         next(play_benchmark(arena.skill, BenchmarkSettings(("replay",), families=("elbow",)), tmp_path))

@@ -1,4 +1,7 @@
-"""Ours with a skill of the tool: the task-space planner, whose stream of poses the arm follows."""
+"""Ours with a skill of the tool: the task-space planner, whose stream of poses the arm follows.
+
+It plans poses and guards the hand alone, whatever is guarded in the arena.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.method import TICK, Answer
 from geodesic_motion_ros.comparison.methods.geodesic import Part
 from geodesic_motion_ros.comparison.scene import Scene
+from geodesic_motion_ros.experiments.blocked_arm import HAND
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
@@ -27,7 +31,7 @@ class ToolGeodesics:
     """
 
     def __init__(self, arena: Arena, part: Part = "whole", planner: PlannerSettings | None = None) -> None:
-        """planner : settings; the defaults without them. Its tool is the arena's."""
+        """planner : settings; the defaults without them. Its tool is the hand of the arena's arm."""
         settings = replace(planner or PlannerSettings(), **_tool(arena))
         self._scale = 1.0
         if part == "hard":
@@ -76,8 +80,8 @@ def _is_left_of(reference: TaskSpaceReference, before: TaskSpaceReference | None
 
 
 def _tool(arena: Arena) -> dict[str, tuple]:
-    """The arena's spheres, fixed to the tool, as settings of the planner."""
-    posture = arena.shown[0, 0]
+    """The spheres of the hand, fixed to the tool, as settings of the planner."""
+    hand, posture = arena.collision.of_link(HAND), arena.shown[0, 0]
     position, quaternion = arena.robot.forward(posture)
-    points = to_rotation(quaternion).inv().apply(arena.body(posture[None])[0] - position)
-    return {"tool_points": tuple(map(tuple, points.tolist())), "tool_radii": tuple(arena.body_radii.tolist())}
+    points = to_rotation(quaternion).inv().apply(hand.positions(arena.robot, posture[None])[0] - position)
+    return {"tool_points": tuple(map(tuple, points.tolist())), "tool_radii": tuple(hand.radii.tolist())}

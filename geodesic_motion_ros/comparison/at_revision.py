@@ -1,0 +1,98 @@
+"""Plays a file of scenes with the code of a git revision: what another version of the planner does in the same scenes.
+
+    geodesic-motion benchmark --skill panda_pouring --guard arm --scenes 20 --save-scenes out/scenes.npz
+    python -m geodesic_motion_ros.comparison.at_revision baseline-10 out/scenes.npz --json out/baseline.json
+
+The revision is checked out into a work tree of its own in the folder for temporary files, which is removed at the end;
+its kernels are compiled there first (a minute or two). Results are kept in a folder of the revision's commit, so that a
+play that was interrupted goes on. The revision must have `benchmark --scenes-from`, and its skill must be
+the one that the scenes were drawn for; Python and libraries are those of this interpreter.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from geodesic_motion_ros.comparison.scene_file import SceneFile
+from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+REVISION = "baseline-10"
+
+
+@contextmanager
+def work_tree(commit: str, repository: Path) -> Iterator[Path]:
+    """A temporary work tree of a commit."""
+    with tempfile.TemporaryDirectory(prefix="revision_") as folder:
+        tree = Path(folder) / "tree"
+        _git(repository, "worktree", "add", "--detach", str(tree), commit)
+        try:
+            yield tree
+        finally:
+            _git(repository, "worktree", "remove", "--force", str(tree))
+
+
+def play_at(
+    revision: str, scenes: Path, json: Path, out: Path, options: Sequence[str] = (), repository: Path = REPOSITORY
+) -> None:
+    """Play a file of scenes at a revision.
+
+    Parameters
+    ----------
+    json, out : what `benchmark --json` writes, and the folder in which results are kept, by commit.
+    options : further ones of `benchmark`.
+
+    Raises
+    ------
+    FileError : it is no file of scenes.
+    ParameterError : there is no such revision, no git repository, or the revision does not play them.
+    """
+    file = SceneFile.read(scenes)
+    commit = _git(repository, "rev-parse", "--verify", f"{revision}^{{commit}}")
+    command = [sys.executable, "-m", "geodesic_motion_ros", "benchmark", "--skill", file.skill, "--guard", file.guard]
+    command += ["--scenes-from", str(scenes.resolve()), "--json", str(json.resolve())]
+    command += ["--out", str((out / commit).resolve()), *options]
+    with work_tree(commit, repository) as tree:
+        # The revision's own package is imported: that of the folder in which Python starts.
+        environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+        done = subprocess.run(command, cwd=tree, env=environment | {"PYTHONPATH": str(tree)}, check=False)
+    if done.returncode:
+        raise ParameterError(f"the revision '{revision}' does not play {scenes} (see above)")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("revision", nargs="?", default=REVISION, help="a tag, branch or commit")
+    parser.add_argument("scenes", type=Path, help="file of benchmark --save-scenes")
+    parser.add_argument("--methods", default="ours", metavar="NAME;NAME")
+    parser.add_argument("--processes", type=int, default=1, help="that play scenes")
+    parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="for tables and outcomes")
+    parser.add_argument("--out", type=Path, default=Path("out/revisions"), metavar="FOLDER", help="for results")
+    arguments = parser.parse_args(argv)
+    try:
+        options = ["--methods", arguments.methods, "--processes", str(arguments.processes)]
+        play_at(arguments.revision, arguments.scenes, arguments.json, arguments.out, options)
+    except GeodesicMotionError as error:
+        print(f"at_revision: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _git(repository: Path, *arguments: str) -> str:
+    """What git writes, in a line."""
+    done = subprocess.run(["git", "-C", str(repository), *arguments], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise ParameterError(f"git {' '.join(arguments)} failed: {' '.join(done.stderr.split())}")
+    return " ".join(done.stdout.split())
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
