@@ -5,8 +5,8 @@
 
 The revision is checked out into a work tree of its own in the folder for temporary files, which is removed at the end;
 its kernels are compiled there first (a minute or two). Results are kept in a folder of the revision's commit, so that a
-play that was interrupted goes on. The revision must have `benchmark --scenes-from`, and its skill must be
-the one that the scenes were drawn for; Python and libraries are those of this interpreter.
+play that was interrupted goes on. The revision must have `benchmark --scenes-from`, and its skill must be the one that
+the scenes were drawn for; Python and libraries are those of this interpreter.
 """
 
 from __future__ import annotations
@@ -55,7 +55,10 @@ def play_at(
     ParameterError : there is no such revision, no git repository, or the revision does not play them.
     """
     file = SceneFile.read(scenes)
-    commit = _git(repository, "rev-parse", "--verify", f"{revision}^{{commit}}")
+    try:
+        commit = _git(repository, "rev-parse", "--verify", f"{revision}^{{commit}}")
+    except ParameterError as error:
+        raise ParameterError(f"{error}: give a tag, branch or commit of {repository}") from None
     command = [sys.executable, "-m", "geodesic_motion_ros", "benchmark", "--skill", file.skill, "--guard", file.guard]
     command += ["--scenes-from", str(scenes.resolve()), "--json", str(json.resolve())]
     command += ["--out", str((out / commit).resolve()), *options]

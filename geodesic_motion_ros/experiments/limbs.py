@@ -106,7 +106,7 @@ class LimbsReport:
     grid, nodes : the grid over the latent space, and its solutions.
     free, way, along : geodesic of the tool without and with the sphere, and solutions at the samples of the latter.
     tool_clearance : of the tool's spheres on that way, as the planner promises [m].
-    crowded_centre, crowded : the sphere that most solutions touch [m], and solutions at the same samples with it.
+    worst_centre, worst : the sphere that most solutions touch [m], and solutions at the same samples with it.
     nominal, avoiding : ways of the whole arm without and with the sphere; None where that was refused.
     nominal_clearance, avoiding_clearance : of the arm's meshes from the sphere on them [m].
     hand_clearance : of the hand's collision spheres from the sphere on the nominal way [m].
@@ -124,8 +124,8 @@ class LimbsReport:
     way: TaskSpaceReference
     along: Solutions
     tool_clearance: float
-    crowded_centre: np.ndarray
-    crowded: Solutions
+    worst_centre: np.ndarray
+    worst: Solutions
     nominal: JointReference
     avoiding: JointReference | None
     nominal_clearance: float
@@ -135,7 +135,7 @@ class LimbsReport:
     def summary(self) -> dict[str, float | int]:
         """The figures."""
         inside, along = self.supported & (self.nodes.found > 0), self.along.shares
-        crowded = self.crowded.shares
+        worst = self.worst.shares
         moved = np.linalg.norm(self.way.positions[:, None] - self.free.positions, axis=-1).min(axis=1).max()
         return {
             "nodes": len(self.nodes.found),
@@ -148,9 +148,9 @@ class LimbsReport:
             "share_touched_on_the_geodesic_mean": float(np.nanmean(along)),
             "share_touched_on_the_geodesic_most": float(np.nanmax(along)),
             "share_of_the_geodesic_with_touched_solutions": float(np.mean(self.along.touched > 0)),
-            "share_touched_by_the_sphere_of_most_mean": float(np.nanmean(crowded)),
-            "share_touched_by_the_sphere_of_most_most": float(np.nanmax(crowded)),
-            "share_of_the_geodesic_where_it_touches_over_90_of_100": float(np.mean(crowded > 0.9)),
+            "worst_sphere_share_touched_mean": float(np.nanmean(worst)),
+            "worst_sphere_share_touched_most": float(np.nanmax(worst)),
+            "worst_sphere_share_of_the_geodesic_over_90_of_100": float(np.mean(worst > 0.9)),
             "joint_space_without_the_sphere_mm": 1e3 * self.nominal_clearance,
             "joint_space_with_the_sphere_mm": 1e3 * self.avoiding_clearance,
             "hand_of_the_joint_space_way_mm": 1e3 * self.hand_clearance,
@@ -161,7 +161,7 @@ class LimbsReport:
         return {
             "settings": asdict(self.settings),
             "sphere": {"centre": self.centre, "radius": self.radius},
-            "sphere_of_most": {"centre": self.crowded_centre, "radius": self.radius},
+            "worst_sphere": {"centre": self.worst_centre, "radius": self.radius},
             "summary": self.summary(),
             "along": {"found": self.along.found, "touched": self.along.touched},
         }
@@ -220,7 +220,7 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
     if plan.reference is None:
         raise ParameterError(f"the sphere was to leave the tool's way free, but: {plan.verdict.reason}")
     along = plan.reference.positions, plan.reference.quaternions
-    crowded = most_touched(*(part[np.linspace(0, len(part) - 1, _POSES).astype(int)] for part in along))
+    worst_centre = worst_sphere(*(part[np.linspace(0, len(part) - 1, _POSES).astype(int)] for part in along))
     grid = LatentGrid(skill.latent_lower, skill.latent_upper, settings.shape)
     decoded = skill.decoder.decode(grid.nodes())
     geometry = CollisionGeometry.panda()
@@ -239,8 +239,8 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
         way=plan.reference,
         along=solved(*along, centres, radii, settings.solutions),
         tool_clearance=plan.verdict.clearance,
-        crowded_centre=crowded,
-        crowded=solved(*along, crowded[None], radii, settings.solutions),
+        worst_centre=worst_centre,
+        worst=solved(*along, worst_centre[None], radii, settings.solutions),
         nominal=nominal,
         avoiding=avoiding,
         nominal_clearance=arm_clearance(geometry, arm_way, centres, radii),
@@ -249,7 +249,7 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
     )
 
 
-def most_touched(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+def worst_sphere(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
     """Centre (3,) [m] of the sphere that most of an arm's solutions touch, for tool poses (n, 3), (n, 4) of a Panda.
 
     It keeps `_FROM_HAND` from the hand at each of the poses.
@@ -371,7 +371,7 @@ def draw_limbs(report: LimbsReport, path: Path) -> None:
     share = np.linspace(0.0, 1.0, len(report.along.found))
     axes.fill_between(share, 100.0 * report.along.shares, color=VERMILION, alpha=0.35, linewidth=0.0)
     axes.plot(share, 100.0 * report.along.shares, color=VERMILION, linewidth=1.8, label="leaves a family free")
-    axes.plot(share, 100.0 * report.crowded.shares, color="black", linewidth=1.4, label="where most touch it")
+    axes.plot(share, 100.0 * report.worst.shares, color="black", linewidth=1.4, label="where most touch it")
     axes.legend(title="the sphere", frameon=False, loc="lower center", bbox_to_anchor=(0.5, 0.24))
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, None), xlabel="share of the geodesic", ylabel="touch the sphere [%]")
     axes.grid(alpha=0.3)

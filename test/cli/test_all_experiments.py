@@ -35,6 +35,8 @@ def ran(monkeypatch, seeds) -> list[str]:
         names.append(arguments.experiment)
         if "seeds" in arguments:
             seeds[arguments.experiment] = arguments.seeds
+        if "processes" in arguments:
+            assert arguments.processes == len(os.sched_getaffinity(0))
         if "seed" in arguments:
             seeds[arguments.experiment] = (arguments.seed,)
         spent[:] = [time + len(names) * share for time, share in zip(spent, SHARES, strict=True)]

@@ -76,9 +76,9 @@ def test_what_is_kept_of_another_guard_is_reported_apart(tmp_path, capsys) -> No
     command = ["benchmark", "--kept", "--skill", "panda_pouring", "--methods", "replay", "--out", str(tmp_path)]
     for options, count, guarded in (([], 2, "the hand"), (["--guard", "arm"], 3, "the whole arm")):
         assert main([*command, *options]) == 0
-        told = capsys.readouterr().out
-        assert f"half or more stay free: {count} scenes" in told
-        assert f"{guarded} guarded" in told
+        printed = capsys.readouterr().out
+        assert f"half or more stay free: {count} scenes" in printed
+        assert f"{guarded} guarded" in printed
     assert (tmp_path / "panda_pouring" / "guard_arm" / "table.txt").is_file()
 
 

@@ -38,10 +38,8 @@ def tool(skill: Skill) -> Arena:
 
 
 @pytest.fixture(scope="module")
-def elbow(arm: Arena) -> Scene:
-    """A scene in which the nearest demonstration is blocked for the elbow."""
-    scenes = (draw_scene(arm, "elbow", number, 0) for number in range(0, 40, 2))
-    return next(scene for scene in scenes if not scene.free[arm.nearest(scene.start, scene.goal)])
+def elbow(arm: Arena, blocked_elbow) -> Scene:
+    return blocked_elbow(arm)
 
 
 def test_a_skill_has_its_own_guard_unless_another_one_is_requested(skill, reach_skill) -> None:

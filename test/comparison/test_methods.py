@@ -22,10 +22,8 @@ def arena(reach_skill: Skill) -> Arena:
 
 
 @pytest.fixture(scope="module")
-def scene(arena: Arena) -> Scene:
-    """With a sphere that the nearest demonstration hits with the arm, and others pass."""
-    scenes = (draw_scene(arena, "elbow", number, 0) for number in range(0, 40, 2))
-    return next(scene for scene in scenes if not scene.free[arena.nearest(scene.start, scene.goal)])
+def scene(arena: Arena, blocked_elbow) -> Scene:
+    return blocked_elbow(arena)
 
 
 def made(row: str, arena: Arena) -> Method:
