@@ -19,6 +19,7 @@ from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.giving_way import GivingWay
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference
@@ -27,9 +28,10 @@ from geodesic_motion_ros.joint_stream import Followed, JointStream, Moment
 from geodesic_motion_ros.joint_timing import load_references
 from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
-from geodesic_motion_ros.query import checked_pose
-from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
+from geodesic_motion_ros.planner_settings import JointPlannerSettings, PlannerSettings
+from geodesic_motion_ros.planning.tool_query import ToolGoal, ToolQuery, ToolQueryBuilder
+from geodesic_motion_ros.query import Pose, checked_pose
+from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -47,8 +49,8 @@ class PreparedGoal:
     `stands` tells how often the arm had been said to stand somewhere by then.
     """
 
-    choice: GoalChoice
-    query: JointQuery | None
+    choice: GoalChoice | ToolGoal
+    query: JointQuery | ToolQuery | None
     stands: int
 
 
@@ -56,7 +58,7 @@ class PreparedGoal:
 class _Blocked:
     """What was tried in vain for an arm at rest among obstacles that stand: it need not be tried again."""
 
-    query: JointQuery
+    query: JointQuery | ToolQuery
     obstacles: Obstacles
     attempts: frozenset[Attempt]
     verdict: Verdict
@@ -71,26 +73,36 @@ class JointSpacePlanner:
     """
 
     def __init__(
-        self, skill: Skill, settings: JointPlannerSettings | None = None, collision: CollisionModel | None = None
+        self,
+        skill: Skill,
+        settings: JointPlannerSettings | None = None,
+        collision: CollisionModel | None = None,
+        tool: PlannerSettings | None = None,
     ) -> None:
         """collision : the spheres that obstacles are kept away from; None: those of the skill's robot."""
         self.skill = skill
         self.settings = settings or JointPlannerSettings()
         self.robot = Robot.named(skill.robot)
         self.collision = collision or CollisionModel.named(skill.robot)
-        self.graph: ConfigurationGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
+        self.graph: ConfigurationGraph | PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         self.limits = JointLimits.of(self.robot, self.settings.speed_scale, self.settings.acceleration_scale)
         self._solver = JointSolver(skill, self.graph, self.settings, self.robot, self.collision, self.limits)
-        self._queries = JointQueryBuilder(skill, self.graph, self.settings, self.collision)
+        self._queries: JointQueryBuilder | ToolQueryBuilder
+        if isinstance(self.graph, PoseGraph):
+            self._queries = ToolQueryBuilder(
+                skill, self.graph, tool or PlannerSettings(), self.robot, self.collision
+            )
+        else:
+            self._queries = JointQueryBuilder(skill, self.graph, self.settings, self.collision)
         self._obstacles = Obstacles.none()
         # The time of the newest tick [s].
         self._ticked = 0.0
-        self._goal: GoalChoice | None = None
-        self._query: JointQuery | None = None
+        self._goal: GoalChoice | ToolGoal | None = None
+        self._query: JointQuery | ToolQuery | None = None
         self._stream = JointStream(self.settings, self.limits, self._solver.certifier)
         self._stands = 0
         # The query for which there was no way the last time, and the attempt that was made then.
-        self._without_way: JointQuery | None = None
+        self._without_way: JointQuery | ToolQuery | None = None
         self._attempted = 0
         self._blocked: _Blocked | None = None
         # When a trusting attempt was last made in vain [s].
@@ -103,9 +115,11 @@ class JointSpacePlanner:
 
         A short stream with an obstacle, a new goal in motion and a stop; then all is forgotten.
         """
-        start, goal = self.graph.decoder.configurations(self.skill.codes[0, [0, -1]])
-        self.stand_at(np.clip(start, self.limits.lower, self.limits.upper), 0.0)
-        self.set_goal_configuration(np.clip(goal, self.limits.lower, self.limits.upper))
+        start = self._queries.start_by_pose(Pose(self.skill.start_pose[:3], self.skill.start_pose[3:]))
+        if isinstance(start, Verdict):
+            start = self.robot.ready
+        self.stand_at(start, 0.0)
+        self.set_goal(self.skill.goal_pose[:3], self.skill.goal_pose[3:])
         for time in (0.0, 0.1, 0.2):
             self.take_obstacles(Obstacles.one_of_each(np.array([0.0, 0.0, 3.0 + time]), np.full(3, 1e-3), time))
             self.tick(time)
@@ -153,18 +167,17 @@ class JointSpacePlanner:
             return Verdict(VerdictCode.BAD_INPUT, reason)
         return self._prepared(self._queries.goal_by_configuration(configuration))
 
-    def _prepared(self, choice: GoalChoice | Verdict) -> PreparedGoal | Verdict:
+    def _prepared(self, choice: GoalChoice | ToolGoal | Verdict) -> PreparedGoal | Verdict:
         """The goal with the graph carried to it from where the stream is about to be, so that ticks remain short."""
-        judged = self._free_of_itself(choice) if isinstance(choice, GoalChoice) else choice
-        if isinstance(judged, Verdict):
-            return judged
+        if isinstance(choice, Verdict):
+            return choice
         # Whoever ticks may replace these meanwhile.
         stands, played, followed = self._stands, self._stream.played, self._stream.followed
         if played is None:
-            return PreparedGoal(judged, None, stands)
+            return PreparedGoal(choice, None, stands)
         state = played.state_at_switch(self._ticked + self.settings.latency, followed)
-        found = self._next_query(state, followed, judged)
-        return PreparedGoal(judged, found if isinstance(found, JointQuery) else None, stands)
+        found = self._next_query(state, followed, choice)
+        return PreparedGoal(choice, None if isinstance(found, Verdict) else found, stands)
 
     def take_goal(self, prepared: PreparedGoal | Verdict) -> Verdict:
         """Make a prepared goal the one that ticks plan to. Where it was refused the old goal stays, and the refusal is
@@ -175,17 +188,6 @@ class JointSpacePlanner:
         # What was carried from where the arm no longer is has to be carried anew.
         self._goal, self._query = prepared.choice, prepared.query if prepared.stands == self._stands else None
         return Verdict(VerdictCode.OK, f"goal: {prepared.choice.stated}")
-
-    def _free_of_itself(self, choice: GoalChoice) -> GoalChoice | Verdict:
-        """The configurations in which no two links touch."""
-        found = [self_clearance(self.collision, self.robot, goal) for goal in choice.configurations]
-        free = np.array([clearance > 0.0 for clearance, _ in found])
-        if np.any(free):
-            return replace(choice, configurations=choice.configurations[free])
-        clearance, pair = found[0]
-        first, second = (self.collision.link_of(sphere) for sphere in pair)
-        reason = f"at the goal '{first}' and '{second}' would overlap by {-1000 * clearance:.0f} mm"
-        return Verdict(VerdictCode.IN_COLLISION, reason, clearance=clearance)
 
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
@@ -351,7 +353,7 @@ class JointSpacePlanner:
                 return JointPlan(None, 0.0, found)
         return self.plan_configurations(start, goal)
 
-    def plan_configurations(self, start: np.ndarray, goal: GoalChoice) -> JointPlan:
+    def plan_configurations(self, start: np.ndarray, goal: GoalChoice | ToolGoal) -> JointPlan:
         """A reference from rest in a configuration (eta,) to a goal under the present obstacles."""
         query = self._queries.build(start, goal)
         if isinstance(query, Verdict):
@@ -360,7 +362,7 @@ class JointSpacePlanner:
         state = MotionState(self._obstacles.time, start, still, still, query.start_latent)
         return self._solver.solve(query, state, self._obstacles, self._solver.cautious)
 
-    def _next_query(self, state: MotionState, followed: Followed | None, goal: GoalChoice) -> JointQuery | Verdict:
+    def _next_query(self, state: MotionState, followed: Followed | None, goal: GoalChoice | ToolGoal) -> JointQuery | ToolQuery | Verdict:
         """From where the stream is on its way, so that it goes on smoothly; anew where it stands at an end of it."""
         if followed is not None and state.latent is not None:
             query = self._queries.redirected(followed.query, state.position, state.latent, goal)
@@ -392,7 +394,7 @@ class JointSpacePlanner:
         self._trusted = now
         return (cautious[self._attempted], *trusting[:1])
 
-    def _still_blocked(self, query: JointQuery) -> _Blocked | None:
+    def _still_blocked(self, query: JointQuery | ToolQuery) -> _Blocked | None:
         """What was tried in vain, where that has not changed."""
         blocked = self._blocked
         if blocked is None or blocked.query is not query or not blocked.obstacles.unmoved_in(self._obstacles):

@@ -6,7 +6,7 @@ that was demonstrated: the query goes to the one that is cheapest to reach from 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -23,7 +23,7 @@ from geodesic_motion_ros.latent_way import shown_cost
 from geodesic_motion_ros.planner_settings import JointPlannerSettings
 from geodesic_motion_ros.query import Pose
 from geodesic_motion_ros.robot.body_points import end_effector_poses
-from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.sheet import beyond_demonstrated
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
@@ -103,6 +103,12 @@ class JointQuery:
     task_start: np.ndarray
     task_goal: np.ndarray
     along_ridges: AlongRidges
+    decoded: ConfigurationGraph
+
+    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
+        """The configurations (m, eta) of a latent curve (m, d): of this kind of query every one is a configuration."""
+        decoded = self.decoded.decoder.configurations(latent)
+        return self.offsets.carried(decoded, *self.decoded.progress_map(latent)), ""
 
 
 class JointQueryBuilder:
@@ -139,6 +145,17 @@ class JointQueryBuilder:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, f"no configuration near the demonstrated ones: {reason}")
         stated = f"the cheapest of {len(found)} configurations near those demonstrated"
         return self._supported(GoalChoice(np.stack(found), stated))
+
+    def _free_of_itself(self, choice: GoalChoice) -> GoalChoice | Verdict:
+        """The configurations in which no two links touch."""
+        found = [self_clearance(self._collision, self._robot, goal) for goal in choice.configurations]
+        free = np.array([clearance > 0.0 for clearance, _ in found])
+        if np.any(free):
+            return replace(choice, configurations=choice.configurations[free])
+        clearance, pair = found[0]
+        first, second = (self._collision.link_of(sphere) for sphere in pair)
+        reason = f"at the goal '{first}' and '{second}' would overlap by {-1000 * clearance:.0f} mm"
+        return Verdict(VerdictCode.IN_COLLISION, reason, clearance=clearance)
 
     def start_by_pose(self, pose: Pose) -> np.ndarray | Verdict:
         """The configuration (eta,) nearest to where demonstrations started that holds the tool in a pose."""
@@ -182,7 +199,7 @@ class JointQueryBuilder:
         if best is None:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
         verdict = self._offset_verdict("goal", best)
-        return choice if verdict.ok else verdict
+        return self._free_of_itself(choice) if verdict.ok else verdict
 
     # ------------------------------------------------------------------- ends
 
@@ -344,6 +361,7 @@ class JointQueryBuilder:
             task_start=task_start,
             task_goal=there.task_offset,
             along_ridges=along_ridges,
+            decoded=self._graph,
         )
 
 

@@ -103,7 +103,7 @@ class JointSolver:
     ) -> None:
         self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
         self.collision, self.limits = collision, limits
-        self.attempts = tuple(attempt for attempt in _ATTEMPTS if settings.refine or not attempt.refine)
+        self.attempts = tuple(attempt for attempt in _ATTEMPTS if not attempt.refine or (settings.refine and skill.space == 'joint'))
         self.certifier = ArmCertifier(
             robot, collision.points.frames, collision.points.offsets, collision.radii, collision.self_pairs
         )
@@ -255,8 +255,10 @@ class JointSolver:
         """
         step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
         latent = smooth_latent(resample_latent(way.polyline, step), width * _SAMPLES_PER_STEP)
-        carried = query.offsets.carried(self.graph.decoder.configurations(latent), *self.graph.progress_map(latent))
-        path = smooth_latent(carried, width * _SAMPLES_PER_STEP)
+        held, objection = query.configurations_along(latent, state.position)
+        if objection:
+            return JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection, **query.misfits))
+        path = smooth_latent(held, width * _SAMPLES_PER_STEP)
         path, correction = _meeting(path, state.position, query.goal if aside is None else path[-1])
         reference = timed_joint_reference(path, latent, self.limits, state.velocity, state.acceleration)
         if reference is None:
@@ -266,7 +268,7 @@ class JointSolver:
         certificate = self.certifier.certify(reference, obstacles, horizon, beyond=not trusting)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
         verdict = way_verdict(
-            self.skill, self.graph, query, self.graph.decoder.uncertainty(latent), way,
+            self.skill, self.graph, query, self.graph.sigma_at(latent), way,
             float(np.min(certificate.clearance)), correction,
             None if objection is None else f"on the best way {objection}",
         )  # fmt: skip

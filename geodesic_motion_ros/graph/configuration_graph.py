@@ -134,6 +134,10 @@ class ConfigurationGraph(LatentGraph):
         alone = self.metric.joint_weight**2 * _pulled_back(slopes) + self._orientation_scale * _pulled_back(tool)
         return packed_tensors(shares, alone)
 
+    def sigma_at(self, latent: np.ndarray) -> np.ndarray:
+        """Sigma (n, eta) [rad] at latent points (n, d)."""
+        return self.decoder.uncertainty(latent)
+
     def nearest_node(self, configuration: np.ndarray, component: int, sigma_limit: float) -> int | None:
         """Node of a connected piece closest to a configuration (eta,); None where none is trusted.
 

@@ -91,6 +91,10 @@ class PoseGraph(LatentGraph):
             quaternions=quaternions,
         )
 
+    def sigma_at(self, latent: np.ndarray) -> np.ndarray:
+        """Sigma (n, 3) [m] of the position at latent points (n, d)."""
+        return self.decoder.uncertainty(latent)[0]
+
     def nearest_node(
         self, position: np.ndarray, quaternion: np.ndarray, component: int, sigma_limit: float
     ) -> tuple[int, float] | None:
