@@ -56,7 +56,7 @@ def row(kernel: Dispatcher, arguments: tuple[types.Type, ...]) -> tuple[str, str
 
 def build_planners() -> None:
     """A planner of each kind stands then: with every kernel of its ticks."""
-    from geodesic_motion_ros.joint_planner import JointSpacePlanner
+    from geodesic_motion_ros.planning.planner import JointSpacePlanner
     from geodesic_motion_ros.planner import ReactivePlanner
     from geodesic_motion_ros.skill import Skill
 

@@ -1,6 +1,6 @@
 """PoseGivingWay: a tool that has no way to its goal gets out of the way of what is coming to where it stops or stands.
 
-As `giving_way.GivingWay` for the whole arm. Where to is looked for by `pose_solver.PoseSolver.aside`, and beside what
+As `giving_way.Evasion` for the whole arm. Where to is looked for by `pose_solver.PoseSolver.aside`, and beside what
 was shown by its `sidestep`; here is told when, and how long it goes on.
 """
 

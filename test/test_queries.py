@@ -17,8 +17,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_solver import JointPlan
+from geodesic_motion_ros.planning.planner import JointSpacePlanner
+from geodesic_motion_ros.planning.solver import JointPlan
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.pose_solver import Plan

@@ -36,7 +36,7 @@ from geodesic_motion_ros.comparison.method import TICK
 from geodesic_motion_ros.comparison.methods.tool_geodesics import ToolGeodesics
 from geodesic_motion_ros.comparison.scene import draw_scene
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import JointSpacePlanner
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings

@@ -31,11 +31,11 @@ from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.grid import LatentGrid
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice
+from geodesic_motion_ros.planning.planner import JointSpacePlanner
+from geodesic_motion_ros.planning.arm_query import ArmGoal
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planner import ReactivePlanner
-from geodesic_motion_ros.planner_settings import JointPlannerSettings, PlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
 from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -72,7 +72,7 @@ class LimbsSettings:
     shown: int = 8
     seed: int = 0
     planner: PlannerSettings = field(default_factory=PlannerSettings)
-    joint_planner: JointPlannerSettings = field(default_factory=JointPlannerSettings)
+    joint_planner: PlannerSettings = field(default_factory=PlannerSettings)
 
     def __post_init__(self) -> None:
         if min(*self.shape, self.solutions) < 2:
@@ -200,7 +200,7 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
     """
     ways, arm = mean_ways(joint_skill), JointSpacePlanner(joint_skill, settings.joint_planner)
     start, goal = ways[:, 0].mean(axis=0), ways[:, -1].mean(axis=0)
-    asked = start, GoalChoice(goal[None], "that of all demonstrations")
+    asked = start, ArmGoal(goal[None], "that of all demonstrations")
     nominal = arm.plan_configurations(*asked).reference
     tool = ReactivePlanner(skill, settings.planner)
     poses = *arm.robot.forward(start), *arm.robot.forward(goal)

@@ -36,8 +36,8 @@ from geodesic_motion_ros.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.experiments.trained import trained_once
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice
+from geodesic_motion_ros.planning.planner import JointSpacePlanner
+from geodesic_motion_ros.planning.arm_query import ArmGoal
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
@@ -175,7 +175,7 @@ def _ours(skill: Skill) -> Predict:
         arm = JointSpacePlanner(skill)
 
         def predict_joints(item: Any) -> PoseCurve | None:
-            goal = GoalChoice(item.configurations[-1:], "that of the demonstration")
+            goal = ArmGoal(item.configurations[-1:], "that of the demonstration")
             reference = arm.plan_configurations(item.configurations[0], goal).reference
             if reference is None:
                 return None

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.joint_plots import draw_tubes
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.demo_pictures import AROUND_RGB, FREE_RGB, Curve, Film, draw_films, met
@@ -52,7 +52,7 @@ class ElbowScene(DemoScene):
     patience = MappingProxyType({"latency": 0.1, "tracking_tolerance_joint": 0.3})
 
     def __init__(self, skill: Skill) -> None:
-        self.planner = JointSpacePlanner(skill, joint_settings(DEFAULTS | self.patience))
+        self.planner = ReactivePlanner(skill, joint_settings(DEFAULTS | self.patience))
         super().__init__(self.planner)
 
     def _obstacle(self) -> LineObstacle:

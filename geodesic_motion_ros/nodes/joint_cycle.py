@@ -13,9 +13,9 @@ import numpy as np
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.horizon import Horizon
-from geodesic_motion_ros.joint_planner import JointSpacePlanner, PreparedGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner, PreparedGoal
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_solver import JointPlan
+from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.task_frame import TaskFrame
@@ -41,7 +41,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
 
     def __init__(
         self,
-        planner: JointSpacePlanner,
+        planner: ReactivePlanner,
         state_timeout: float,
         resume_timeout: float,
         tracking_tolerance: float,
@@ -59,7 +59,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self.tracking_tolerance = tracking_tolerance
         self._now = 0.0
         self._stood = False
-        self._standing: JointPlan | None = None
+        self._standing: Plan | None = None
         self._task_frame: Pose | None = None
         self._displaced = False
 
@@ -97,7 +97,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             plan = self.planner.stop(self._now, plan.verdict, self._late())
         return self._output(plan)
 
-    def _output(self, plan: JointPlan) -> CycleOutput:
+    def _output(self, plan: Plan) -> CycleOutput:
         trajectory = self._to_send(plan)
         commanded = self.planner.commanded(self._now)
         way = self.planner.way() if plan.verdict.ok else None
@@ -111,7 +111,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
         )
 
-    def _to_send(self, plan: JointPlan) -> tuple[JointReference, float] | None:
+    def _to_send(self, plan: Plan) -> tuple[JointReference, float] | None:
         """The trajectory that this cycle sends, and when it begins [s]."""
         standing, self._standing = self._standing, None
         if self._lost is not None and standing is not None and standing.reference is not None:

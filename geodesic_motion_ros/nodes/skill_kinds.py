@@ -11,7 +11,7 @@ import numpy as np
 
 from geodesic_motion_ros.arm_view import ArmView
 from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import JointSpacePlanner
 from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
@@ -21,7 +21,7 @@ from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -268,9 +268,9 @@ def task_settings(values: Mapping[str, Value]) -> PlannerSettings:
     )
 
 
-def joint_settings(values: Mapping[str, Value]) -> JointPlannerSettings:
+def joint_settings(values: Mapping[str, Value]) -> PlannerSettings:
     """The planner's settings on a joint-space skill; PlanningError where parameters do not go together."""
-    return JointPlannerSettings(**{name: values[name] for name in (*_SEARCH, *_JOINT)})
+    return PlannerSettings(**{name: values[name] for name in (*_SEARCH, *_JOINT)})
 
 
 def _tool(values: Mapping[str, Value]) -> tuple[np.ndarray, np.ndarray]:

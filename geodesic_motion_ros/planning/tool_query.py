@@ -19,13 +19,14 @@ from geodesic_motion_ros.graph.transport import blended, carried
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
-from geodesic_motion_ros.quaternions import continuous_signs
+from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.query import Pose, Query, QueryBuilder
 from geodesic_motion_ros.reference import correct_ends, resample_latent, smooth_latent
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: Edges along which a joint turns farther are none [rad]: the arm would change its posture there.
@@ -36,6 +37,8 @@ _SMOOTHING = 1.5
 _SWIVELLED = 0.4
 #: Postures that are tried in the place of the first, in which the arm turns about the line from shoulder to wrist [rad].
 SWIVELS = (0.0, 0.5, -0.5, 1.0, -1.0)
+#: Goals are the same, received again, up to so much [m], [rad]; and hardly elsewhere.
+_SAME, _HARDLY_MOVED = (1e-6, 1e-6), (2e-3, 1e-2)
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class ToolQuery:
 
     Attributes
     ----------
-    poses : the query of poses that it was made of.
+    poses : the query of poses that it was made of, in the task frame; frame : where that stands.
     posture : that of the base path. swivel : which of `SWIVELS` it was made with.
     start, goal : (eta,) configurations [rad].
     graph : what edges cost; those that the arm cannot follow cost infinitely much.
@@ -52,6 +55,7 @@ class ToolQuery:
     """
 
     poses: Query
+    frame: TaskFrame
     posture: Posture
     swivel: int
     start: np.ndarray
@@ -87,7 +91,7 @@ class ToolQuery:
         """Configurations (m, eta) that hold a latent curve (m, d), the first of them near a configuration (eta,), and
         where and why the arm cannot hold it, "" where it can.
         """
-        positions, quaternions, progress = _poses_along(self.decoded, self.poses, latent)
+        positions, quaternions, progress = _poses_along(self.decoded, self.poses, self.frame, latent)
         path = hold_beside(self.robot, positions, quaternions, start, self.posture, _tau(self.poses, progress))
         return path.configurations, path.objection(self.robot)
 
@@ -96,12 +100,14 @@ class ToolQuery:
         return None
 
 
-def _poses_along(graph: PoseGraph, query: Query, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Poses (m, 3), (m, 4) that a latent curve (m, d) stands for in a query, and its progress (m,)."""
+def _poses_along(
+    graph: PoseGraph, query: Query, frame: TaskFrame, latent: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Poses (m, 3), (m, 4) of the base frame that a latent curve (m, d) stands for in a query, and its progress (m,)."""
     decoded = graph.decoder.decode(latent)
     progress, shares = graph.progress_map(latent)
     moved = query.offsets.displacements(progress, shares)
-    positions, quaternions = carried(decoded.positions, decoded.quaternions, moved)
+    positions, quaternions = frame.to_base(*carried(decoded.positions, decoded.quaternions, moved))
     return positions, continuous_signs(quaternions), progress
 
 
@@ -110,12 +116,48 @@ def _tau(query: Query, progress: np.ndarray) -> np.ndarray:
     return blended(progress, query.offsets.start_progress, query.offsets.goal_progress)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ToolGoal:
-    """A goal pose of the tool, and how it was found, for a person."""
+    """A goal pose of the tool.
+
+    Attributes
+    ----------
+    pose : in the base frame. frame : where the frame that the skill was demonstrated in stands.
+    stated : how it was found, for a person.
+    """
 
     pose: Pose
-    stated: str
+    frame: TaskFrame
+    stated: str = "the requested pose"
+
+    @property
+    def in_task(self) -> Pose:
+        """The goal in the task frame."""
+        return _in_task(self.frame, self.pose)
+
+    def is_same(self, other: ToolGoal) -> bool:
+        """Whether the same is meant, received again."""
+        return self._within(other, _SAME)
+
+    def is_near(self, other: ToolGoal) -> bool:
+        """Whether it is hardly elsewhere, in the base frame and in the task frame, and may wait until the arm rests.
+
+        What tracks an object tells where it is at its rate, moved or not, and each time a little elsewhere: a path that
+        is searched anew for that may turn off the present motion, and the tool would stop.
+        """
+        return self._within(other, _HARDLY_MOVED)
+
+    def _within(self, other: ToolGoal, limits: tuple[float, float]) -> bool:
+        pairs = (self.pose, other.pose), (self.in_task, other.in_task)
+        return all(
+            np.linalg.norm(one.position - two.position) <= limits[0]
+            and angle_between(one.quaternion, two.quaternion) <= limits[1]
+            for one, two in pairs
+        )
+
+
+def _in_task(frame: TaskFrame, pose: Pose) -> Pose:
+    return Pose(*frame.to_task(pose.position, pose.quaternion))
 
 
 class ToolQueryBuilder:
@@ -131,14 +173,18 @@ class ToolQueryBuilder:
         self._poses = QueryBuilder(skill, graph, settings)
         self._step = float(np.min(graph.grid.spacing))
 
-    def goal_by_pose(self, pose: Pose) -> ToolGoal | Verdict:
-        """A goal pose, refused where it is too far from what was demonstrated."""
-        verdict = self._poses.goal_verdict(pose)
-        return ToolGoal(pose, "the requested pose") if verdict.ok else verdict
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ToolGoal | Verdict:
+        """A goal pose of the base frame, refused where it is too far from what was demonstrated.
 
-    def goal_by_configuration(self, configuration: np.ndarray) -> ToolGoal | Verdict:
+        frame : where the frame that the skill was demonstrated in stands.
+        """
+        goal = ToolGoal(pose, frame)
+        verdict = self._poses.goal_verdict(goal.in_task)
+        return goal if verdict.ok else verdict
+
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ToolGoal | Verdict:
         """The pose of the tool in a configuration (eta,) [rad]: in which posture it is reached follows from the start."""
-        return self.goal_by_pose(Pose(*self._robot.forward(configuration)))
+        return self.goal_by_pose(self._pose(configuration), frame)
 
     def start_by_pose(self, pose: Pose) -> np.ndarray | Verdict:
         """The configuration (eta,) nearest to `ready` that holds the tool in a pose."""
@@ -149,25 +195,28 @@ class ToolQueryBuilder:
 
     def build(self, start: np.ndarray, goal: ToolGoal) -> ToolQuery | Verdict:
         """Carry the graph to a query that begins in a configuration (eta,), and hold it from there."""
-        query = self._poses.build(Pose(*self._robot.forward(start)), goal.pose)
-        return query if isinstance(query, Verdict) else self._held(query, start, 0)
+        query = self._poses.build(_in_task(goal.frame, self._pose(start)), goal.in_task)
+        return query if isinstance(query, Verdict) else self._held(query, goal.frame, start, 0)
 
     def redirected(
         self, query: ToolQuery, start: np.ndarray, latent: np.ndarray, goal: ToolGoal
     ) -> ToolQuery | Verdict | None:
         """As `QueryBuilder.redirected`: on from a configuration on the path of an older query."""
-        poses = self._poses.redirected(query.poses, Pose(*self._robot.forward(start)), latent, goal.pose)
-        return poses if poses is None or isinstance(poses, Verdict) else self._held(poses, start, 0)
+        poses = self._poses.redirected(query.poses, _in_task(goal.frame, self._pose(start)), latent, goal.in_task)
+        return poses if poses is None or isinstance(poses, Verdict) else self._held(poses, goal.frame, start, 0)
+
+    def _pose(self, configuration: np.ndarray) -> Pose:
+        return Pose(*self._robot.forward(configuration))
 
     def other_posture(self, query: ToolQuery) -> ToolQuery | None:
         """The same query in the next posture of which the arm can hold the base path; None where none is left."""
         for swivel in range(query.swivel + 1, len(SWIVELS)):
-            found = self._held(query.poses, query.start, swivel)
+            found = self._held(query.poses, query.frame, query.start, swivel)
             if isinstance(found, ToolQuery):
                 return found
         return None
 
-    def _held(self, query: Query, start: np.ndarray, swivel: int) -> ToolQuery | Verdict:
+    def _held(self, query: Query, frame: TaskFrame, start: np.ndarray, swivel: int) -> ToolQuery | Verdict:
         """A query of poses held by the arm in the posture that follows from a configuration (eta,) and a swivel."""
         source = self._graph.node_near(query.start_latent, np.isfinite(query.to_goal), 3)
         if source is None:
@@ -176,13 +225,14 @@ class ToolQueryBuilder:
         nodes, _, _ = shortest_free_path(
             self._graph.adjacency, query.graph.base, query.to_goal, source, query.goal_node
         )
-        posture = self._posture(query, nodes, start, swivel)
+        posture = self._posture(query, frame, nodes, start, swivel)
         if isinstance(posture, str):
             return Verdict(VerdictCode.NO_FEASIBLE_PATH, posture, **query.misfits)
         graph = query.graph
         tau = _tau(query, self._graph.progress)
+        positions, quaternions = frame.to_base(graph.positions, graph.quaternions)
         configurations, held = hold_nodes(
-            self._robot, graph.positions, graph.quaternions, posture, tau, nodes, self._graph.adjacency.first,
+            self._robot, positions, quaternions, posture, tau, nodes, self._graph.adjacency.first,
             self._graph.adjacency.node,
         )  # fmt: skip
         first, second = graph.edges.T
@@ -194,21 +244,22 @@ class ToolQueryBuilder:
             to_goal = cost_field(self._graph.adjacency, graph.base, query.goal_node)
             from_start = cost_field(self._graph.adjacency, graph.base, source)
         body = NodeBody.of_arm(
-            configurations, graph.body_points, self._radii, self._collision, self._links, self._robot
+            configurations, frame.points_to_base(graph.body_points), self._radii, self._collision, self._links, self._robot
         )
         return ToolQuery(
-            query, posture, swivel, start, posture.configurations[-1], graph, body, to_goal, from_start, self._robot,
+            query, frame, posture, swivel, start, posture.configurations[-1], graph, body, to_goal, from_start, self._robot,
             self._graph,
         )  # fmt: skip
 
-    def _posture(self, query: Query, nodes: np.ndarray, start: np.ndarray, swivel: int) -> Posture | str:
+    def _posture(
+        self, query: Query, frame: TaskFrame, nodes: np.ndarray, start: np.ndarray, swivel: int
+    ) -> Posture | str:
         """The posture along the base path, or where and why the arm cannot hold it."""
         polyline = np.concatenate([query.start_latent[None], self._graph.latent[nodes[1:]]])
         latent = smooth_latent(resample_latent(polyline, self._step), _SMOOTHING)
-        positions, quaternions, progress = _poses_along(self._graph, query, latent)
-        positions, quaternions = correct_ends(
-            positions, quaternions, self._robot.forward(start), (query.goal.position, query.goal.quaternion)
-        )
+        positions, quaternions, progress = _poses_along(self._graph, query, frame, latent)
+        goal = frame.to_base(query.goal.position, query.goal.quaternion)
+        positions, quaternions = correct_ends(positions, quaternions, self._robot.forward(start), goal)
         tau = np.maximum.accumulate(_tau(query, progress))
         share = np.clip(np.linspace(0.0, 1.0, len(tau)) / _SWIVELLED, 0.0, 1.0)
         turned = SWIVELS[swivel] * share**2 * (3.0 - 2.0 * share)

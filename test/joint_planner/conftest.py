@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_solver import JointPlan
+from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.skill import Skill
@@ -22,7 +22,7 @@ from geodesic_motion_ros.skill import Skill
 class Stream:
     """Ticks a planner every `period` [s]; what it answers is played from the next on, so late as a message may be."""
 
-    planner: JointSpacePlanner
+    planner: ReactivePlanner
     period: float = 0.01
     now: float = 0.0
     played: tuple[JointReference, float] | None = None
@@ -41,7 +41,7 @@ class Stream:
         assert standing.reference is not None
         self.played, self.pending = (standing.reference, standing.begin), None
 
-    def run(self, seconds: float) -> list[JointPlan]:
+    def run(self, seconds: float) -> list[Plan]:
         plans = []
         for _ in range(round(seconds / self.period)):
             if self.pending is not None:
@@ -66,9 +66,9 @@ class Stream:
 
 
 @pytest.fixture(scope="module")
-def planner(reach_skill: Skill) -> JointSpacePlanner:
+def planner(reach_skill: Skill) -> ReactivePlanner:
     """On a graph that stands sooner than the default one."""
-    return JointSpacePlanner(reach_skill, JointPlannerSettings(grid_shape=(30, 30, 30)))
+    return ReactivePlanner(reach_skill, PlannerSettings(grid_shape=(30, 30, 30)))
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def goal(reach_skill: Skill) -> np.ndarray:
 
 
 @pytest.fixture
-def stream(planner: JointSpacePlanner, start: np.ndarray, goal: np.ndarray) -> Stream:
+def stream(planner: ReactivePlanner, start: np.ndarray, goal: np.ndarray) -> Stream:
     planner.take_obstacles(Obstacles.none())
     result = Stream(planner)
     result.stand_at(start)
@@ -91,7 +91,7 @@ def stream(planner: JointSpacePlanner, start: np.ndarray, goal: np.ndarray) -> S
 
 
 @pytest.fixture(scope="module")
-def nominal(planner: JointSpacePlanner, start: np.ndarray, goal: np.ndarray) -> JointReference:
+def nominal(planner: ReactivePlanner, start: np.ndarray, goal: np.ndarray) -> JointReference:
     """The way without obstacles."""
     planner.take_obstacles(Obstacles.none())
     planner.stand_at(start, 0.0)
@@ -100,7 +100,7 @@ def nominal(planner: JointSpacePlanner, start: np.ndarray, goal: np.ndarray) -> 
 
 
 @pytest.fixture(scope="module")
-def on_elbow(planner: JointSpacePlanner, nominal: JointReference) -> tuple[np.ndarray, np.ndarray]:
+def on_elbow(planner: ReactivePlanner, nominal: JointReference) -> tuple[np.ndarray, np.ndarray]:
     """A sphere where the elbow is halfway on that way."""
     halfway = nominal.sample(0.5 * nominal.duration)[0]
     return elbow_position(planner.robot, halfway)[None], np.array([0.04])

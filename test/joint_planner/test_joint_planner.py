@@ -1,4 +1,4 @@
-"""JointSpacePlanner: the arm goes another way, by what was asked, in the time that there is."""
+"""ReactivePlanner: the arm goes another way, by what was asked, in the time that there is."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.graph.metric_field import curve_length
 from geodesic_motion_ros.graph.reshaping import Reshaping
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_solver import JointPlan
+from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.solids import solid_distances, solid_rows
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -73,11 +73,11 @@ def test_a_refined_way_is_shorter_and_one_that_is_refused_gives_way_to_the_graph
     query = planner._queries.build(start, choice)
     free = Reshaping.of(query.body, Obstacles.none(), 0.0, 0.5, 0.02)
 
-    def length(plan: JointPlan) -> float:
+    def length(plan: Plan) -> float:
         assert plan.verdict.ok, plan.verdict.reason
         return curve_length(query.field, free, plan.reference.latent)
 
-    plain = JointSpacePlanner(reach_skill, replace(planner.settings, refine=False)).plan_configurations(start, choice)
+    plain = ReactivePlanner(reach_skill, replace(planner.settings, refine=False)).plan_configurations(start, choice)
     assert length(planner.plan_configurations(start, choice)) < length(plain)
 
     def astray(field, reshaping, margin, path):
@@ -117,7 +117,7 @@ def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start
 
     def picky(query, state, way, obstacles, margin, width, trusting):
         plan = certified(query, state, way, obstacles, margin, width, trusting)
-        return plan if width == 1.0 else JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, "not this"))
+        return plan if width == 1.0 else Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, "not this"))
 
     monkeypatch.setattr(solver, "_certified", picky)
     missed, *later = (planner.tick(number * stream.period, Deadline(-np.inf)) for number in range(4))
@@ -136,9 +136,9 @@ def test_without_avoidance_or_with_the_hand_alone_the_elbow_hits(
 ) -> None:
     from geodesic_motion_ros.experiments.blocked_arm import hand_alone
 
-    blind = JointSpacePlanner(reach_skill, replace(planner.settings, avoidance=False))
+    blind = ReactivePlanner(reach_skill, replace(planner.settings, avoidance=False))
     settings = replace(planner.settings, ambient_strength=0.0)
-    for other in (blind, JointSpacePlanner(reach_skill, settings, hand_alone(planner.collision))):
+    for other in (blind, ReactivePlanner(reach_skill, settings, hand_alone(planner.collision))):
         other.set_obstacles(*on_elbow)
         other.stand_at(start, 0.0)
         other.set_goal_configuration(goal)
@@ -160,7 +160,7 @@ def test_a_goal_prepared_before_the_arm_was_found_elsewhere_is_planned_from_ther
 
 
 def test_nothing_is_planned_before_there_is_a_state_and_a_goal(reach_skill, planner, start) -> None:
-    fresh = JointSpacePlanner(reach_skill, planner.settings)
+    fresh = ReactivePlanner(reach_skill, planner.settings)
     assert fresh.tick(0.0).verdict.code is VerdictCode.STALE_STATE
     assert fresh.commanded(0.0) is None
     fresh.stand_at(start, 0.0)

