@@ -337,7 +337,7 @@ def test_the_real_arm_is_never_nearer_than_certified():
     with PandaWorld() as world:
         for seed in range(8):
             reference, obstacles = scene(seed)
-            certificate = certifier.certify(reference, obstacles, HORIZON)
+            certificate = of_meshes.certify(reference, obstacles, HORIZON)
             for time in np.random.default_rng(seed).uniform(0.0, reference.duration - 1e-3, 25):
                 interval = int(np.searchsorted(reference.times, time, side="right")) - 1
                 world.reset(reference.sample(time)[0])

@@ -36,9 +36,8 @@ from geodesic_motion_ros.comparison.method import TICK
 from geodesic_motion_ros.comparison.methods.tool_geodesics import ToolGeodesics
 from geodesic_motion_ros.comparison.scene import draw_scene
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
-from geodesic_motion_ros.planning.planner import JointSpacePlanner
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.reference import ReferenceFollower
@@ -135,43 +134,11 @@ class Replay(Protocol):
         """Return where the tool, then the spheres of the guarded body are in states (n, 7): (n, S, 3) [m]."""
 
 
-class ToolReplay:
-    """`ReactivePlanner` with spheres fixed to the tool."""
-
-    def __init__(self, skill: Skill, tool: np.ndarray) -> None:
-        """tool : (K, 4) centre in the tool's frame and radius of its spheres [m]."""
-        points, radii = tuple(map(tuple, tool[:, :3].tolist())), tuple(tool[:, 3].tolist())
-        self._points = np.vstack([np.zeros(3), tool[:, :3]])
-        self._planner = ReactivePlanner(skill, PlannerSettings(tool_points=points, tool_radii=radii))
-        self._arm = ReferenceFollower(self._planner.settings.speed)
-
-    def begin(self, state: np.ndarray) -> None:
-        self._arm.reset(state[:3], state[3:])
-
-    def set_goal(self, goal: np.ndarray, is_configuration: bool) -> bool:
-        assert not is_configuration
-        return self._planner.set_goal(goal[:3], goal[3:]).ok
-
-    def tick(self, now: float, obstacles: Obstacles) -> tuple[int, np.ndarray]:
-        arm = self._arm
-        assert self._planner.take_obstacles(obstacles).ok
-        plan = self._planner.tick(arm.position, arm.quaternion, arm.speed, now=now)
-        if plan.reference is None:
-            arm.hold()
-        else:
-            arm.accept(plan.reference)
-        arm.advance(TICK)
-        return int(plan.verdict.code), np.append(arm.position, arm.quaternion)
-
-    def points(self, states: np.ndarray) -> np.ndarray:
-        return states[:, None, :3] + self._points @ to_rotation(states[:, 3:]).as_matrix().transpose(0, 2, 1)
-
-
 class ArmReplay:
-    """`JointSpacePlanner`."""
+    """`ReactivePlanner`."""
 
     def __init__(self, skill: Skill) -> None:
-        self._planner = JointSpacePlanner(skill)
+        self._planner = ReactivePlanner(skill)
 
     def begin(self, state: np.ndarray) -> None:
         assert self._planner.stand_at(state, 0.0).verdict.ok

@@ -42,7 +42,7 @@ def deadlines():
 """
 
 JOINT = """
-from geodesic_motion_ros.planning.planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner as JointSpacePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

@@ -31,7 +31,7 @@ from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.grid import LatentGrid
-from geodesic_motion_ros.planning.planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner as JointSpacePlanner
 from geodesic_motion_ros.planning.arm_query import ArmGoal
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planner import ReactivePlanner

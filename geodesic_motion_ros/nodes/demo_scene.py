@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from geodesic_motion_ros.planning.planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner as JointSpacePlanner
 from geodesic_motion_ros.nodes.demo_run import DemoError, Recording
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import Value

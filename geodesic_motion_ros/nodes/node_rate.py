@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.planning.planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner as JointSpacePlanner
 from geodesic_motion_ros.nodes.planner_stream import Cloud, PlannerStream, Spheres, no_spheres
 from geodesic_motion_ros.nodes.stolen_time import StolenTime
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings

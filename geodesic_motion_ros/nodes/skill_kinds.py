@@ -11,7 +11,7 @@ import numpy as np
 
 from geodesic_motion_ros.arm_view import ArmView
 from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.planning.planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner as JointSpacePlanner
 from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle

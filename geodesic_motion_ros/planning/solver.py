@@ -103,7 +103,7 @@ class Solver:
     ) -> None:
         self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
         self.collision, self.limits = collision, limits
-        self.attempts = tuple(attempt for attempt in _ATTEMPTS if not attempt.refine or (settings.refine and skill.space == 'joint'))
+        self.attempts = tuple(attempt for attempt in _ATTEMPTS if settings.refine or not attempt.refine)
         self.certifier = ArmCertifier(robot, collision)
 
     @property

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.graph.metric_field import MetricField
 from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
@@ -96,8 +97,9 @@ class ToolQuery:
         return path.configurations, path.objection(self.robot)
 
     @property
-    def field(self) -> None:
-        return None
+    def field(self) -> MetricField:
+        """The metric between the nodes."""
+        return self.poses.field
 
 
 def _poses_along(
