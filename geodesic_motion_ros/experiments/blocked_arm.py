@@ -97,7 +97,7 @@ class BlockedWays:
     def __init__(self, skill: Skill, settings: PlannerSettings) -> None:
         self._planner = ReactivePlanner(skill, settings)
         hand = hand_alone(self._planner.collision)
-        self._hand_only = ReactivePlanner(skill, replace(settings, ambient_strength=0.0), hand)
+        self._hand_only = ReactivePlanner(skill, replace(settings, ambient_strength=0.0), collision=hand)
         self._geometry = CollisionGeometry.panda()
 
     def scene(self, kind: Kind, number: int, seed: int) -> BlockedScene:

@@ -224,7 +224,7 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
     grid = LatentGrid(skill.latent_lower, skill.latent_upper, settings.shape)
     decoded = skill.decoder.decode(grid.nodes())
     geometry = CollisionGeometry.panda()
-    hand = JointSpacePlanner(joint_skill, settings.joint_planner, hand_alone(arm.collision))
+    hand = JointSpacePlanner(joint_skill, settings.joint_planner, collision=hand_alone(arm.collision))
     evaded = math.nan if avoiding is None else arm_clearance(geometry, every(CHECK_PERIOD, avoiding), centres, radii)
     return LimbsReport(
         settings=settings,

@@ -138,7 +138,7 @@ def test_without_avoidance_or_with_the_hand_alone_the_elbow_hits(
 
     blind = ReactivePlanner(reach_skill, replace(planner.settings, avoidance=False))
     settings = replace(planner.settings, ambient_strength=0.0)
-    for other in (blind, ReactivePlanner(reach_skill, settings, hand_alone(planner.collision))):
+    for other in (blind, ReactivePlanner(reach_skill, settings, collision=hand_alone(planner.collision))):
         other.set_obstacles(*on_elbow)
         other.stand_at(start, 0.0)
         other.set_goal_configuration(goal)

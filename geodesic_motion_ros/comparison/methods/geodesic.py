@@ -39,7 +39,7 @@ class Geodesics:
         collision = no_body(arena.robot) if part == "soft" else arena.collision
         if not arena.whole_arm:
             settings = replace(settings, **tool_of(arena))
-        self._planner = ReactivePlanner(arena.skill, settings, collision)
+        self._planner = ReactivePlanner(arena.skill, settings, collision=collision)
         self._whole_arm = arena.whole_arm
         self.settings = {"part": part, **asdict(settings)}
 
