@@ -22,8 +22,8 @@ from geodesic_motion_ros.graph.ambient import clearances
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.isosurface import isosurface
-from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import (
     BLUE,
     GREEN,

@@ -20,6 +20,8 @@ LOOKED_AT_AGAIN = 0.03
 STOPPING_PLACES = 12
 
 
+#: Limits of the tool with skills of tool poses where none are set: [m/s], [rad/s], [m/s^2].
+TOOL_LIMITS = {"speed": 0.2, "angular_speed": 0.8, "acceleration": 1.5}
 #: Which spheres of the arm are kept away from obstacles: all, or the tool's alone.
 Avoid = Literal["arm", "tool"]
 

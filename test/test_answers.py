@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros import latent_way
-from geodesic_motion_ros.planning.planner import JointSpacePlanner
 from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.planner import JointSpacePlanner
 from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.skill import Skill
 

@@ -10,14 +10,14 @@ import pytest
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.deadline import NEVER, Deadline
-from geodesic_motion_ros.planning.evasion import Evasion
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.planning.solver import Plan, MotionState
-from geodesic_motion_ros.planning.stream import Stream, Moment
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.evasion import Evasion
+from geodesic_motion_ros.planning.solver import MotionState, Plan
+from geodesic_motion_ros.planning.stream import Moment, Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

@@ -12,11 +12,11 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.planning.solver import Plan
-from geodesic_motion_ros.planning.stream import Followed, Stream, Moment, Played
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.stream import Followed, Moment, Played, Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

@@ -17,10 +17,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.planning.planner import JointSpacePlanner
-from geodesic_motion_ros.planning.solver import JointPlan
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.planner import JointSpacePlanner
+from geodesic_motion_ros.planning.solver import JointPlan
 from geodesic_motion_ros.pose_solver import Plan
 from geodesic_motion_ros.quaternions import normalise
 from geodesic_motion_ros.reference import TaskSpaceReference

@@ -38,9 +38,6 @@ from geodesic_motion_ros.comparison.scene import draw_scene
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.quaternions import to_rotation
-from geodesic_motion_ros.reference import ReferenceFollower
 from geodesic_motion_ros.skill import Skill
 
 FOLDER = Path(__file__).parent / "streams"

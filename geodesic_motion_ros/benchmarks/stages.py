@@ -22,12 +22,12 @@ from geodesic_motion_ros.benchmarks.scenes import PERIOD, RATE, Scene
 from geodesic_motion_ros.benchmarks.stopwatch import Stopwatch
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.refinement import refined
-from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.arm_query import ArmQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.latent_way import cheapest_way
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.arm_query import ArmQueryBuilder
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict

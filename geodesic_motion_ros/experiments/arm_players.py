@@ -20,12 +20,12 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.experiments.blocked_arm import CHECK_PERIOD, every
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
-from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.arm_query import ArmGoal
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.paper.follower import TimedPath, followed
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
+from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import Cell, text_table

@@ -9,9 +9,9 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.arm_query import ArmGoal
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
 
 #: How often a start and a goal are drawn before it is said that there are none.

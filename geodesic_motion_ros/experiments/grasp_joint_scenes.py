@@ -15,8 +15,8 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_players import Families, Played, Player
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.blocked_arm import arm_clearance
-from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.joint_sheet import JointSheet
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry

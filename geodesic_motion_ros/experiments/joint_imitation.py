@@ -44,8 +44,8 @@ from geodesic_motion_ros.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.graph.encoder import JointSpaceEncoder
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.arm_query import ArmGoal, ArmQueryBuilder
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -31,11 +31,11 @@ from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.grid import LatentGrid
-from geodesic_motion_ros.planning.planner import ReactivePlanner as JointSpacePlanner
-from geodesic_motion_ros.planning.arm_query import ArmGoal
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner as JointSpacePlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
 from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.robot.collision_model import CollisionModel

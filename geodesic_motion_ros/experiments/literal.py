@@ -36,12 +36,12 @@ from geodesic_motion_ros.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.experiments.trained import trained_once
-from geodesic_motion_ros.planning.planner import ReactivePlanner as JointSpacePlanner
-from geodesic_motion_ros.planning.arm_query import ArmGoal
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner as JointSpacePlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill

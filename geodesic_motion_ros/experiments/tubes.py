@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""One cycle of the planner node on a joint-space skill: the stream of joint trajectories. Knows nothing of ROS."""
+"""One cycle of the planner node: the stream of configurations that the arm is to pass. Knows nothing of ROS."""
 
 from __future__ import annotations
 
@@ -13,12 +13,11 @@ import numpy as np
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.horizon import Horizon
-from geodesic_motion_ros.planning.planner import ReactivePlanner, PreparedGoal
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
-from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.planning.planner import PreparedGoal, ReactivePlanner
+from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: From the planner's answer to the arm that plays it, at most [s].
@@ -26,11 +25,11 @@ TRANSIT = 0.005
 
 
 class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
-    """The stream of joint trajectories of one arm.
+    """The stream of configurations of one arm: as trajectories, and as where it is to be now.
 
     Parameters
     ----------
-    state_timeout, resume_timeout, clock, background : as of `StreamCycle`.
+    command_topic, state_timeout, resume_timeout, clock, background : as of `StreamCycle`.
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
     horizon : [s] what is sent leads so far ahead, and then to rest (`horizon.py`).
 
@@ -46,10 +45,11 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         resume_timeout: float,
         tracking_tolerance: float,
         horizon: float,
+        command_topic: str = "joint_trajectory",
         clock: Callable[[], float] = time.monotonic,
         background: Executor | None = None,
     ) -> None:
-        super().__init__("joint_trajectory", state_timeout, resume_timeout, clock, background)
+        super().__init__(command_topic, state_timeout, resume_timeout, clock, background)
         if horizon < planner.settings.prediction:
             raise ParameterError(
                 f"parameter horizon = {horizon:g}: must not be less than prediction, {planner.settings.prediction:g} s"
@@ -61,7 +61,9 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._stood = False
         self._standing: Plan | None = None
         self._task_frame: Pose | None = None
-        self._displaced = False
+        self._frame_verdict = Verdict(VerdictCode.OK)
+        # Whether the goal that is being prepared is the old one, in a task frame that has moved.
+        self._again = False
 
     def run(self, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
         """See `StreamCycle.run`; after a cycle that came too late, the arm brakes already."""
@@ -84,9 +86,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     ) -> CycleOutput:
         # Taking a goal may have cost time, and what is planned begins a moment from now.
         self._now = inputs.now + (0.0 if inputs.simulated else self._clock() - self._began)
-        if verdict.ok and self._displaced:
-            reason = "a skill of joint space cannot follow a task frame that is not the base frame"
-            verdict = Verdict(VerdictCode.BAD_INPUT, reason)
+        verdict = self._frame_verdict if verdict.ok else verdict
         if not verdict.ok:
             return self._output(self.planner.stop(self._now, verdict, self._late()))
         began = self._clock()
@@ -107,7 +107,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             trajectory=trajectory,
             reference=None if way is None else way[0],
             time_to_goal=math.nan if way is None else max(0.0, way[1] + way[0].duration - self._now),
-            configuration=None if commanded is None else commanded[0],
+            configuration=None if commanded is None or self._lost or self._missing else commanded[0],
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
         )
 
@@ -132,11 +132,15 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         return sent.reference, sent.begin
 
     def _preparation(self, inputs: CycleInputs[np.ndarray]) -> Callable[[], PreparedGoal | Verdict]:
+        self._again = False
         if isinstance(inputs.goal, np.ndarray):
             return partial(self.planner.prepared_configuration, inputs.goal)
-        return partial(self.planner.prepared_goal, *inputs.goal)
+        return partial(self.planner.prepared_goal, *inputs.goal, inputs.goal_in_task_frame)
 
     def _take_prepared(self, prepared: PreparedGoal | Verdict) -> Verdict:
+        if self._again and isinstance(prepared, Verdict):
+            self._has_goal = False
+            self.planner.clear_goal()
         return self.planner.take_goal(prepared)
 
     def _clear_goal(self) -> None:
@@ -151,7 +155,10 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         if frame is None or frame is self._task_frame:
             return
         self._task_frame = frame
-        self._displaced = not TaskFrame(*frame).is_identity
+        self._frame_verdict = self.planner.move_task_frame(*frame)
+        if self._has_goal and self._frame_verdict.ok and not self._goals.busy:
+            self._again = True
+            self._goals.ask(self.planner.prepared_again)
 
     def _knows_where(self) -> bool:
         return self._stood

@@ -1,9 +1,9 @@
 """Node `planner`: hears goal, obstacles and joint states, and commands the arm a hundred times a second.
 
-On a task-space skill it streams `target_pose`, on a joint-space skill it sends `joint_trajectory` (`skill_kinds`).
+It sends `joint_trajectory`, or streams `target_pose` with `target_posture` (parameter `output`).
 
 The control loop has a thread of its own on the steady clock. Callbacks only check and store
-(`planner_inputs`), the loop plans and commands (`planning_cycle`), pictures are drawn by a third thread, and a fourth
+(`planner_inputs`), the loop plans and commands (`joint_cycle`), pictures are drawn by a third thread, and a fourth
 answers the service `plan`.
 """
 
@@ -27,7 +27,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
-from geodesic_motion_ros.nodes.skill_kinds import joint_settings, kind_of, task_settings
+from geodesic_motion_ros.nodes.skill_kinds import kind_of, planner_settings
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.view_thread import ViewThread
@@ -68,7 +68,9 @@ class PlannerNode(LoopingNode):
         self._cycle = self._kind.cycle
         self._cycle.state_topic = self.resolve_topic_name("joint_states")
         self._inputs = PlannerInputs(self, values, robot, self._kind.place, self._obstacles_changed)
-        self._outputs = PlannerOutputs(self, values["base_frame"], skill.robot, self._kind.command_topic)
+        self._outputs = PlannerOutputs(
+            self, values["base_frame"], skill.robot, self._kind.command_topic, self._kind.guarded, robot.joint_names
+        )
         self._said: dict[str, float] = {}
         self._newest_plan = ""
         self._newest: tuple[CycleInputs, CycleOutput] | None = None
@@ -271,8 +273,7 @@ def _check_settings(values: Mapping[str, Value]) -> None:
             "true where no real arm hears the commands, or leave method at 'certified'"
         )
     try:
-        task_settings(values)
-        joint_settings(values)
+        planner_settings(values)
     except PlanningError as error:
         raise ParameterError(f"parameters do not go together: {error}") from error
 

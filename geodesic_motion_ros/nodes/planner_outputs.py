@@ -16,7 +16,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import Image, JointState
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -70,11 +70,21 @@ _TOOL_COLOUR = (0.25, 0.55, 0.85, 0.45)
 class PlannerOutputs:
     """The publishers of the planner. Stamps are taken when a message leaves."""
 
-    def __init__(self, node: Node, frame: str, hardware: str, command_topic: str) -> None:
-        """command_topic : "target_pose" or "joint_trajectory"; nothing is published on the other."""
+    def __init__(
+        self, node: Node, frame: str, hardware: str, command_topic: str, guarded: str, joint_names: Sequence[str]
+    ) -> None:
+        """command_topic : "target_pose" or "joint_trajectory"; nothing is published on the other.
+
+        guarded : what is kept away from obstacles, as the status says it.
+        """
+        self._guarded = guarded
         self._node, self._frame, self._hardware = node, frame, hardware
         kind = PoseStamped if command_topic == "target_pose" else JointTrajectory
         self._commands = node.create_publisher(kind, command_topic, QoSProfile(depth=1))
+        if kind is PoseStamped:
+            self._postures = node.create_publisher(JointState, "target_posture", QoSProfile(depth=1))
+            self._posture_message = JointState(name=list(joint_names))
+            self._posture_message.header.frame_id = frame
         self._path = node.create_publisher(Path, "path", QoSProfile(depth=1))
         self._status = node.create_publisher(DiagnosticArray, "~/status", QoSProfile(depth=10))
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
@@ -89,10 +99,16 @@ class PlannerOutputs:
         """The full name of the topic of the commands."""
         return self._commands.topic_name
 
-    def target(self, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """The pose to be at now; only the control loop calls this."""
-        self._target_message.header.stamp = self._now()
+    def target(self, position: np.ndarray, quaternion: np.ndarray, posture: np.ndarray | None = None) -> None:
+        """The pose to be at now, and the configuration (eta,) [rad] that holds it; only the control loop calls this."""
+        stamp = self._now()
+        self._target_message.header.stamp = stamp
         fill_pose(self._target_message.pose, position, quaternion)
+        if posture is not None:
+            # First the posture: with the pose both are known.
+            self._posture_message.header.stamp = stamp
+            self._posture_message.position = posture.tolist()
+            self._postures.publish(self._posture_message)
         self._commands.publish(self._target_message)
 
     def trajectory(self, joint_names: Sequence[str], reference: JointReference, begin: float) -> None:
@@ -121,6 +137,7 @@ class PlannerOutputs:
         values = {
             "code": verdict.code.name,
             "reason": verdict.reason,
+            "guarded": self._guarded,
             "clearance": verdict.clearance,
             "energy_per_edge": verdict.energy_per_edge,
             "cost_gap": verdict.cost_gap,

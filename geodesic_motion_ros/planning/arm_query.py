@@ -329,6 +329,10 @@ class ArmQueryBuilder:
     def other_posture(self, query: ArmQuery) -> None:
         """None: in which posture a path is held is what was demonstrated."""
 
+    def first_posture(self, query: ArmQuery) -> ArmQuery:
+        """The query itself."""
+        return query
+
     def _unmoved_cost(self, here: _End, there: _End) -> float:
         """Obstacle-free cost between two nodes where the skill was shown."""
         if there.node not in self._fields:

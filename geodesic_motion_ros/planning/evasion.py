@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
-from geodesic_motion_ros.planning.arm_query import ArmQuery
-from geodesic_motion_ros.planning.solver import Plan, Solver, MotionState
-from geodesic_motion_ros.planning.stream import Followed, Stream, Moment
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.arm_query import ArmQuery
+from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
+from geodesic_motion_ros.planning.stream import Followed, Moment, Stream
 from geodesic_motion_ros.refuge import AGAIN, AHEAD
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

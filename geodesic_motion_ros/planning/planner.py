@@ -31,6 +31,7 @@ from geodesic_motion_ros.planning.evasion import Evasion
 from geodesic_motion_ros.planning.solver import Attempt, MotionState, Plan, Solver
 from geodesic_motion_ros.planning.stream import Followed, Moment, Stream
 from geodesic_motion_ros.planning.tool_query import ToolGoal, ToolQuery, ToolQueryBuilder
+from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.query import Pose, checked_pose
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -395,6 +396,9 @@ class ReactivePlanner:
             if other is None:
                 return stream.stopped(blocked.verdict, moment)
             self._query, query, blocked = other, other, None
+        elif blocked is None and followed is None and now >= stream.played.end:
+            # Another posture was for obstacles that stood.
+            self._query = query = self._queries.first_posture(query)
         known = followed.nodes if followed is not None and followed.keeps_off else None
         attempts = self._worthwhile_attempts(followed, now)
         plan = self._solver.solve(query, state, obstacles, attempts, deadline, known)
@@ -433,7 +437,8 @@ class ReactivePlanner:
     ) -> Plan:
         """A reference between two poses under the present obstacles; the stream of `tick` is not disturbed.
 
-        It begins at rest, in the configuration near those demonstrated that holds the tool in the start pose.
+        It begins at rest: in the configuration in which the arm stands, where that holds the tool in the start pose;
+        else in one near those demonstrated, or near `Robot.ready`.
         """
         ends = []
         for name, position, quaternion in (
@@ -444,12 +449,23 @@ class ReactivePlanner:
             if pose is None:
                 return Plan(None, 0.0, Verdict(VerdictCode.BAD_INPUT, reason))
             ends.append(pose)
-        start = self._queries.start_by_pose(ends[0])
+        start = self._standing_at(ends[0])
+        if start is None:
+            start = self._queries.start_by_pose(ends[0])
         goal = self._queries.goal_by_pose(ends[1], self._frame)
         for found in (start, goal):
             if isinstance(found, Verdict):
                 return Plan(None, 0.0, found)
         return self.plan_configurations(start, goal)
+
+    def _standing_at(self, pose: Pose) -> np.ndarray | None:
+        """The configuration (eta,) that is commanded, where it holds the tool in a pose."""
+        commanded = self._stream.commanded(self._ticked)
+        if commanded is None or isinstance(self._queries, ArmQueryBuilder):
+            return None
+        position, quaternion = self.robot.forward(commanded[0])
+        near = np.linalg.norm(position - pose.position) <= _SAME_START[0]
+        return commanded[0] if near and angle_between(quaternion, pose.quaternion) <= _SAME_START[1] else None
 
     def plan_configurations(self, start: np.ndarray, goal: Goal) -> Plan:
         """A reference from rest in a configuration (eta,) to a goal under the present obstacles."""

@@ -17,12 +17,12 @@ from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.refinement import refined
 from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.planning.arm_query import ArmQuery
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way, way_verdict
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
+from geodesic_motion_ros.planning.arm_query import ArmQuery
 from geodesic_motion_ros.reference import resample_latent, smooth_latent
 from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance

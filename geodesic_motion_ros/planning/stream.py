@@ -16,9 +16,7 @@ import numpy as np
 from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, SweptArm
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.planning.arm_query import ArmQuery
 from geodesic_motion_ros.joint_reference import JointReference, joined
-from geodesic_motion_ros.planning.solver import Plan, MotionState
 from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import (
@@ -27,6 +25,8 @@ from geodesic_motion_ros.planner_settings import (
     STOPPING_PLACES,
     PlannerSettings,
 )
+from geodesic_motion_ros.planning.arm_query import ArmQuery
+from geodesic_motion_ros.planning.solver import MotionState, Plan
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: A new way must take so much less time than the one being followed.

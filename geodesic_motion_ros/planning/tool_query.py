@@ -105,7 +105,7 @@ class ToolQuery:
 def _poses_along(
     graph: PoseGraph, query: Query, frame: TaskFrame, latent: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Poses (m, 3), (m, 4) of the base frame that a latent curve (m, d) stands for in a query, and its progress (m,)."""
+    """Poses (m, 3), (m, 4) of the base frame that a latent curve (m, d) stands for, and its progress (m,)."""
     decoded = graph.decoder.decode(latent)
     progress, shares = graph.progress_map(latent)
     moved = query.offsets.displacements(progress, shares)
@@ -185,7 +185,7 @@ class ToolQueryBuilder:
         return goal if verdict.ok else verdict
 
     def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ToolGoal | Verdict:
-        """The pose of the tool in a configuration (eta,) [rad]: in which posture it is reached follows from the start."""
+        """The pose of the tool in a configuration (eta,) [rad]; the posture at the goal follows from the start."""
         return self.goal_by_pose(self._pose(configuration), frame)
 
     def start_by_pose(self, pose: Pose) -> np.ndarray | Verdict:
@@ -198,27 +198,42 @@ class ToolQueryBuilder:
     def build(self, start: np.ndarray, goal: ToolGoal) -> ToolQuery | Verdict:
         """Carry the graph to a query that begins in a configuration (eta,), and hold it from there."""
         query = self._poses.build(_in_task(goal.frame, self._pose(start)), goal.in_task)
-        return query if isinstance(query, Verdict) else self._held(query, goal.frame, start, 0)
+        return query if isinstance(query, Verdict) else self._held(query, goal.frame, start)
 
     def redirected(
         self, query: ToolQuery, start: np.ndarray, latent: np.ndarray, goal: ToolGoal
     ) -> ToolQuery | Verdict | None:
         """As `QueryBuilder.redirected`: on from a configuration on the path of an older query."""
         poses = self._poses.redirected(query.poses, _in_task(goal.frame, self._pose(start)), latent, goal.in_task)
-        return poses if poses is None or isinstance(poses, Verdict) else self._held(poses, goal.frame, start, 0)
+        return poses if poses is None or isinstance(poses, Verdict) else self._held(poses, goal.frame, start)
 
     def _pose(self, configuration: np.ndarray) -> Pose:
         return Pose(*self._robot.forward(configuration))
 
     def other_posture(self, query: ToolQuery) -> ToolQuery | None:
-        """The same query in the next posture of which the arm can hold the base path; None where none is left."""
-        for swivel in range(query.swivel + 1, len(SWIVELS)):
-            found = self._held(query.poses, query.frame, query.start, swivel)
+        """The same query in the next posture in which the arm can hold the base path; None where none is left."""
+        found = self._held(query.poses, query.frame, query.start, query.swivel + 1)
+        return found if isinstance(found, ToolQuery) else None
+
+    def first_posture(self, query: ToolQuery) -> ToolQuery:
+        """The same query in the posture that follows from the start by steps of least norm, or the next that serves."""
+        found = self._held(query.poses, query.frame, query.start) if query.swivel else query
+        assert isinstance(found, ToolQuery)
+        return found
+
+    def _held(self, query: Query, frame: TaskFrame, start: np.ndarray, first: int = 0) -> ToolQuery | Verdict:
+        """A query of poses held by the arm from a configuration (eta,) on, with the first of the swivels from a number
+        on with which it can hold the base path; or why it cannot with that one.
+        """
+        refusal: Verdict | None = None
+        for swivel in range(first, len(SWIVELS)):
+            found = self._held_with(query, frame, start, swivel)
             if isinstance(found, ToolQuery):
                 return found
-        return None
+            refusal = refusal or found
+        return refusal or Verdict(VerdictCode.NO_FEASIBLE_PATH, "no other posture is left", **query.misfits)
 
-    def _held(self, query: Query, frame: TaskFrame, start: np.ndarray, swivel: int) -> ToolQuery | Verdict:
+    def _held_with(self, query: Query, frame: TaskFrame, start: np.ndarray, swivel: int) -> ToolQuery | Verdict:
         """A query of poses held by the arm in the posture that follows from a configuration (eta,) and a swivel."""
         source = self._graph.node_near(query.start_latent, np.isfinite(query.to_goal), 3)
         if source is None:
@@ -245,12 +260,11 @@ class ToolQueryBuilder:
             graph = replace(graph, fixed=np.where(lost, np.inf, graph.fixed), base=np.where(lost, np.inf, graph.base))
             to_goal = cost_field(self._graph.adjacency, graph.base, query.goal_node)
             from_start = cost_field(self._graph.adjacency, graph.base, source)
-        body = NodeBody.of_arm(
-            configurations, frame.points_to_base(graph.body_points), self._radii, self._collision, self._links, self._robot
-        )
+        points = frame.points_to_base(graph.body_points)
+        body = NodeBody.of_arm(configurations, points, self._radii, self._collision, self._links, self._robot)
         return ToolQuery(
-            query, frame, posture, swivel, start, posture.configurations[-1], graph, body, to_goal, from_start, self._robot,
-            self._graph,
+            query, frame, posture, swivel, start, posture.configurations[-1], graph, body, to_goal, from_start,
+            self._robot, self._graph,
         )  # fmt: skip
 
     def _posture(

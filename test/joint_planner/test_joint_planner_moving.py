@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.deadline import Deadline
-from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

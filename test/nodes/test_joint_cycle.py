@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 

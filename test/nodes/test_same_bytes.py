@@ -19,13 +19,13 @@ from pathlib import Path
 
 import numpy as np
 
-from geodesic_motion_ros.planning.planner import JointSpacePlanner
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, StreamCycle
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.planner import JointSpacePlanner
 from geodesic_motion_ros.skill import Skill
 
 REPOSITORY = Path(__file__).resolve().parents[2]
