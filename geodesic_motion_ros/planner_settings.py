@@ -33,6 +33,8 @@ class PlannerSettings:
     Attributes
     ----------
     obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
+    obstacle_position_error : how far obstacles may be from where their source says that they are: so much larger they
+        are taken to be, and by how far the arm was from where it was sent lately.
     ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + body radius), of the soft metric.
     ambient_law : how it grows towards obstacles: gaussian, completed, or hard: not at all (`graph/ambient.py`).
     ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
@@ -61,6 +63,7 @@ class PlannerSettings:
     """
 
     obstacle_margin: float = 0.005
+    obstacle_position_error: float = 0.0
     ambient_strength: float = 1000.0
     ambient_width_ratio: float = 0.5
     ambient_law: AmbientLaw = "gaussian"
@@ -88,7 +91,8 @@ class PlannerSettings:
 
     #: Settings that may be 0.
     may_be_zero: ClassVar[tuple[str, ...]] = (
-        "obstacle_margin", "ambient_strength", "ridge_strength", "prediction", "speed", "angular_speed", "acceleration",
+        "obstacle_margin", "obstacle_position_error", "ambient_strength", "ridge_strength", "prediction", "speed",
+        "angular_speed", "acceleration",
     )  # fmt: skip
 
     def __post_init__(self) -> None:

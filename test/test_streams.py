@@ -158,8 +158,8 @@ class ArmReplay:
 
 
 def replay_of(skill: Skill, tool: np.ndarray) -> Replay:
-    """A new planner on a skill; tool as of `ToolReplay`."""
-    return ArmReplay(skill) if skill.space == "joint" else ToolReplay(skill, tool)
+    """A new planner on a skill."""
+    return ArmReplay(skill)
 
 
 # ----------------------------------------------------------------- playing

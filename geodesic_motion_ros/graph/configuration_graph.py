@@ -128,7 +128,8 @@ class ConfigurationGraph(LatentGraph):
             [_both_pulled_back(jacobians[:, k] @ slopes) / len(self.body) for k in range(len(self.body))], axis=1
         )
         tool = tool_orientation_jacobians(self.configurations, self.robot) @ slopes
-        alone = self.metric.joint_weight**2 * _both_pulled_back(slopes) + self._orientation_scale * _both_pulled_back(tool)
+        alone = self.metric.joint_weight**2 * _both_pulled_back(slopes)
+        alone += self._orientation_scale * _both_pulled_back(tool)
         return packed_tensors(shares, alone)
 
     def sigma_at(self, latent: np.ndarray) -> np.ndarray:

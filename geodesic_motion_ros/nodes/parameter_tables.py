@@ -53,6 +53,15 @@ PLANNER = (
         2.0,
         row=4,
     ),
+    Parameter(
+        "obstacle_position_error",
+        0.0,
+        "How far obstacles may be from where their source says: so much more clearance is asked, besides how far the "
+        "arm was from where it was sent in the last second",
+        "m",
+        0.0,
+        0.5,
+    ),
     Parameter("obstacle_margin", 0.005, "Clearance the search keeps from obstacles", "m", 0.0, 0.5),
     Parameter(
         "ambient_strength",

@@ -122,7 +122,8 @@ class PlannerNode(LoopingNode):
             verdict = Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}")
             output = self._cycle.stop(verdict)
         self._kind.send(self._outputs, output)
-        self._outputs.status(output, self._inputs.refusals, self._loop, self._newest_plan)
+        margins = self._kind.margins()
+        self._outputs.status(output, self._inputs.refusals, self._loop, self._newest_plan, margins)
         if inputs is None:
             return
         previous, self._newest = self._newest, (inputs, output)

@@ -123,8 +123,12 @@ class PlannerOutputs:
         """Names of all nodes that publish on the topic of the commands, this one among them."""
         return publishers_of(self._node, self.command_topic)
 
-    def status(self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop, plan: str) -> None:
+    def status(
+        self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop, plan: str, margins: Mapping[str, float]
+    ) -> None:
         """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it.
+
+        margins : what the certificate counts [m], by name.
 
         plan : the newest answer of the service `plan`, `CODE: reason`; empty before the first.
         """
@@ -139,6 +143,7 @@ class PlannerOutputs:
             "reason": verdict.reason,
             "guarded": self._guarded,
             "clearance": verdict.clearance,
+            **margins,
             "energy_per_edge": verdict.energy_per_edge,
             "cost_gap": verdict.cost_gap,
             "in_support": verdict.in_support,

@@ -27,8 +27,8 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 _SETTINGS = (
-    "avoidance", "avoid", "obstacle_margin", "ambient_strength", "ambient_width_ratio", "ambient_law", "cost_cap",
-    "ridge_strength", "query_conditioning", "prediction", "maximum_offset", "maximum_offset_angle",
+    "avoidance", "avoid", "obstacle_margin", "obstacle_position_error", "ambient_strength", "ambient_width_ratio",
+    "ambient_law", "cost_cap", "ridge_strength", "query_conditioning", "prediction", "maximum_offset", "maximum_offset_angle",
     "maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius", "refine",
 )  # fmt: skip
 #: Negative: what belongs to the kind of skill.
@@ -68,6 +68,10 @@ class SkillKind(ABC):
     @abstractmethod
     def tool_poses(self, reference: Any) -> Pose:
         """Tool positions (n, 3) [m] and quaternions (n, 4) along a reference."""
+
+    def margins(self) -> dict[str, float]:
+        """What the certificate counts [m], for the status."""
+        return {}
 
     @abstractmethod
     def body(self, output: CycleOutput) -> np.ndarray:
@@ -126,6 +130,10 @@ class CertifiedKind(SkillKind):
         model = self.planner.collision
         centres = model.positions(self.robot, output.configuration[None])[0]
         return np.concatenate([centres, model.radii[:, None]], axis=1)[model.moving]
+
+    def margins(self) -> dict[str, float]:
+        error = self.planner.settings.obstacle_position_error
+        return {"obstacle_position_error": error, "tracking_error": self.planner.allowance - error}
 
     def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
         plan = self.planner.plan(*start, *goal)

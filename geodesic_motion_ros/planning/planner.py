@@ -12,6 +12,7 @@ to where it stands, it evades (`evasion`).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,7 +42,9 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: While a path is free, better ones are looked for so often [s]: with obstacles near it, and without.
 _PERIOD_CLOSE, _PERIOD_FAR = 0.05, 0.1
-#: Of times [s].
+#: Steps in which the tracking error counts [m].
+_ERROR_STEP = 1e-3
+#: Of times [s], and of shares.
 _ROUNDING = 1e-6
 #: `plan` begins in the posture in which the arm stands where its tool is this near the requested start [m], [rad].
 _SAME_START = 0.005, 0.02
@@ -125,7 +128,9 @@ class ReactivePlanner:
             self._queries = ToolQueryBuilder(skill, self.graph, self.settings, self.robot, self.collision)
         else:
             self._queries = ArmQueryBuilder(skill, self.graph, self.settings, self.collision)
-        self._obstacles = Obstacles.none()
+        # As they were received, and as large as they are taken to be.
+        self._received = self._obstacles = Obstacles.none()
+        self._tracking_error = 0.0
         self._frame = TaskFrame.identity()
         # The time of the newest tick [s].
         self._ticked = 0.0
@@ -162,7 +167,7 @@ class ReactivePlanner:
             load_search(self.graph, self._query, self.settings)
         load_references(self.limits)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
-        self._obstacles = Obstacles.none()
+        self._received = self._obstacles = Obstacles.none()
         self._requested = self._active = self._query = None
         self._stream.forget()
 
@@ -173,8 +178,8 @@ class ReactivePlanner:
         return self.take_goal(self.prepared_goal(position, quaternion, in_task_frame))
 
     def set_goal_configuration(self, configuration: np.ndarray) -> Verdict:
-        """Request a goal configuration (eta,) [rad]; as `set_goal`. With a skill of tool poses its tool pose counts: the
-        posture follows from the start.
+        """Request a goal configuration (eta,) [rad]; as `set_goal`. With a skill of tool poses the pose of its tool
+        counts: the posture there follows from the start.
         """
         return self.take_goal(self.prepared_configuration(configuration))
 
@@ -309,8 +314,25 @@ class ReactivePlanner:
         objection = obstacles.objection()
         if objection:
             return Verdict(VerdictCode.BAD_INPUT, objection)
-        self._obstacles = obstacles
+        self._received = obstacles
+        self._obstacles = obstacles.enlarged(self.allowance)
         return Verdict(VerdictCode.OK)
+
+    @property
+    def allowance(self) -> float:
+        """By how much obstacles are taken to be larger [m]: how far they may be from where they were received, and the
+        arm's links from where they were sent.
+        """
+        return self.settings.obstacle_position_error + self._tracking_error
+
+    def set_tracking_error(self, error: float) -> None:
+        """Say how far [m] any part of the arm has lately been from where it was sent: what is played is certified again
+        with so much more clearance, rounded up to millimetres.
+        """
+        rounded = _ERROR_STEP * math.ceil(error / _ERROR_STEP - _ROUNDING)
+        if rounded != self._tracking_error:
+            self._tracking_error = rounded
+            self._obstacles = self._received.enlarged(self.allowance)
 
     def stand_at(self, configuration: np.ndarray, now: float) -> Plan:
         """The arm stands in a configuration (eta,) [rad] at `now` [s]: what was played is forgotten, the goal is not.

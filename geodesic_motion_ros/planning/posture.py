@@ -168,7 +168,7 @@ def _newton(position, quaternion, null, posture, offset, q, chain):
     """Solve FK(q) = pose, null . (q - posture) = offset from q (eta,), in place; whether it was found."""
     joints = len(q)
     matrix, right = np.empty((joints, joints)), np.empty(joints)
-    for step in range(_STEPS):
+    for _ in range(_STEPS):
         here, turned = forward(q, chain)
         error = pose_difference(here, turned, position, quaternion)
         rest = offset
@@ -239,10 +239,7 @@ def _null_vector(q, before, chain):
 
 @numba.njit(cache=True, nogil=True)
 def _inside(q, lower, upper):
-    for j in range(len(q)):
-        if q[j] < lower[j] or q[j] > upper[j]:
-            return False
-    return True
+    return np.all(q >= lower) and np.all(q <= upper)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -36,7 +36,7 @@ _LARGEST_JOINT_STEP = 0.3
 _SMOOTHING = 1.5
 #: The arm begins to swivel where it stands, and has done so at this progress.
 _SWIVELLED = 0.4
-#: Postures that are tried in the place of the first, in which the arm turns about the line from shoulder to wrist [rad].
+#: Steps along the null vectors by which the postures differ that are tried in the place of the first [rad].
 SWIVELS = (0.0, 0.5, -0.5, 1.0, -1.0)
 #: Goals are the same, received again, up to so much [m], [rad]; and hardly elsewhere.
 _SAME, _HARDLY_MOVED = (1e-6, 1e-6), (2e-3, 1e-2)

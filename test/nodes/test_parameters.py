@@ -61,13 +61,15 @@ def test_names_are_unique():
         assert len({parameter.name for parameter in table}) == len(table)
 
 
-@pytest.mark.parametrize("settings", [PlannerSettings, PlannerSettings])
-def test_the_node_plans_with_the_defaults_of_the_planner(settings):
+def test_the_node_plans_with_the_defaults_of_the_planner():
     """But for the tool, of which the node knows the hand."""
     known = {parameter.name: parameter.default for parameter in TABLES["planner"]}
-    defaults = {setting.name: setting.default for setting in fields(settings) if setting.name in known}
-    assert {"prediction", "obstacle_margin"} < set(defaults)
-    assert defaults == {name: known[name] for name in defaults}
+    defaults = {setting.name: setting.default for setting in fields(PlannerSettings) if setting.name in known}
+    assert {"prediction", "obstacle_margin", "speed"} < set(defaults)
+    # A parameter has no None.
+    assert {name: -1.0 if value is None else value for name, value in defaults.items()} == {
+        name: known[name] for name in defaults
+    }
 
 
 def test_the_twin_and_the_real_controller_wait_as_long_for_a_new_trajectory():
