@@ -24,6 +24,7 @@ from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import checked_spheres
 from geodesic_motion_ros.pose_giving_way import PoseGivingWay
 from geodesic_motion_ros.pose_smoothing import LAG
 from geodesic_motion_ros.pose_solver import AT_REST, MOST_STRAIN, Motion, Plan, PoseSolver, Scene, refusal
@@ -203,13 +204,8 @@ class ReactivePlanner:
 
         BAD_INPUT names the first obstacle that is not finite or has no positive radius; then the old ones stay.
         """
-        centres, radii = np.array(centres, dtype=float), np.array(radii, dtype=float)
-        if centres.size == radii.size == 0:
-            centres, radii = np.empty((0, 3)), np.empty(0)
-        if radii.ndim != 1 or centres.shape != (len(radii), 3):
-            reason = f"obstacle centres have shape {centres.shape} and radii {radii.shape}: expected (o, 3) and (o,)"
-            return Verdict(VerdictCode.BAD_INPUT, reason)
-        return self.take_obstacles(Obstacles.of_spheres(centres, radii))
+        spheres = checked_spheres(centres, radii)
+        return spheres if isinstance(spheres, Verdict) else self.take_obstacles(spheres)
 
     def take_obstacles(self, obstacles: Obstacles) -> Verdict:
         """Replace all obstacles by others of every kind, in the base frame.

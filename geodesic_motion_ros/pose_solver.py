@@ -12,29 +12,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.certificate import curve_allowance, curve_clearances, motion_clearances
+from geodesic_motion_ros.certificate import curve_allowance, motion_clearances
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.ambient import obstacle_clearances
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
-from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
 from geodesic_motion_ros.motion_curve import MotionCurve, distinct
 from geodesic_motion_ros.obstacles import Obstacles, nearness
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
-from geodesic_motion_ros.pose_smoothing import corners_cut
-from geodesic_motion_ros.quaternions import angle_between, continuous_signs
-from geodesic_motion_ros.query import Pose, Query
-from geodesic_motion_ros.reference import (
-    TaskSpaceReference,
-    bent_to,
-    correct_ends,
-    resample_latent,
-    smooth_latent,
-    smooth_poses,
-    timed_reference,
+from geodesic_motion_ros.planning.path_clearance import curve_clearances
+from geodesic_motion_ros.planning.path_smoothing import correct_ends
+from geodesic_motion_ros.planning.pose_path import (
+    MARGIN_MULTIPLES,
+    SMOOTHING_WIDTHS,
+    decoded_path,
+    reshaping_of,
+    smoothed_path,
 )
+from geodesic_motion_ros.pose_smoothing import corners_cut
+from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.query import Pose, Query
+from geodesic_motion_ros.reference import TaskSpaceReference, bent_to, timed_reference
 from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.sidestep import places_beside
@@ -42,16 +41,8 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-#: What is tried in one tick until a curve is certified: multiples of the obstacle margin, and for each of them
-#: smoothing widths in grid steps, of the latent path and of the poses decoded from it. The second smooths out where the
-#: decoder and the corrections along ridges have kinks, by a millimetre or two: the arm
-#: would have to brake there.
-MARGIN_MULTIPLES = (1.0, 2.5)
-_SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
 #: A new way may need so much more than the accelerations allowed because it is entered in motion.
 MOST_STRAIN = 1.11
-#: Dense samples of the published curve per grid step.
-_SAMPLES_PER_STEP = 1.0
 #: No times are looked at that are nearer to each other [s].
 _SHORTEST_INTERVAL = 0.01
 #: Where to give way to is looked for so many grid steps around.
@@ -160,10 +151,11 @@ class PoseSolver:
         ends = self._end_clearance(query, start, avoided, trusting)
         if isinstance(ends, Plan):
             return ends
-        reshaping = self._reshaping(query, avoided.at_rest() if trusting else avoided.swept(settings.prediction))
+        seen = avoided.at_rest() if trusting else avoided.swept(settings.prediction)
+        reshaping = reshaping_of(query, seen, settings)
         # Ends may stay closer here too.
         needed = 0.0 if avoided.stand else min(MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
-        multiples, smoothing = MARGIN_MULTIPLES, _SMOOTHING_WIDTHS
+        multiples, smoothing = MARGIN_MULTIPLES, SMOOTHING_WIDTHS
         if trusting:
             # Neither margins nor smoothing are of any use against what such a search does not see.
             multiples, smoothing = multiples[:1], smoothing[:1]
@@ -206,9 +198,9 @@ class PoseSolver:
             return None
         # As of every way: a start closer to an obstacle than the margin may stay so.
         needed = min(apart, 0.5 * here)
-        reshaping = self._reshaping(query, obstacles.swept(horizon))
+        reshaping = reshaping_of(query, obstacles.swept(horizon), self.settings)
         for way in ways_aside(self.graph, query, start_latent, reshaping, _REFUGE_STEPS, apart):
-            widths = _SMOOTHING_WIDTHS[0]
+            widths = SMOOTHING_WIDTHS[0]
             plan = self._certified(query, start, way, scene, widths, motion, needed, horizon, True, aside=True)
             found = plan.reference
             if found is not None and found.strain <= MOST_STRAIN and stoppable(found):
@@ -255,13 +247,6 @@ class PoseSolver:
             if deadline.passed:
                 break
         return None
-
-    def _reshaping(self, query: Query, obstacles: Obstacles) -> Reshaping:
-        settings = self.settings
-        return Reshaping.of(
-            query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
-            max(MARGIN_MULTIPLES) * settings.obstacle_margin, settings.ambient_law,
-        )  # fmt: skip
 
     def _end_clearance(self, query: Query, start: Pose, obstacles: Obstacles, trusting: bool) -> float | Plan:
         """Smaller clearance [m] of start and goal, or the refusal where one of them is covered.
@@ -369,10 +354,8 @@ class PoseSolver:
         aside : the way does not lead to the goal, but ends where it ends.
         """
         settings = self.settings
-        step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
-        latent = smooth_latent(resample_latent(way.polyline, step), widths[0] * _SAMPLES_PER_STEP)
-        positions, quaternions, sigma = self._shown(query, latent)
-        positions, quaternions = smooth_poses(positions, quaternions, widths[1] * _SAMPLES_PER_STEP)
+        path = smoothed_path(self.graph, query, way.polyline, widths)
+        positions, quaternions = path.positions, path.quaternions
         if quaternions[0] @ start.quaternion < 0.0:
             quaternions = -quaternions
         goal = Pose(positions[-1], quaternions[-1]) if aside else query.goal
@@ -381,7 +364,7 @@ class PoseSolver:
         positions, quaternions = correct_ends(
             positions, quaternions, (start.position, start.quaternion), (goal.position, goal.quaternion)
         )
-        positions, quaternions, latent = self._drawn(positions, quaternions, latent)
+        positions, quaternions, latent = self._drawn(positions, quaternions, path.latent)
         if motion.velocity is not None:
             bent = bent_to(positions, quaternions, motion.velocity, settings.limits)
             if bent is None:
@@ -398,24 +381,16 @@ class PoseSolver:
         objection = None
         if settings.avoidance and nearest <= needed:
             objection = f"the best path {nearness(nearest)}; {needed:.3f} m are to be kept"
-        verdict = way_verdict(self.skill, self.graph, query, sigma, way, nearest, correction, objection)
+        verdict = way_verdict(self.skill, self.graph, query, path.sigma, way, nearest, correction, objection)
         if not verdict.ok:
             return Plan(None, verdict)
         return Plan(reference, verdict)
 
     def off_the_sheet(self, query: Query, latent: np.ndarray, pose: Pose) -> tuple[float, float]:
         """Distance [m] and angle [rad] of a pose from what a latent point (d,) stands for."""
-        (position,), (quaternion,), _ = self._shown(query, latent[None])
-        return float(np.linalg.norm(pose.position - position)), float(angle_between(pose.quaternion, quaternion))
-
-    def _shown(self, query: Query, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Positions (n, 3) [m] and quaternions (n, 4) that latent points (n, d) stand for between the query's ends, and
-        the decoder's sigma (n, D).
-        """
-        decoded = self.graph.decoder.decode(latent)
-        displacements = query.offsets.displacements(*self.graph.progress_map(latent))
-        positions, quaternions = carried(decoded.positions, decoded.quaternions, displacements)
-        return positions, continuous_signs(quaternions), decoded.sigma
+        shown = decoded_path(self.graph, query, latent[None])
+        turn = angle_between(pose.quaternion, shown.quaternions[0])
+        return float(np.linalg.norm(pose.position - shown.positions[0])), float(turn)
 
     def _drawn(
         self, positions: np.ndarray, quaternions: np.ndarray, latent: np.ndarray

@@ -1,4 +1,4 @@
-"""From a latent path to a reference: smooth it, decode it, meet the asked ends, give it a time law, follow it."""
+"""From a curve of poses to a reference: bend its beginning, give it a time law, follow it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from geodesic_motion_ros.graph.transport import carried
-from geodesic_motion_ros.motion_curve import SHORTEST_STEP, MotionCurve, MotionLimits, chord
+from geodesic_motion_ros.motion_curve import SHORTEST_STEP, MotionCurve, MotionLimits
 from geodesic_motion_ros.pose_smoothing import PoseSmoothing
-from geodesic_motion_ros.quaternions import normalise
 from geodesic_motion_ros.time_law import fastest_law
 
 #: A new way may turn off the present direction of motion by no more than 60 degrees: the cosine.
@@ -21,60 +19,6 @@ _LARGEST_BEND = 0.5
 _BEND_SHARE = 8.0
 #: A bend takes at least and at most so long at full speed [s].
 _SHORTEST_BEND, _LONGEST_BEND = 0.1, 1.5
-
-
-def resample_latent(path: np.ndarray, spacing: float, minimum: int = 40) -> np.ndarray:
-    """Points (n, d) evenly spaced by latent arc length on a polyline (m, d), at most `spacing` apart, ends kept."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    count = max(minimum, int(np.ceil(length[-1] / spacing)) + 1)
-    at = np.linspace(0.0, length[-1], count)
-    return np.stack([np.interp(at, length, column) for column in path.T], axis=1)
-
-
-def smooth_latent(points: np.ndarray, width: float) -> np.ndarray:
-    """Gaussian smoothing of an evenly spaced curve (n, d) with both ends fixed.
-
-    `width` is the Gaussian's standard deviation in samples, at most a quarter of the curve. The curve is
-    continued beyond each end by point reflection, which is odd about the end, so the filtered one passes through it.
-    """
-    if width <= 0.0:
-        return points
-    width = min(width, (len(points) - 1) / 4.0)
-    pad = int(np.ceil(4.0 * width))
-    before = 2.0 * points[0] - points[pad:0:-1]
-    after = 2.0 * points[-1] - points[-2 : -pad - 2 : -1]
-    smooth = gaussian_filter1d(np.concatenate([before, points, after]), width, axis=0, truncate=4.0)[pad:-pad]
-    smooth[0], smooth[-1] = points[0], points[-1]
-    return smooth
-
-
-def smooth_poses(positions: np.ndarray, quaternions: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """The same for a pose curve (n, 3), (n, 4) in one hemisphere; rotations between neighbours must be small."""
-    smooth = smooth_latent(np.concatenate([positions, quaternions], axis=1), width)
-    return np.ascontiguousarray(smooth[:, :3]), normalise(smooth[:, 3:])
-
-
-def correct_ends(
-    positions: np.ndarray,
-    quaternions: np.ndarray,
-    start: tuple[np.ndarray, np.ndarray],
-    goal: tuple[np.ndarray, np.ndarray],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Move a pose curve (n, 3), (n, 4) so that it begins and ends at the given poses (position, quaternion).
-
-    Both offsets, of position and of rotation vector, fade linearly with arc length towards the other end.
-    """
-    at_start, at_goal = chord(positions[0], quaternions[0], *start), chord(positions[-1], quaternions[-1], *goal)
-    share = arc_share(positions)[:, None]
-    return carried(positions, quaternions, (1.0 - share) * at_start + share * at_goal)
-
-
-def arc_share(positions: np.ndarray) -> np.ndarray:
-    """Arc length up to each sample over the whole, (n,) from 0 to 1; even where the curve does not move."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1))])
-    if length[-1] < 1e-9:
-        return np.linspace(0.0, 1.0, len(positions))
-    return length / length[-1]
 
 
 def bent_to(

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.certificate import curve_allowance, curve_clearances
+from geodesic_motion_ros.certificate import curve_allowance
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.motion_curve import SHORTEST_STEP, MotionCurve, MotionLimits, distinct
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.path_clearance import curve_clearances
 from geodesic_motion_ros.quaternions import angle_between, normalise, rotate_by, rotation_vector_between
 from geodesic_motion_ros.task_frame import TaskFrame
 

@@ -39,7 +39,7 @@ RUN = {
     "joint_timing", "joint_stop", "joint_stream", "giving_way", "pose_giving_way", "pose_stream", "refuge", "sidestep",
     "horizon", "joint_time_law", "joint_limits", "quintic", "cubic_spline", "arm_certificate", "swept_spheres",
     "fitted_spline", "latent_view", "arm_view", "pose_smoothing", "aim", "tables", "simulation", "nodes", "kernels",
-    "kernel_list", "kernel_worker", "paper",
+    "kernel_list", "kernel_worker", "paper", "planning",
 }  # fmt: skip
 
 

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from geodesic_motion_ros.motion_curve import MotionCurve, MotionLimits, distinct
+from geodesic_motion_ros.planning.path_smoothing import smooth_poses
 from geodesic_motion_ros.quaternions import angle_between, normalise, rotate_by, rotation_vector_between
-from geodesic_motion_ros.reference import TaskSpaceReference, smooth_poses, timed_reference
+from geodesic_motion_ros.reference import TaskSpaceReference, timed_reference
 from geodesic_motion_ros.time_law import braking_law, fastest_law
 
 LIMITS = MotionLimits(0.2, 0.8, 0.5, 2.0)

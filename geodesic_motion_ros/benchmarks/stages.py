@@ -27,8 +27,8 @@ from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.latent_way import cheapest_way
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.arm_query import ArmQueryBuilder
+from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.reference import resample_latent, smooth_latent
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict
 

@@ -39,8 +39,8 @@ from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.path_smoothing import correct_ends
 from geodesic_motion_ros.quaternions import to_rotation
-from geodesic_motion_ros.reference import correct_ends
 from geodesic_motion_ros.tables import text_table
 
 #: Largest distance between the poses at which a curve's clearance is measured [m].

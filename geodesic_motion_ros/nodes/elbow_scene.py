@@ -18,9 +18,9 @@ from geodesic_motion_ros.nodes.demo_pictures import AROUND_RGB, FREE_RGB, Curve,
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.nodes.skill_kinds import planner_settings
+from geodesic_motion_ros.planning.path_smoothing import smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, draw_in_space, legend_below, write_figure
-from geodesic_motion_ros.reference import smooth_latent
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
 from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing

@@ -20,10 +20,10 @@ from geodesic_motion_ros.nodes.demo_pictures import (
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.nodes.skill_kinds import planner_settings
+from geodesic_motion_ros.planning.path_smoothing import smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, Way, draw_latent, draw_paths
 from geodesic_motion_ros.quaternions import to_rotation
-from geodesic_motion_ros.reference import smooth_latent
 from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
 from geodesic_motion_ros.skill import Skill
 

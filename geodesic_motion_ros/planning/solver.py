@@ -23,7 +23,7 @@ from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way, wa
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
 from geodesic_motion_ros.planning.arm_query import ArmQuery
-from geodesic_motion_ros.reference import resample_latent, smooth_latent
+from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -19,10 +19,10 @@ from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_pa
 from geodesic_motion_ros.graph.transport import blended, carried
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent
 from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.query import Pose, Query, QueryBuilder
-from geodesic_motion_ros.reference import correct_ends, resample_latent, smooth_latent
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
