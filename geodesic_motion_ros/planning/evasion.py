@@ -1,6 +1,6 @@
 """Evasion: an arm that has no way to its goal gets out of the way of what is coming to where it stands or stops.
 
-Where to is looked for by `joint_solver.Solver.aside`; here is told when, and how long it goes on.
+Where to is looked for by `solver.Solver.aside`; here is told when, and how long it goes on.
 """
 
 from __future__ import annotations

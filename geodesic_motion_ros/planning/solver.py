@@ -1,6 +1,6 @@
 """Solver: one query on a joint-space skill -> a certified reference and its verdict. Knows nothing of ROS.
 
-Reweight, search, refine, smooth, decode, transport, time, certify: what a tick of `joint_planner.ReactivePlanner`
+Reweight, search, refine, smooth, decode, transport, time, certify: what a tick of `planner.ReactivePlanner`
 does when its reference cannot stay.
 """
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros import joint_solver
+from geodesic_motion_ros.planning import solver
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.graph.metric_field import curve_length
@@ -69,7 +69,7 @@ def test_a_refined_way_is_shorter_and_one_that_is_refused_gives_way_to_the_graph
     reach_skill, planner, start, goal, monkeypatch
 ) -> None:
     planner.take_obstacles(Obstacles.none())
-    choice = planner._queries.goal_by_configuration(goal)
+    choice = planner.prepared_configuration(goal).goal
     query = planner._queries.build(start, choice)
     free = Reshaping.of(query.body, Obstacles.none(), 0.0, 0.5, 0.02)
 
@@ -83,7 +83,7 @@ def test_a_refined_way_is_shorter_and_one_that_is_refused_gives_way_to_the_graph
     def astray(field, reshaping, margin, path):
         return path + np.sin(np.linspace(0.0, np.pi, len(path)))[:, None]
 
-    monkeypatch.setattr(joint_solver, "refined", astray)
+    monkeypatch.setattr(solver, "refined", astray)
     assert length(planner.plan_configurations(start, choice)) == length(plain)
 
 
