@@ -39,9 +39,9 @@ from geodesic_motion_ros.experiments.trained import trained_once
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planning.arm_query import ArmGoal
-from geodesic_motion_ros.planning.planner import ReactivePlanner as JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -172,7 +172,7 @@ def _literal(skill: Skill) -> Predict:
 
 def _ours(skill: Skill) -> Predict:
     if skill.space == "joint":
-        arm = JointSpacePlanner(skill)
+        arm = ReactivePlanner(skill)
 
         def predict_joints(item: Any) -> PoseCurve | None:
             goal = ArmGoal(item.configurations[-1:], "that of the demonstration")
@@ -183,11 +183,11 @@ def _ours(skill: Skill) -> Predict:
             return tool_curve(reference.samples(times)[0], arm.robot)
 
         return predict_joints
-    tool = ReactivePlanner(skill, EVERY_END)
+    tool = PosePathPlanner(skill, EVERY_END)
 
     def predict(item: Any) -> PoseCurve | None:
-        reference = tool.plan(*item.curve.start, *item.curve.goal).reference
-        return None if reference is None else PoseCurve(reference.positions, reference.quaternions)
+        path = tool.plan(*item.curve.start, *item.curve.goal)
+        return path if isinstance(path, PosePath) else None
 
     return predict
 

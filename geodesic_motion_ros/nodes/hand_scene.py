@@ -65,7 +65,7 @@ class HandScene(DemoScene):
             Way(self._replay(around), np.array(around.positions), "around the moving obstacle", VERMILION),
         )
         title = f"Latent space of {self.skill.name}: two motions to one goal"
-        draw_latent(out / "latent.png", self.planner, ways, obstacle, title)
+        draw_latent(out / "latent.png", self.skill, self.planner.settings, ways, obstacle, title)
         draw_paths(out / "paths.png", self.skill, ways, obstacle, "Way of the tool, as measured")
         curves = (
             Curve(np.array(free.positions), FREE_RGB, 0.0025),
