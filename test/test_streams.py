@@ -33,7 +33,6 @@ import pytest
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.execution import LONGEST
 from geodesic_motion_ros.comparison.method import TICK
-from geodesic_motion_ros.comparison.methods.tool_geodesics import ToolGeodesics
 from geodesic_motion_ros.comparison.scene import draw_scene
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.obstacles import Obstacles
@@ -157,7 +156,7 @@ class ArmReplay:
         return np.concatenate([tool[:, None], collision.positions(robot, states)[:, collision.moving]], axis=1)
 
 
-def replay_of(skill: Skill, tool: np.ndarray) -> Replay:
+def replay_of(skill: Skill) -> Replay:
     """A new planner on a skill."""
     return ArmReplay(skill)
 
@@ -196,16 +195,15 @@ def assert_repeats(replay: Replay, stream: Stream) -> None:
 def load(name: str, key: str) -> tuple[Replay, Stream]:
     """A new planner on a shipped skill, and one of its recorded streams."""
     with np.load(FOLDER / f"{name}.npz") as archive:
-        tool = archive["tool"]
         values = {field.name: archive[f"{key}/{field.name}"] for field in fields(Stream)}
     values["states"] = STEP * np.cumsum(np.cumsum(values["states"], axis=0), axis=0)
     values["reached"] = bool(values["reached"])
-    return replay_of(Skill.load(name), tool), Stream(**values)
+    return replay_of(Skill.load(name)), Stream(**values)
 
 
-def save(name: str, streams: dict[str, Stream], tool: np.ndarray) -> None:
+def save(name: str, streams: dict[str, Stream]) -> None:
     """Save the streams of a skill by their names, states as second differences of whole numbers: small, and exact."""
-    arrays = {"tool": tool}
+    arrays: dict[str, object] = {}
     for key, stream in streams.items():
         steps = np.round(stream.states / STEP).astype(np.int32)
         packed = np.diff(steps, n=2, axis=0, prepend=np.zeros((2, 7), dtype=np.int32))
@@ -257,13 +255,9 @@ def recorded(replay: Replay, stream: Stream) -> Stream:
 def record(name: str) -> None:
     """Record all streams of a skill."""
     arena = Arena.of(Skill.load(name))
-    tool = np.empty((0, 4))
-    if not arena.whole_arm:
-        settings = ToolGeodesics(arena).settings
-        tool = np.column_stack([settings["tool_points"], settings["tool_radii"]])
     scenes = [(family, number) for family, numbers in SCENES[name].items() for number in numbers]
-    streams = {f"{f}{n}": recorded(replay_of(arena.skill, tool), drawn(arena, f, n)) for f, n in scenes}
-    save(name, streams, tool)
+    streams = {f"{f}{n}": recorded(replay_of(arena.skill), drawn(arena, f, n)) for f, n in scenes}
+    save(name, streams)
 
 
 # ------------------------------------------------------------------- tests

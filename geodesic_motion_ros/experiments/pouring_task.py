@@ -44,7 +44,7 @@ from geodesic_motion_ros.experiments.pouring_stream import Stream, draw_moment, 
 from geodesic_motion_ros.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.plots import (
     BLUE,
@@ -232,7 +232,7 @@ def measure_pouring_task(
             blocked += blocked_pairs(planner, PosePathPlanner(planner.skill), sheet, seed)
         chains.append(pour_all_cups(planners["raw"], seed))
         if not streams:
-            streams.append(past_a_moving_sphere(ReactivePlanner(raw, bottle_settings())))
+            streams.append(past_a_moving_sphere(ReactivePlanner(raw, replace(bottle_settings(), avoid="tool"))))
             raw_skills.append(raw)
     return PouringTaskReport(
         settings, tuple(pairs), tuple(blocked), tuple(chains), streams[0], reshape_metric(raw_skills[0]), shown,

@@ -21,7 +21,6 @@ from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.goal_preparation import GoalPreparation, Prepared
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
-from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 Pose = tuple[np.ndarray, np.ndarray]
@@ -107,7 +106,7 @@ class CycleOutput:
     goal_verdict: Verdict
     commanded: Pose | None = None
     trajectory: tuple[JointReference, float] | None = None
-    reference: TaskSpaceReference | JointReference | None = None
+    reference: Any = None
     time_to_goal: float = np.nan
     configuration: np.ndarray | None = None
     speed: float = 0.0

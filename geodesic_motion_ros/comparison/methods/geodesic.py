@@ -36,10 +36,13 @@ class Geodesics:
         settings = planner or PlannerSettings()
         if part == "hard":
             settings = replace(settings, ambient_law="hard")
-        collision = no_body(arena.robot) if part == "soft" else arena.collision
         if not arena.whole_arm:
             settings = replace(settings, **tool_of(arena))
-        self._planner = ReactivePlanner(arena.skill, settings, collision=collision)
+        if part == "soft":
+            self._planner = ReactivePlanner(arena.skill, settings, collision=no_body(arena.robot))
+        else:
+            settings = replace(settings, avoid=arena.guard)
+            self._planner = ReactivePlanner(arena.skill, settings)
         self._whole_arm = arena.whole_arm
         self.settings = {"part": part, **asdict(settings)}
 
