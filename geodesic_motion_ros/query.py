@@ -157,11 +157,6 @@ class QueryBuilder:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
         return self._offset_verdict("goal", min(ends, key=_weighed))
 
-    def may_start(self, pose: Pose) -> bool:
-        """Whether a start lies close enough to what was demonstrated, or to some trusted part of the manifold."""
-        ends = (self._end("start", pose, component) for component in self._graph.pieces_with_demonstrations())
-        return any(end is not None and self._allowed(end) for end in ends)
-
     def _offset_verdict(self, name: Literal["start", "goal"], end: _End) -> Verdict:
         found = _misfits(name, end)
         *_, beyond, beyond_angle = end.sizes

@@ -268,7 +268,7 @@ def test_a_bad_solid_is_refused_and_the_old_obstacles_stay(planner):
         ({"tool_radii": (0.1, 0.1)}, "one radius per point"),
         ({"tool_radii": (-0.1,)}, "negative"),
         ({"tool_radii": (np.nan,)}, "finite"),
-        ({"speed": 0.0}, "speed"),
+        ({"latency": 0.0}, "latency"),
         ({"speed": -1}, "speed"),
         ({"obstacle_margin": -1}, "finite and 0 or positive"),
         ({"ambient_strength": np.nan}, "ambient_strength"),
