@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.graph.ambient_law import LAWS, AmbientLaw
+from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
 
 #: Ways among obstacles that move are certified with this multiple of the obstacle margin: nothing moves exactly as
 #: expected.
@@ -20,8 +21,8 @@ LOOKED_AT_AGAIN = 0.03
 STOPPING_PLACES = 12
 
 
-#: Limits of the tool with skills of tool poses where none are set: [m/s], [rad/s], [m/s^2].
-TOOL_LIMITS = {"speed": 0.2, "angular_speed": 0.8, "acceleration": 1.5}
+#: Limits of the tool with skills of tool poses, where no others are set.
+TOOL_LIMITS = ToolLimits(speed=0.2, angular_speed=0.8, acceleration=1.5)
 #: Which spheres of the arm are kept away from obstacles: all, or the tool's alone.
 Avoid = Literal["arm", "tool"]
 
@@ -94,6 +95,12 @@ class PlannerSettings:
         "obstacle_margin", "obstacle_position_error", "ambient_strength", "ridge_strength", "prediction", "speed",
         "angular_speed", "acceleration",
     )  # fmt: skip
+
+    def tool_limits(self, of_tool_poses: bool) -> ToolLimits:
+        """Limits of the tool with a skill of tool poses, or with one of configurations."""
+        default = TOOL_LIMITS if of_tool_poses else ToolLimits()
+        chosen = {field.name: getattr(self, field.name) for field in fields(ToolLimits)}
+        return replace(default, **{name: value for name, value in chosen.items() if value is not None})
 
     def __post_init__(self) -> None:
         for name, choices in (("ambient_law", LAWS), ("avoid", get_args(Avoid))):

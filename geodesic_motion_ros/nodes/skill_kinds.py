@@ -18,7 +18,7 @@ from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
-from geodesic_motion_ros.planner_settings import TOOL_LIMITS, PlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
@@ -163,8 +163,9 @@ class PaperKind(SkillKind):
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()
         strength = values["ambient_strength"] if values["avoidance"] else 0.0
-        speeds = (values[name] if values[name] > 0.0 else TOOL_LIMITS[name] for name in ("speed", "angular_speed"))
-        self.planner = PaperPlanner(skill, PaperSettings(strength, *speeds, values["speed_scale"]))
+        tool = planner_settings(values).tool_limits(of_tool_poses=True)
+        settings = PaperSettings(strength, tool.speed, tool.angular_speed, values["speed_scale"])
+        self.planner = PaperPlanner(skill, settings)
         self.robot = self.planner.robot
         common = self.planner, values["state_timeout"], values["resume_timeout"]
         offsets = values["maximum_offset"], values["maximum_offset_angle"]

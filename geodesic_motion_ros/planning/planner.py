@@ -165,7 +165,7 @@ class ReactivePlanner:
         self.tick(0.3)
         if self._query is not None:
             load_search(self.graph, self._query, self.settings)
-        load_references(self.limits)
+        load_references(self.limits, self._solver.tool)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
         self._received = self._obstacles = Obstacles.none()
         self._requested = self._active = self._query = None

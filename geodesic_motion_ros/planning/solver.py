@@ -14,6 +14,7 @@ import numpy as np
 from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.refinement import refined
 from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
@@ -28,6 +29,7 @@ from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
@@ -103,6 +105,7 @@ class Solver:
     ) -> None:
         self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
         self.collision, self.limits = collision, limits
+        self.tool = LimitedTool(robot, settings.tool_limits(isinstance(graph, PoseGraph)))
         self.attempts = tuple(attempt for attempt in _ATTEMPTS if settings.refine or not attempt.refine)
         self.certifier = ArmCertifier(robot, collision)
 
@@ -258,7 +261,9 @@ class Solver:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection, **query.misfits))
         path = smooth_latent(held, width * _SAMPLES_PER_STEP)
         path, correction = _meeting(path, state.position, query.goal if aside is None else path[-1])
-        reference = timed_joint_reference(path, latent, self.limits, state.velocity, state.acceleration)
+        reference = timed_joint_reference(
+            path, latent, self.limits, state.velocity, state.acceleration, tool=self.tool
+        )
         if reference is None:
             reason = "stopping first: the way to the goal turns off the present motion, or leaves the joints' limits"
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
