@@ -13,6 +13,7 @@ import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.deadline import NEVER, Deadline
+from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.refinement import refined
@@ -288,8 +289,7 @@ def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.
 
     Also how far [rad] its ends were moved.
     """
-    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1)))
-    share = (length / max(length[-1], 1e-12))[:, None]
+    share = arc_length_fractions(path)[:, None]
     at_start, at_goal = start - path[0], goal - path[-1]
     moved = float(max(np.linalg.norm(at_start), np.linalg.norm(at_goal)))
     return path + (1.0 - share) * at_start + share * at_goal, moved
