@@ -22,7 +22,7 @@ from geodesic_motion_ros.graph.ambient import clearances
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.isosurface import isosurface
-from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import (
     BLUE,
@@ -84,7 +84,7 @@ def way_between(
     planner: ReactivePlanner, start: np.ndarray, goal: np.ndarray, name: str, colour: str, style: str = "-"
 ) -> Way | None:
     """The planner's way between two configurations (eta,) among its obstacles, to be drawn; None without one."""
-    reference = planner.plan_configurations(start, ArmGoal(goal[None], name)).reference
+    reference = planner.plan_configurations(start, ConfigurationGoal(goal[None], name)).reference
     if reference is None:
         return None
     return Way(reference.latent, _tool_positions(planner, reference.positions), name, colour, style)

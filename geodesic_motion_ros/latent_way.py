@@ -28,7 +28,7 @@ _ENTRY_STEPS = 3
 
 
 class WayQuery(Protocol):
-    """What the search needs of a `query.Query` or a `joint_query.ArmQuery`."""
+    """What the search needs of a `query.Query` or a `joint_query.ConfigurationQuery`."""
 
     graph: WeightedGraph
     body: NodeBody

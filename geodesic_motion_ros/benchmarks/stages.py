@@ -26,7 +26,7 @@ from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.latent_way import cheapest_way
 from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.planning.arm_query import ArmQueryBuilder
+from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
@@ -56,7 +56,7 @@ class SkillBench:
         self._start, self._goal = np.clip(ends, planner.limits.lower, planner.limits.upper)
         model = planner.collision
         self._certifier = ArmCertifier(planner.robot, model)
-        queries = ArmQueryBuilder(skill, planner.graph, planner.settings, model)
+        queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, model)
         choice = queries.goal_by_configuration(self._goal)
         query = choice if isinstance(choice, Verdict) else queries.build(self._start, choice)
         if isinstance(query, Verdict):

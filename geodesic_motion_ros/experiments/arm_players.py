@@ -24,7 +24,7 @@ from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_a
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.paper.follower import TimedPath, followed
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -113,7 +113,7 @@ class OurArm:
         self, start: Sequence[int], goals: Sequence[Sequence[int]], centres: np.ndarray, radii: np.ndarray
     ) -> Played | str:
         self.planner.set_obstacles(centres, radii)
-        choice = ArmGoal(np.array([self._families.ends(goal, -1) for goal in goals]), "those that were shown")
+        choice = ConfigurationGoal(np.array([self._families.ends(goal, -1) for goal in goals]), "those that were shown")
         plan = self.planner.plan_configurations(self._families.ends(start, 0), choice)
         found = plan.reference
         if found is None:

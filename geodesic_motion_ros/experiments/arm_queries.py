@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
 
@@ -28,7 +28,7 @@ class ArmQuery:
 
     def plan(self, planner: ReactivePlanner) -> Plan:
         """From rest at the start to the goal, among the planner's obstacles."""
-        return planner.plan_configurations(self.start, ArmGoal(self.goal[None], "drawn"))
+        return planner.plan_configurations(self.start, ConfigurationGoal(self.goal[None], "drawn"))
 
     def family(self, configurations: np.ndarray) -> int:
         """The family whose mean way the middle half of a motion (n, eta) is nearest to, on average."""

@@ -33,7 +33,7 @@ from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.grid import LatentGrid
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
@@ -200,7 +200,7 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
     """
     ways, arm = mean_ways(joint_skill), ReactivePlanner(joint_skill, settings.joint_planner)
     start, goal = ways[:, 0].mean(axis=0), ways[:, -1].mean(axis=0)
-    asked = start, ArmGoal(goal[None], "that of all demonstrations")
+    asked = start, ConfigurationGoal(goal[None], "that of all demonstrations")
     nominal = arm.plan_configurations(*asked).reference
     tool = PosePathPlanner(skill, settings.planner)
     poses = *arm.robot.forward(start), *arm.robot.forward(goal)

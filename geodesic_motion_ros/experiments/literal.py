@@ -39,7 +39,7 @@ from geodesic_motion_ros.experiments.trained import trained_once
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.planning.arm_query import ArmGoal
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, write_figure
@@ -175,7 +175,7 @@ def _ours(skill: Skill) -> Predict:
         arm = ReactivePlanner(skill)
 
         def predict_joints(item: Any) -> PoseCurve | None:
-            goal = ArmGoal(item.configurations[-1:], "that of the demonstration")
+            goal = ConfigurationGoal(item.configurations[-1:], "that of the demonstration")
             reference = arm.plan_configurations(item.configurations[0], goal).reference
             if reference is None:
                 return None

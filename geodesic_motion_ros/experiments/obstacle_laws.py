@@ -49,7 +49,11 @@ from geodesic_motion_ros.experiments.obstacle_law_scenes import CHECK_PERIOD, La
 from geodesic_motion_ros.graph.ambient_law import AmbientLaw
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.planning.arm_query import ArmGoal, ArmQuery, ArmQueryBuilder
+from geodesic_motion_ros.planning.configuration_query import (
+    ConfigurationGoal,
+    ConfigurationQuery,
+    ConfigurationQueryBuilder,
+)
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import MotionState, Solver
 from geodesic_motion_ros.robot.body_points import place_body_points
@@ -226,7 +230,7 @@ class _Compared:
         self._geometry = CollisionGeometry.panda()
         bodies = {True: planner.collision, False: no_body(planner.robot)}
         self._queries = {
-            hard: ArmQueryBuilder(skill, planner.graph, settings, body) for hard, body in bodies.items()
+            hard: ConfigurationQueryBuilder(skill, planner.graph, settings, body) for hard, body in bodies.items()
         }  # fmt: skip
         self._solvers = {
             law: Solver(
@@ -238,7 +242,7 @@ class _Compared:
     def answers(self, number: int, seed: int) -> list[LawAnswer]:
         """Of one scene, the control's first."""
         scene = draw_scene(self._planner, np.random.default_rng([seed, number]), number)
-        nominal, goal = every(CHECK_PERIOD, scene.nominal), ArmGoal(scene.query.goal[None], "drawn")
+        nominal, goal = every(CHECK_PERIOD, scene.nominal), ConfigurationGoal(scene.query.goal[None], "drawn")
         built = {hard: builder.build(scene.query.start, goal) for hard, builder in self._queries.items()}
         obstacles = Obstacles.of_spheres(scene.centre[None], np.array([scene.radius]))
         control = LawAnswer(CONTROL, number, scene.sphere, True, True, math.nan)
@@ -280,7 +284,7 @@ class _Compared:
 
 
 def _way(
-    solver: Solver, query: ArmQuery | Verdict, obstacles: Obstacles, capped: bool = True
+    solver: Solver, query: ConfigurationQuery | Verdict, obstacles: Obstacles, capped: bool = True
 ) -> np.ndarray | None:
     """Configurations (n, eta) on the way from rest at the start to the goal; None where there is none.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.planning.arm_query import ArmQuery
+from geodesic_motion_ros.planning.configuration_query import ConfigurationQuery
 from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
 from geodesic_motion_ros.planning.stream import Followed, Moment, Stream
 from geodesic_motion_ros.refuge import AGAIN, AHEAD
@@ -34,7 +34,7 @@ class Evasion:
         self._looked = -np.inf
 
     def plan(
-        self, query: ArmQuery, state: MotionState, verdict: Verdict, moment: Moment, deadline: Deadline
+        self, query: ConfigurationQuery, state: MotionState, verdict: Verdict, moment: Moment, deadline: Deadline
     ) -> Plan | None:
         """A way aside where something comes to where the arm stops or stands, and it has no way to the goal.
 

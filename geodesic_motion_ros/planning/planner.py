@@ -1,7 +1,7 @@
 """ReactivePlanner: goal, obstacles and the time -> joint reference and verdict, once per tick. Knows nothing of ROS.
 
 One planner of configurations for every kind of skill: how a node of the latent graph gets its configuration is for
-`arm_query` (skills of configurations) and `tool_query` (skills of tool poses). The planner owns the stream (`stream`):
+`configuration_query` (skills of configurations) and `tool_query` (skills of tool poses). The planner owns the stream (`stream`):
 it plans from the state of motion in which a new reference takes over from the one that is being played. A reference is
 certified for the whole arm, against obstacles that move on linearly for a while, before it is handed out.
 
@@ -27,7 +27,11 @@ from geodesic_motion_ros.joint_timing import load_references
 from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.planning.arm_query import ArmGoal, ArmQuery, ArmQueryBuilder
+from geodesic_motion_ros.planning.configuration_query import (
+    ConfigurationGoal,
+    ConfigurationQuery,
+    ConfigurationQueryBuilder,
+)
 from geodesic_motion_ros.planning.evasion import Evasion
 from geodesic_motion_ros.planning.solver import Attempt, MotionState, Plan, Solver
 from geodesic_motion_ros.planning.stream import Followed, Moment, Stream
@@ -49,8 +53,8 @@ _ROUNDING = 1e-6
 #: `plan` begins in the posture in which the arm stands where its tool is this near the requested start [m], [rad].
 _SAME_START = 0.005, 0.02
 
-Goal = ArmGoal | ToolGoal
-Query = ArmQuery | ToolQuery
+Goal = ConfigurationGoal | ToolGoal
+Query = ConfigurationQuery | ToolQuery
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,11 +127,11 @@ class ReactivePlanner:
         self.graph: ConfigurationGraph | PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         self.limits = JointLimits.of(self.robot, self.settings.speed_scale, self.settings.acceleration_scale)
         self._solver = Solver(skill, self.graph, self.settings, self.robot, self.collision, self.limits)
-        self._queries: ArmQueryBuilder | ToolQueryBuilder
+        self._queries: ConfigurationQueryBuilder | ToolQueryBuilder
         if isinstance(self.graph, PoseGraph):
             self._queries = ToolQueryBuilder(skill, self.graph, self.settings, self.robot, self.collision)
         else:
-            self._queries = ArmQueryBuilder(skill, self.graph, self.settings, self.collision)
+            self._queries = ConfigurationQueryBuilder(skill, self.graph, self.settings, self.collision)
         # As they were received, and as large as they are taken to be.
         self._received = self._obstacles = Obstacles.none()
         self._tracking_error = 0.0
@@ -483,7 +487,7 @@ class ReactivePlanner:
     def _standing_at(self, pose: Pose) -> np.ndarray | None:
         """The configuration (eta,) that is commanded, where it holds the tool in a pose."""
         commanded = self._stream.commanded(self._ticked)
-        if commanded is None or isinstance(self._queries, ArmQueryBuilder):
+        if commanded is None or isinstance(self._queries, ConfigurationQueryBuilder):
             return None
         position, quaternion = self.robot.forward(commanded[0])
         near = np.linalg.norm(position - pose.position) <= _SAME_START[0]

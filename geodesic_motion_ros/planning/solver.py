@@ -24,7 +24,7 @@ from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way, way_verdict
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
-from geodesic_motion_ros.planning.arm_query import ArmQuery
+from geodesic_motion_ros.planning.configuration_query import ConfigurationQuery
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
@@ -122,7 +122,7 @@ class Solver:
 
     def solve(
         self,
-        query: ArmQuery,
+        query: ConfigurationQuery,
         state: MotionState,
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
@@ -144,7 +144,7 @@ class Solver:
 
     def _first_certified(
         self,
-        query: ArmQuery,
+        query: ConfigurationQuery,
         state: MotionState,
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
@@ -191,7 +191,7 @@ class Solver:
         return Plan(None, state.time, verdict)
 
     def aside(
-        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
+        self, query: ConfigurationQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
     ) -> Plan | None:
         """A certified way to a place nearby that nothing is expected to come to, or None where none is found in time.
 
@@ -211,7 +211,7 @@ class Solver:
                 return None
         return None
 
-    def _reshaping(self, query: ArmQuery, obstacles: Obstacles) -> Reshaping:
+    def _reshaping(self, query: ConfigurationQuery, obstacles: Obstacles) -> Reshaping:
         settings = self.settings
         return Reshaping.of(
             query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
@@ -219,7 +219,7 @@ class Solver:
         )  # fmt: skip
 
     def _end_clearance(
-        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, trusting: bool
+        self, query: ConfigurationQuery, state: MotionState, obstacles: Obstacles, trusting: bool
     ) -> float | Verdict:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
@@ -242,7 +242,7 @@ class Solver:
 
     def _certified(
         self,
-        query: ArmQuery,
+        query: ConfigurationQuery,
         state: MotionState,
         way: LatentWay,
         obstacles: Obstacles,

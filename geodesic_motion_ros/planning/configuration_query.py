@@ -1,7 +1,7 @@
-"""ArmQuery: a start and a goal configuration, with the latent graph of a joint-space skill transported to them.
+"""ConfigurationQuery: a start and a goal configuration, with the latent graph of a joint-space skill transported to them.
 
 As `query.Query` for poses. A goal that is given as a pose may be held by several configurations, one in each family
-that was demonstrated: the query goes to the one that is cheapest to reach from where the arm is (`ArmGoal`).
+that was demonstrated: the query goes to the one that is cheapest to reach from where the arm is (`ConfigurationGoal`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ AlongRidges = tuple[np.ndarray, np.ndarray | None, Ridges | None]
 
 
 @dataclass(frozen=True)
-class ArmGoal:
+class ConfigurationGoal:
     """A goal and the configurations that would meet it, best supported first.
 
     Attributes
@@ -52,11 +52,11 @@ class ArmGoal:
     configurations: np.ndarray
     stated: str
 
-    def is_same(self, other: ArmGoal) -> bool:
+    def is_same(self, other: ConfigurationGoal) -> bool:
         """Whether the same configurations are meant."""
         return np.array_equal(self.configurations, other.configurations)
 
-    def is_near(self, other: ArmGoal) -> bool:
+    def is_near(self, other: ConfigurationGoal) -> bool:
         """Whether it is hardly elsewhere, and may wait until the arm rests: configurations of a path are near each
         other, and each new goal is gone to at once.
         """
@@ -89,7 +89,7 @@ class _End:
 
 
 @dataclass(frozen=True)
-class ArmQuery:
+class ConfigurationQuery:
     """A start and goal with the graph transported to them; attributes as of `query.Query`.
 
     Attributes
@@ -122,7 +122,7 @@ class ArmQuery:
         return self.offsets.carried(decoded, *self.decoded.progress_map(latent)), ""
 
 
-class ArmQueryBuilder:
+class ConfigurationQueryBuilder:
     """Finds where on the manifold start and goal lie, and transports the graph to them."""
 
     def __init__(
@@ -145,14 +145,14 @@ class ArmQueryBuilder:
 
     # ------------------------------------------------------------------ goals
 
-    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ArmGoal | Verdict:
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ConfigurationGoal | Verdict:
         """A goal (eta,) [rad], refused where it is too far from what was demonstrated.
 
         frame : the base frame, in which all configurations are.
         """
-        return self._supported(ArmGoal(configuration[None], "the configuration that was asked for"))
+        return self._supported(ConfigurationGoal(configuration[None], "the configuration that was asked for"))
 
-    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ArmGoal | Verdict:
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ConfigurationGoal | Verdict:
         """The configurations that hold the tool in a pose of the base frame, looked for near every mode that was
         demonstrated; frame : as of `goal_by_configuration`.
         """
@@ -160,9 +160,9 @@ class ArmQueryBuilder:
         if not found:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, f"no configuration near the demonstrated ones: {reason}")
         stated = f"the cheapest of {len(found)} configurations near those demonstrated"
-        return self._supported(ArmGoal(np.stack(found), stated))
+        return self._supported(ConfigurationGoal(np.stack(found), stated))
 
-    def _free_of_itself(self, choice: ArmGoal) -> ArmGoal | Verdict:
+    def _free_of_itself(self, choice: ConfigurationGoal) -> ConfigurationGoal | Verdict:
         """The configurations in which no two links touch."""
         found = [self_clearance(self._collision, self._robot, goal) for goal in choice.configurations]
         free = np.array([clearance > 0.0 for clearance, _ in found])
@@ -208,7 +208,7 @@ class ArmQueryBuilder:
         nearest = trusted[np.argsort(offset**2 + 2.0 * turn)[:_NEAREST_POSES]]
         return list(self._graph.configurations[nearest])
 
-    def _supported(self, choice: ArmGoal) -> ArmGoal | Verdict:
+    def _supported(self, choice: ConfigurationGoal) -> ConfigurationGoal | Verdict:
         pieces = self._graph.pieces_with_demonstrations()
         ends = [self._end("goal", asked, piece) for asked in choice.configurations for piece in pieces]
         best = min((end for end in ends if end is not None), key=_weighed, default=None)
@@ -282,7 +282,7 @@ class ArmQueryBuilder:
 
     # ------------------------------------------------------------------ query
 
-    def build(self, start: np.ndarray, goal: ArmGoal) -> ArmQuery | Verdict:
+    def build(self, start: np.ndarray, goal: ConfigurationGoal) -> ConfigurationQuery | Verdict:
         """Choose both ends on one connected piece of the manifold and transport the graph to the query."""
         pairs = []
         for piece in self._graph.pieces_with_demonstrations():
@@ -304,8 +304,8 @@ class ArmQueryBuilder:
         return self._between(here, there, here.task_offset, self._chosen_ridges(here.task_offset, there.task_offset))
 
     def redirected(
-        self, query: ArmQuery, start: np.ndarray, latent: np.ndarray, goal: ArmGoal
-    ) -> ArmQuery | Verdict | None:
+        self, query: ConfigurationQuery, start: np.ndarray, latent: np.ndarray, goal: ConfigurationGoal
+    ) -> ConfigurationQuery | Verdict | None:
         """The query that goes on from a configuration on the way of an older one, at its latent point, to a new goal.
 
         None where the latent point is not connected to any node: then the query has to be built anew.
@@ -326,10 +326,10 @@ class ArmQueryBuilder:
             along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
         return self._between(here, there, query.task_start, along_ridges)
 
-    def other_posture(self, query: ArmQuery) -> None:
+    def other_posture(self, query: ConfigurationQuery) -> None:
         """None: in which posture a path is held is what was demonstrated."""
 
-    def first_posture(self, query: ArmQuery) -> ArmQuery:
+    def first_posture(self, query: ConfigurationQuery) -> ConfigurationQuery:
         """The query itself."""
         return query
 
@@ -357,7 +357,7 @@ class ArmQueryBuilder:
 
     def _between(
         self, here: _End, there: _End, task_start: np.ndarray, along_ridges: AlongRidges
-    ) -> ArmQuery:
+    ) -> ConfigurationQuery:
         corrections, conformal, ridges = along_ridges
         progress, shares = self._graph.progress_map(np.stack([here.latent, there.latent]))
         shown = np.stack([here.shown, there.shown]) + corrections_at(corrections, progress, shares)
@@ -368,7 +368,7 @@ class ArmQueryBuilder:
         body = NodeBody.of_arm(
             graph.configurations, graph.body_points, self._point_radii, self._collision, self._links, self._robot
         )
-        return ArmQuery(
+        return ConfigurationQuery(
             start=here.asked,
             goal=there.asked,
             start_latent=here.latent,
