@@ -1,4 +1,4 @@
-"""ConfigurationQuery: a start and a goal configuration, with the latent graph of a joint-space skill transported to them.
+"""ConfigurationQuery: a start and a goal configuration, with the graph of a skill of configurations carried to them.
 
 As `query.Query` for poses. A goal that is given as a pose may be held by several configurations, one in each family
 that was demonstrated: the query goes to the one that is cheapest to reach from where the arm is (`ConfigurationGoal`).

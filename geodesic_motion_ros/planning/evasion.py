@@ -11,8 +11,7 @@ import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.planning.configuration_query import ConfigurationQuery
-from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
+from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
 from geodesic_motion_ros.planning.stream import Followed, Moment, Stream
 from geodesic_motion_ros.refuge import AGAIN, AHEAD
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -34,7 +33,7 @@ class Evasion:
         self._looked = -np.inf
 
     def plan(
-        self, query: ConfigurationQuery, state: MotionState, verdict: Verdict, moment: Moment, deadline: Deadline
+        self, query: HeldQuery, state: MotionState, verdict: Verdict, moment: Moment, deadline: Deadline
     ) -> Plan | None:
         """A way aside where something comes to where the arm stops or stands, and it has no way to the goal.
 

@@ -1,9 +1,9 @@
 """ReactivePlanner: goal, obstacles and the time -> joint reference and verdict, once per tick. Knows nothing of ROS.
 
 One planner of configurations for every kind of skill: how a node of the latent graph gets its configuration is for
-`configuration_query` (skills of configurations) and `tool_query` (skills of tool poses). The planner owns the stream (`stream`):
-it plans from the state of motion in which a new reference takes over from the one that is being played. A reference is
-certified for the whole arm, against obstacles that move on linearly for a while, before it is handed out.
+`configuration_query` (skills of configurations) and `tool_query` (skills of tool poses). The planner owns the stream
+(`stream`): it plans from the state of motion in which a new reference takes over from the one that is being played. A
+reference is certified for the whole arm, against obstacles that move on linearly for a while, before it is handed out.
 
 While nothing changes the reference stays. Otherwise the search is repeated, and the new path taken where it is a gain.
 Where no path is left that can be certified the arm stops along the one that it follows; where something is then coming

@@ -1,4 +1,4 @@
-"""Solver: one query on a joint-space skill -> a certified reference and its verdict. Knows nothing of ROS.
+"""Solver: one query -> a certified joint reference and its verdict. Knows nothing of ROS.
 
 Reweight, search, refine, smooth, decode, transport, time, certify: what a tick of `planner.ReactivePlanner`
 does when its reference cannot stay.
@@ -7,7 +7,7 @@ does when its reference cannot stay.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,16 +15,16 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.graph.metric_field import MetricField
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.refinement import refined
 from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
-from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way, way_verdict
+from geodesic_motion_ros.latent_way import LatentWay, WayQuery, cheapest_way, same_way, way_verdict
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
-from geodesic_motion_ros.planning.configuration_query import ConfigurationQuery
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
@@ -60,6 +60,27 @@ _REFUGE_STEPS = 15
 _SAMPLES_PER_STEP = 1.0
 
 
+class HeldQuery(WayQuery, Protocol):
+    """A `WayQuery` whose nodes are configurations of an arm of eta joints.
+
+    Attributes
+    ----------
+    start, goal : (eta,) configurations [rad]; start_latent : (d,) latent point that is carried onto the start.
+    field : the metric between the nodes.
+    """
+
+    start: np.ndarray
+    goal: np.ndarray
+    start_latent: np.ndarray
+    field: MetricField
+
+    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
+        """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,), and where
+        and why the arm cannot hold it, "" where it can.
+        """
+        ...
+
+
 @dataclass(frozen=True)
 class Plan:
     """Answer of one planning step.
@@ -93,12 +114,12 @@ class MotionState:
 
 
 class Solver:
-    """Plans single ways on one joint-space skill; holds no state of its own."""
+    """Plans single paths on one skill; holds no state of its own."""
 
     def __init__(
         self,
         skill: Skill,
-        graph: ConfigurationGraph,
+        graph: ConfigurationGraph | PoseGraph,
         settings: PlannerSettings,
         robot: Robot,
         collision: CollisionModel,
@@ -122,7 +143,7 @@ class Solver:
 
     def solve(
         self,
-        query: ConfigurationQuery,
+        query: HeldQuery,
         state: MotionState,
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
@@ -144,7 +165,7 @@ class Solver:
 
     def _first_certified(
         self,
-        query: ConfigurationQuery,
+        query: HeldQuery,
         state: MotionState,
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
@@ -191,7 +212,7 @@ class Solver:
         return Plan(None, state.time, verdict)
 
     def aside(
-        self, query: ConfigurationQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
     ) -> Plan | None:
         """A certified way to a place nearby that nothing is expected to come to, or None where none is found in time.
 
@@ -211,7 +232,7 @@ class Solver:
                 return None
         return None
 
-    def _reshaping(self, query: ConfigurationQuery, obstacles: Obstacles) -> Reshaping:
+    def _reshaping(self, query: HeldQuery, obstacles: Obstacles) -> Reshaping:
         settings = self.settings
         return Reshaping.of(
             query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
@@ -219,7 +240,7 @@ class Solver:
         )  # fmt: skip
 
     def _end_clearance(
-        self, query: ConfigurationQuery, state: MotionState, obstacles: Obstacles, trusting: bool
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, trusting: bool
     ) -> float | Verdict:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
@@ -242,7 +263,7 @@ class Solver:
 
     def _certified(
         self,
-        query: ConfigurationQuery,
+        query: HeldQuery,
         state: MotionState,
         way: LatentWay,
         obstacles: Obstacles,

@@ -25,8 +25,7 @@ from geodesic_motion_ros.planner_settings import (
     STOPPING_PLACES,
     PlannerSettings,
 )
-from geodesic_motion_ros.planning.configuration_query import ConfigurationQuery
-from geodesic_motion_ros.planning.solver import MotionState, Plan
+from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: A new way must take so much less time than the one being followed.
@@ -87,7 +86,7 @@ class Followed:
     drawn [m]. `nodes` and `trusting` as of `Plan`. `gives_way`: it leads aside, from where something is coming.
     """
 
-    query: ConfigurationQuery
+    query: HeldQuery
     verdict: Verdict
     obstacles: Obstacles
     searched: float
@@ -98,7 +97,7 @@ class Followed:
     gives_way: bool = False
 
     @classmethod
-    def begun(cls, query: ConfigurationQuery, plan: Plan, moment: Moment) -> Followed:
+    def begun(cls, query: HeldQuery, plan: Plan, moment: Moment) -> Followed:
         """A plan's way, taken at a moment."""
         nearest = plan.verdict.clearance
         return cls(query, plan.verdict, moment.obstacles, moment.now, nearest, nearest, plan.nodes, plan.trusting)
@@ -172,12 +171,12 @@ class Stream:
             return None
         return self.played.reference, self.played.begin
 
-    def following(self, query: ConfigurationQuery | None) -> Followed | None:
+    def following(self, query: HeldQuery | None) -> Followed | None:
         """What is being followed, where that leads to the goal of a query."""
         followed = self.followed
         return followed if followed is not None and followed.query is query and followed.verdict.ok else None
 
-    def free_way(self, query: ConfigurationQuery, time: float, obstacles: Obstacles) -> Followed | None:
+    def free_way(self, query: HeldQuery, time: float, obstacles: Obstacles) -> Followed | None:
         """The same with its clearance from a time [s] on, where it is free of obstacles as of that time."""
         followed = self.following(query)
         if followed is None:
