@@ -114,6 +114,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             time_to_goal=math.nan if way is None else max(0.0, way[1] + way[0].duration - self._now),
             configuration=None if commanded is None or self._lost or self._missing else commanded[0],
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
+            mode=plan.mode.value,
         )
 
     def _to_send(self, plan: Plan) -> tuple[JointReference, float] | None:

@@ -141,6 +141,7 @@ class PlannerOutputs:
         values = {
             "code": verdict.code.name,
             "reason": verdict.reason,
+            "mode": output.mode,
             "guarded": self._guarded,
             "clearance": verdict.clearance,
             **margins,

@@ -100,6 +100,7 @@ class CycleOutput:
     reference : the way to the goal, with an OK verdict only. time_to_goal : until it ends [s], nan without.
     configuration : commanded (eta,) [rad] in joint space.
     speed : of the commanded tool [m/s], in joint space of the fastest joint [rad/s].
+    mode : what the arm does (`planning.mode`); "" with the paper's planner.
     """
 
     verdict: Verdict
@@ -110,6 +111,7 @@ class CycleOutput:
     time_to_goal: float = np.nan
     configuration: np.ndarray | None = None
     speed: float = 0.0
+    mode: str = ""
 
     @property
     def goal_refused(self) -> bool:

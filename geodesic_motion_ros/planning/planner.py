@@ -394,6 +394,11 @@ class ReactivePlanner:
         would take over in the past. A way that is still free, to the goal or aside, is gone on; without one, `stop` is
         to be asked for.
         """
+        plan = self._tick(now, deadline, late)
+        return replace(plan, mode=self._stream.mode(now, plan.verdict))
+
+    def _tick(self, now: float, deadline: Deadline, late: Deadline) -> Plan:
+        """`tick` without the mode."""
         self._ticked = now
         stream, moment = self._stream, Moment(now, self._obstacles, late)
         if stream.played is None:
@@ -450,9 +455,11 @@ class ReactivePlanner:
 
     def stop(self, now: float, verdict: Verdict, late: Deadline = NEVER) -> Plan:
         """Come to rest along the way being gone, for a reason; late : as of `tick`."""
-        if self._stream.played is None:
-            return Plan(None, now, verdict)
-        return self._stream.stopped(verdict, Moment(now, self._obstacles, late))
+        stream = self._stream
+        plan = Plan(None, now, verdict)
+        if stream.played is not None:
+            plan = stream.stopped(verdict, Moment(now, self._obstacles, late))
+        return replace(plan, mode=stream.mode(now, plan.verdict))
 
     def plan(
         self,

@@ -25,6 +25,7 @@ from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.latent_way import LatentWay, WayQuery, cheapest_way, same_way, way_verdict
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
+from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.refuge import ways_aside
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
@@ -93,6 +94,7 @@ class Plan:
     verdict : OK comes with a way to the goal. With any other verdict the reference is a stop, or leads aside.
     nodes : of the graph that the way was found along, where the first attempt found it.
     trusting : as of `Attempt`.
+    mode : what the arm does after the tick.
     """
 
     reference: JointReference | None
@@ -100,6 +102,7 @@ class Plan:
     verdict: Verdict
     nodes: np.ndarray | None = None
     trusting: bool = False
+    mode: Mode = Mode.IDLE
 
 
 @dataclass(frozen=True)

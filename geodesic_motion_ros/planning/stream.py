@@ -25,6 +25,7 @@ from geodesic_motion_ros.planner_settings import (
     STOPPING_PLACES,
     PlannerSettings,
 )
+from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -164,6 +165,17 @@ class Stream:
         self._replace(Played(reference, begin))
         if self.followed is not None:
             self.followed = replace(self.followed, verdict=verdict, nodes=None)
+
+    def mode(self, now: float, verdict: Verdict) -> Mode:
+        """What the arm does after a tick with this verdict at a time [s]."""
+        followed = self.followed
+        if self.played is not None and followed is not None and now < self.played.end:
+            if followed.verdict.ok:
+                return Mode.FOLLOWING
+            return Mode.EVADING if followed.gives_way else Mode.STOPPING
+        if verdict.ok:
+            return Mode.FOLLOWING
+        return {VerdictCode.NO_GOAL: Mode.IDLE}.get(verdict.code, Mode.WAITING if verdict.planned else Mode.HOLDING)
 
     def way(self) -> tuple[JointReference, float] | None:
         """What is being played and the time of its first knot [s], where it leads to the goal."""
