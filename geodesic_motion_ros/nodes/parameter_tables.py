@@ -355,6 +355,11 @@ TWIN = (
         read_only=False,
     ),
     Parameter(
+        "follow_posture",
+        True,
+        "Whether the arm holds a target pose as `target_posture` says; false: in a posture of its own",
+    ),
+    Parameter(
         "command_timeout",
         0.2,
         "Without a target pose for longer than this, the arm brakes and holds; a joint trajectory ends by itself",
