@@ -21,6 +21,7 @@ from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.quaternions import normalise
+from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict
@@ -47,9 +48,9 @@ class Draw:
             self.configurations = np.clip(skill.decoder.configurations(codes), self.robot.lower, self.robot.upper)
             poses = [np.concatenate(self.robot.forward(shown)) for shown in self.configurations]
         else:
-            self.configurations = self.robot.sample(100, np.random.default_rng(0))
             decoded = skill.decoder.decode(codes)
             poses = [*np.concatenate([decoded.positions, decoded.quaternions], axis=1)]
+            self.configurations = np.array([solve(self.robot, pose[:3], pose[3:]) for pose in poses[::3]])
         self.poses = np.array([skill.start_pose, skill.goal_pose, *poses])
 
     def configuration(self, random: np.random.Generator) -> np.ndarray:

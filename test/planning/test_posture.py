@@ -50,7 +50,7 @@ def assert_holds(robot: Robot, configurations: np.ndarray, positions: np.ndarray
 @pytest.mark.parametrize("joints", [7, 6])
 def test_a_path_is_held_by_steps_of_least_norm(joints: int, six: Robot) -> None:
     robot = PANDA if joints == 7 else six
-    positions, quaternions, start = line(robot)
+    positions, quaternions, start = line(robot, 0.2 if joints == 7 else 0.1)
     path = hold_path(robot, positions, quaternions, start)
     assert path.objection(robot) == ""
     assert_holds(robot, path.configurations, positions, quaternions)

@@ -97,8 +97,7 @@ def test_another_posture_holds_the_same_poses_and_there_are_not_more_than_five(b
         np.testing.assert_allclose(planner.robot.forward(other.goal)[0], GOAL.position, atol=1e-6)
         other = builder.other_posture(other)
     assert 2 <= len(seen) <= 5
-    elbows = [elbow_position(planner.robot, one.goal) for one in seen]
-    assert np.linalg.norm(elbows[1] - elbows[0]) > 0.02
+    assert np.max(np.abs(seen[1].goal - seen[0].goal)) > 0.1
     assert builder.first_posture(seen[-1]).swivel == 0
 
 
