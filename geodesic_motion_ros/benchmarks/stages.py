@@ -30,6 +30,7 @@ from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryB
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict
 
 #: Smoothing width of the planner's first attempt, in grid steps.
@@ -57,7 +58,7 @@ class SkillBench:
         model = planner.collision
         self._certifier = ArmCertifier(planner.robot, model)
         queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, model)
-        choice = queries.goal_by_configuration(self._goal)
+        choice = queries.goal_by_configuration(self._goal, TaskFrame.identity())
         query = choice if isinstance(choice, Verdict) else queries.build(self._start, choice)
         if isinstance(query, Verdict):
             raise ParameterError(f"skill '{skill.name}' has no way along its first demonstration: {query.reason}")
