@@ -29,7 +29,7 @@ from geodesic_motion_ros.skill import Skill
 
 #: The sphere: radius [m] and speed [m/s]; when the undisturbed motion would meet it (share of its duration); how far
 #: beside the tool's way it crosses, along the tool's x axis [m], so that there is room on its other side.
-RADIUS, SPEED, MEETING_SHARE, BESIDE = 0.035, 0.10, 0.60, 0.022
+RADIUS, SPEED, MEETING_SHARE, BESIDE = 0.035, 0.10, 0.50, 0.022
 #: It sets out this far from the way [m], is there a little before the hand [s], and comes to rest this far behind it
 #: [m], which is still under the palm: where a busy machine slows the arm down, the sphere is in its way all the same.
 BEFORE, EARLY, AFTER = 0.30, 0.3, 0.06

@@ -32,6 +32,8 @@ PERIOD, CYCLES = 0.04, 45
 OTHER_GOAL, GONE = range(15, 38), 30
 #: Of one planner, in each process; one of a new planner follows.
 RUNS = 49
+#: Where the sphere that goes through the way sets out, seen from between start and goal [m].
+BEGINS = {"panda_pouring": (0.5, 0.0, 0.1), "panda_reach_to_grasp": (0.35, 0.1, 0.1)}
 
 
 def inputs_at(cycle: int, skill: Skill, tracker: ObstacleTracker) -> CycleInputs:
@@ -41,7 +43,7 @@ def inputs_at(cycle: int, skill: Skill, tracker: ObstacleTracker) -> CycleInputs
     if cycle == GONE:
         tracker.delete_all("obstacles", now)
     elif cycle < GONE:
-        across = np.array([0.35 - 0.3 * cycle * PERIOD, 0.1, 0.1])
+        across = np.array(BEGINS[skill.name]) - [0.3 * cycle * PERIOD, 0.0, 0.0]
         tracker.put("obstacles", ("moving", 0), middle + across, 0.04, now)
         tracker.put("obstacles", ("beside", 1), middle + [0.0, 0.0, -0.3], 0.04, now)
     goal = skill.goal_pose[:3] + np.array([0.01, -0.01, 0.01]) * (cycle in OTHER_GOAL), skill.goal_pose[3:]

@@ -20,7 +20,8 @@ AXES, LENGTHS = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1"), (0.3, 0.
 def six(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     joints = "".join(
         f'<link name="l{i + 1}"/><joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
-        f'<origin xyz="0 0 {length}"/><axis xyz="{axis}"/><limit lower="-2.8" upper="2.8" velocity="2" effort="9"/></joint>'
+        f'<origin xyz="0 0 {length}"/><axis xyz="{axis}"/>'
+        '<limit lower="-2.8" upper="2.8" velocity="2" effort="9"/></joint>'
         for i, (axis, length) in enumerate(zip(AXES, LENGTHS, strict=True))
     )
     file = tmp_path_factory.mktemp("six") / "six.urdf"
@@ -62,7 +63,8 @@ def test_a_path_is_held_by_steps_of_least_norm(joints: int, six: Robot) -> None:
         assert not np.any(path.nulls)
         return
     np.testing.assert_allclose(np.linalg.norm(path.nulls, axis=1), 1.0)
-    assert max(np.max(np.abs(robot.jacobian(q) @ n)) for q, n in zip(path.configurations, path.nulls, strict=True)) < 1e-8
+    for configuration, null in zip(path.configurations, path.nulls, strict=True):
+        assert np.max(np.abs(robot.jacobian(configuration) @ null)) < 1e-8
     assert np.all(np.sum(path.nulls[1:] * path.nulls[:-1], axis=1) > 0.9)
     # A step of least norm has nothing of the null vector.
     np.testing.assert_allclose(np.sum(path.nulls[:-1] * steps, axis=1), 0.0, atol=1e-5)
@@ -123,7 +125,8 @@ def test_nodes_follow_from_their_neighbours_and_lost_ones_are_told() -> None:
     chain[-1] += [2.0, 0.0, 0.0]
     tau = np.full(count, 30 / 59)
     first = np.array([0, *range(1, 2 * count - 2, 2), 2 * count - 2])
-    neighbour = np.array([1, *(node for i in range(1, count - 1) for node in (i - 1, i + 1)), count - 2], dtype=np.int32)
+    inner = (node for i in range(1, count - 1) for node in (i - 1, i + 1))
+    neighbour = np.array([1, *inner, count - 2], dtype=np.int32)
     found, held = hold_nodes(
         PANDA, chain, np.tile(quaternions[0], (count, 1)), posture, tau, np.array([0]), first, neighbour
     )
