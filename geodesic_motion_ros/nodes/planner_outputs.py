@@ -93,6 +93,7 @@ class PlannerOutputs:
         self._scene = MarkerScene(frame)
         self._target_message = PoseStamped()
         self._target_message.header.frame_id = frame
+        self._facing = np.zeros(4)
 
     @property
     def command_topic(self) -> str:
@@ -103,7 +104,9 @@ class PlannerOutputs:
         """The pose to be at now, and the configuration (eta,) [rad] that holds it; only the control loop calls this."""
         stamp = self._now()
         self._target_message.header.stamp = stamp
-        fill_pose(self._target_message.pose, position, quaternion)
+        # Both signs are one orientation, between which a controller may turn the long way round.
+        self._facing = -quaternion if quaternion @ self._facing < 0.0 else quaternion
+        fill_pose(self._target_message.pose, position, self._facing)
         if posture is not None:
             # First the posture: with the pose both are known.
             self._posture_message.header.stamp = stamp

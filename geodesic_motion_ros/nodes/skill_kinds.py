@@ -141,8 +141,9 @@ class CertifiedKind(SkillKind):
         return None if plan.reference is None else self.tool_poses(plan.reference), plan.verdict
 
     def view(self, skill: Skill, size: int) -> LatentPicture | None:
-        graph, settings = self.planner.graph, self.planner.settings
+        graph = self.planner.graph
         if isinstance(graph, PoseGraph) and skill.decoder.latent_dimension == 2:
+            settings = self.planner.settings
             return LatentView(skill, graph, np.array(settings.tool_points), np.array(settings.tool_radii), size)
         if not isinstance(graph, PoseGraph) and skill.decoder.latent_dimension == 3:
             return ArmView(skill, graph, self.planner.collision, size)
