@@ -15,8 +15,8 @@ from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved
-from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
+from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
+from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
 from geodesic_motion_ros.planning.planner import PreparedGoal, ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -25,6 +25,8 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 TRANSIT = 0.005
 #: How far the arm is from where it was sent counts for so long [s].
 TRACKED = 1.0
+#: Two stops because of the posture have no progress between them where the tool is within this distance [m].
+_NO_PROGRESS = 0.01
 
 
 class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
@@ -34,6 +36,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     ----------
     command_topic, state_timeout, resume_timeout, clock, background : as of `StreamCycle`.
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
+    tool_tolerance : [m], [rad] largest distance of the tool from where it was sent, where poses command the arm.
     horizon : [s] what is sent leads so far ahead, and then to rest (`horizon.py`).
 
     Raises
@@ -51,6 +54,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         command_topic: str = "joint_trajectory",
         clock: Callable[[], float] = time.monotonic,
         background: Executor | None = None,
+        tool_tolerance: tuple[float, float] = (0.05, 0.35),
     ) -> None:
         super().__init__(command_topic, state_timeout, resume_timeout, clock, background)
         if horizon < planner.settings.prediction:
@@ -59,7 +63,10 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             )
         self.planner = planner
         self._horizon = Horizon(horizon, planner.limits)
-        self.tracking_tolerance = tracking_tolerance
+        self.tracking_tolerance, self.tool_tolerance = tracking_tolerance, tool_tolerance
+        # An arm that does not hold the posture it was sent, and where its tool was when it last did not (3,) [m].
+        self._astray: Unsettled | None = None
+        self._astray_at: np.ndarray | None = None
         self._now = 0.0
         self._stood = False
         self._standing: Plan | None = None
@@ -147,6 +154,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         if self._again and isinstance(prepared, Verdict):
             self._has_goal = False
             self.planner.clear_goal()
+        self._astray_at = None
         return self.planner.take_goal(prepared)
 
     def _clear_goal(self) -> None:
@@ -178,7 +186,45 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         commanded = self.planner.commanded(taken)
         assert commanded is not None  # _knows_where came first
         self._track(measured, commanded[0], taken)
-        return joint_deviation(measured, commanded[0], self.planner.robot.joint_names, self.tracking_tolerance)
+        robot = self.planner.robot
+        if self._command_topic == "target_pose":
+            return pose_deviation(robot.forward(measured), robot.forward(commanded[0]), *self.tool_tolerance)
+        return joint_deviation(measured, commanded[0], robot.joint_names, self.tracking_tolerance)
+
+    def _follow_measured(self, inputs: CycleInputs[np.ndarray], advance: float) -> Verdict | None:
+        """Besides: an arm whose tool is where it was sent, but not its posture, stops; from where it rests it goes on.
+
+        The certificate is of the posture that was sent.
+        """
+        judged = super()._follow_measured(inputs, advance)
+        measured = inputs.measured
+        if judged is not None or self._command_topic == "joint_trajectory" or measured is None:
+            self._astray = None
+            return judged
+        if self._astray is None:
+            commanded = self.planner.commanded(inputs.now - inputs.state_age)
+            assert commanded is not None  # otherwise the arm would just have begun
+            names = self.planner.robot.joint_names
+            deviation = joint_deviation(measured, commanded[0], names, self.tracking_tolerance)
+            if deviation is None:
+                return None
+            self._astray = Unsettled(self._stray(measured, *deviation), measured)
+        elif self._rests(self._astray, measured, advance):
+            self._begin_at(measured, inputs.now)
+            self._astray = None
+            return None
+        return self._astray.verdict
+
+    def _stray(self, measured: np.ndarray, where: str, limit: str) -> Verdict:
+        """Why an arm stops that does not hold its posture; the second time at one place the goal is dropped."""
+        tool, before = self.planner.robot.forward(measured)[0], self._astray_at
+        self._astray_at = tool
+        said = f"the arm was {where} from target_posture (allowed by tracking_tolerance_joint: {limit})"
+        if before is not None and np.linalg.norm(tool - before) < _NO_PROGRESS:
+            said = f"the controller does not follow the posture: {said}"
+            self._drop_goal(said)
+            return Verdict(VerdictCode.BAD_INPUT, said)
+        return Verdict(VerdictCode.BAD_INPUT, f"{said}: it stops, and plans again from where it rests")
 
     def _track(self, measured: np.ndarray, commanded: np.ndarray, taken: float) -> None:
         """Count how far any part of the arm was from where it was sent in the last second."""

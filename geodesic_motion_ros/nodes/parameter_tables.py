@@ -226,7 +226,8 @@ PLANNER = (
     Parameter(
         "tracking_tolerance",
         0.05,
-        "An arm further than this from where it was sent is lost: the goal is dropped, and the arm must come to rest",
+        "An arm whose tool is further than this from where target_pose sent it is lost: the goal is dropped, and the "
+        "arm must come to rest",
         "m",
         0.001,
         1.0,
@@ -236,7 +237,8 @@ PLANNER = (
     Parameter(
         "tracking_tolerance_joint",
         0.1,
-        "The same for each joint",
+        "The same for each joint that joint_trajectory sent; with target_posture the arm stops, and plans again from "
+        "where it rests; the goal is dropped where that has brought no progress",
         "rad",
         0.005,
         1.0,

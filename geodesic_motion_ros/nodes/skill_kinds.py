@@ -108,7 +108,7 @@ class CertifiedKind(SkillKind):
         self.subject = "the whole arm" if self.guarded == "arm" else "the whole arm, of which the tool avoids obstacles"
         self.cycle: JointCycle = JointCycle(
             self.planner, values["state_timeout"], values["resume_timeout"], values["tracking_tolerance_joint"],
-            values["horizon"], self.command_topic, background=self._goals,
+            values["horizon"], self.command_topic, background=self._goals, tool_tolerance=_tool_tolerance(values),
         )  # fmt: skip
 
     def place(self, joints: np.ndarray) -> np.ndarray:
@@ -153,6 +153,7 @@ class CertifiedKind(SkillKind):
         self.cycle.state_timeout = values["state_timeout"]
         self.cycle.resume_timeout = values["resume_timeout"]
         self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
+        self.cycle.tool_tolerance = _tool_tolerance(values)
 
 
 class PaperKind(SkillKind):
@@ -214,6 +215,10 @@ class PaperKind(SkillKind):
             self.cycle.tracking_tolerance_angle = values["tracking_tolerance_angle"]
         elif isinstance(self.cycle, PaperJointCycle):
             self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
+
+
+def _tool_tolerance(values: Mapping[str, Value]) -> tuple[float, float]:
+    return values["tracking_tolerance"], values["tracking_tolerance_angle"]
 
 
 def kind_of(skill: Skill, values: Mapping[str, Value]) -> SkillKind:

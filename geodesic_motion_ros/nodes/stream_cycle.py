@@ -120,8 +120,8 @@ class CycleOutput:
 
 
 @dataclass
-class _Lost:
-    """An arm that was found elsewhere than commanded: why, and since when [s] it has rested near which place."""
+class Unsettled:
+    """An arm that is to rest before it is commanded again: why, and since when [s] it rests near which place."""
 
     verdict: Verdict
     near: Any
@@ -166,7 +166,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._set_by = 0.0
         self._began = self._heard = 0.0
         self._step = 0.0  # by which what is commanded moves on in the newest cycle whose inputs are known [s]
-        self._lost: _Lost | None = None
+        self._lost: Unsettled | None = None
         self._obstacles_version = -1
 
     def run(self, inputs: CycleInputs[Place], period: float) -> CycleOutput:
@@ -309,7 +309,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         if not self._knows_where():
             self._begin_at(measured, inputs.now)
         elif self._lost is not None:
-            if not self._rests(measured, advance):
+            if not self._rests(self._lost, measured, advance):
                 return self._lost.verdict
             self._begin_at(measured, inputs.now)
         else:
@@ -323,16 +323,15 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._stand_at(measured, now)
         self._lost, self._missing, self._jump = None, False, 0.0
 
-    def _rests(self, measured: Place, advance: float) -> bool:
-        """Look at a lost arm again after a time [s]; whether it has rested for long enough."""
-        assert self._lost is not None
-        if self._moved(measured, self._lost.near):
-            self._lost.near, self._lost.rested = measured, 0.0
+    def _rests(self, arm: Unsettled, measured: Place, advance: float) -> bool:
+        """Look at an unsettled arm again after a time [s]; whether it has rested for long enough."""
+        if self._moved(measured, arm.near):
+            arm.near, arm.rested = measured, 0.0
         else:
-            self._lost.rested += advance
-        return self._lost.rested >= REST_TIME
+            arm.rested += advance
+        return arm.rested >= REST_TIME
 
-    def _loss(self, measured: Place, taken: float) -> _Lost | None:
+    def _loss(self, measured: Place, taken: float) -> Unsettled | None:
         """Why what is commanded is no longer to be trusted, and drop the goal; None while the arm follows."""
         # What was commanded when is not known of a time that another clock has told.
         deviation = None if self._jump else self._deviation(measured, taken)
@@ -347,7 +346,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         else:
             return None
         reason = f"{said}: nothing is commanded until the arm has rested for {REST_TIME:g} s"
-        return _Lost(Verdict(VerdictCode.BAD_INPUT, reason), measured)
+        return Unsettled(Verdict(VerdictCode.BAD_INPUT, reason), measured)
 
     def _rivals(self, inputs: CycleInputs[Place]) -> Verdict | None:
         """More than one node that commands the arm: which of them it followed would be chance."""

@@ -16,6 +16,8 @@ from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.robot.inverse_kinematics import solve
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 
@@ -285,6 +287,56 @@ def test_an_arm_that_is_pushed_away_is_lost_stays_and_needs_a_new_goal(cycle, ar
     moving = follow(cycle, arm, dataclasses.replace(inputs, goal_number=2), 12.0)
     assert moving[-1].verdict.ok
     np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+
+
+@dataclass
+class Cartesian:
+    """An arm whose tool is at once where it is sent, in a posture of its own: that in which it stands, or near it."""
+
+    robot: Robot
+    position: np.ndarray
+    stiff: bool
+
+    def follow(self, output: CycleOutput) -> None:
+        if output.configuration is not None:
+            first = self.position + (0.0 if self.stiff else 1.0) * (output.configuration - self.position)
+            self.position = solve(self.robot, *self.robot.forward(output.configuration), start=first)
+
+
+@pytest.mark.parametrize("stiff", [False, True])
+def test_an_arm_that_holds_the_tool_in_another_posture_stops_and_plans_again_from_there(planner, arm, inputs, stiff):
+    """Where it follows the posture it never stops: the control."""
+    planner.clear_goal()
+    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, "target_pose", clock=lambda: 0.0, tool_tolerance=(0.01, 0.05))
+    held, now, codes = Cartesian(planner.robot, arm.position, stiff), 100.0, []
+    for _ in range(3000):
+        output = cycle.run(dataclasses.replace(inputs, measured=held.position, now=now, heard=now), PERIOD)
+        codes.append(output.verdict.code)
+        held.follow(output)
+        now += PERIOD
+    stopped = VerdictCode.BAD_INPUT in codes
+    assert stopped == stiff
+    assert output.verdict.ok or "does not follow the posture" in output.goal_verdict.reason
+    if output.verdict.ok:
+        reached, wanted = (planner.robot.forward(joints)[0] for joints in (held.position, inputs.goal))
+        np.testing.assert_allclose(reached, wanted, atol=1e-3)
+
+
+def test_an_arm_that_never_holds_its_posture_loses_the_goal_after_two_stops(planner, arm, inputs):
+    planner.clear_goal()
+    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, "target_pose", clock=lambda: 0.0, tool_tolerance=(5.0, 3.2))
+    now, stops, before = 100.0, 0, VerdictCode.OK
+    output = None
+    while output is None or "does not follow the posture" not in output.goal_verdict.reason:
+        assert now < 120.0
+        # It moves to and fro, whatever it is sent, and rests in between.
+        measured = arm.position + 0.15 * np.eye(7)[2] * (int((now - 100.0) / 1.5) % 2)
+        output = cycle.run(dataclasses.replace(inputs, measured=measured, now=now, heard=now), PERIOD)
+        stops += output.verdict.code is VerdictCode.BAD_INPUT and before is not VerdictCode.BAD_INPUT
+        before = output.verdict.code
+        now += PERIOD
+    assert stops == 2
+    assert output.verdict.reason.startswith("the controller does not follow the posture: the arm was 0.1")
 
 
 @pytest.mark.parametrize("jump", [5.0, -5.0])
