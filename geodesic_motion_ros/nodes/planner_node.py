@@ -79,7 +79,7 @@ class PlannerNode(LoopingNode):
         self._view_thread = self._make_view(skill)
         self._every(1.0 / values["path_rate"], self._show_path, "path and ~/markers")
         self._every(1.0, self._show_health, "/diagnostics")
-        self._every(1.0, self._look_for_rivals, "the search for other commanders")
+        self._every(1.0, self._look_at_commands, "the search for other commanders")
         self._every(1.0, self._inputs.look_for_other_types, "the search for obstacles of other types")
         # A plan takes longer than a joint state may be old.
         self._plans = BackgroundService(self, GetPlan, "plan", self._on_plan)
@@ -215,8 +215,8 @@ class PlannerNode(LoopingNode):
             *self._inputs.obstacle_load(),
         )
 
-    def _look_for_rivals(self) -> None:
-        self._inputs.set_publishers(self._outputs.publishers_of_commands())
+    def _look_at_commands(self) -> None:
+        self._inputs.set_nodes_on_commands(*self._outputs.nodes_on_commands())
 
     # ---------------------------------------------------------------- services
 

@@ -38,7 +38,7 @@ from geodesic_motion_ros.nodes.messages import (
 )
 from geodesic_motion_ros.nodes.obstacle_load import Load, advice
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
-from geodesic_motion_ros.nodes.publishers import publishers_of
+from geodesic_motion_ros.nodes.publishers import publishers_of, subscribers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
@@ -94,6 +94,7 @@ class PlannerOutputs:
         self._target_message = PoseStamped()
         self._target_message.header.frame_id = frame
         self._facing = np.zeros(4)
+        self._received_by: tuple[str, ...] = ()
 
     @property
     def command_topic(self) -> str:
@@ -122,9 +123,12 @@ class PlannerOutputs:
             )
         )
 
-    def publishers_of_commands(self) -> tuple[str, ...]:
-        """Names of all nodes that publish on the topic of the commands, this one among them."""
-        return publishers_of(self._node, self.command_topic)
+    def nodes_on_commands(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of all nodes that publish on the topic of the commands, this one among them, and of those that receive
+        it.
+        """
+        self._received_by = subscribers_of(self._node, self.command_topic)
+        return publishers_of(self._node, self.command_topic), self._received_by
 
     def status(
         self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop, plan: str, margins: Mapping[str, float]
@@ -162,6 +166,7 @@ class PlannerOutputs:
             "tick": loop.ticks,
             "last_tick_ms": 1e3 * loop.last_duration,
             "deadline_misses": loop.misses,
+            "commands_received_by": " ".join(self._received_by),
         }
         self._publish_status(self._status, level, "verdict", message, values)
 

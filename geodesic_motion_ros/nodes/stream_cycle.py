@@ -61,6 +61,7 @@ class CycleInputs(Generic[Place]):
     task_frame : where the frame that the skill was shown in stands now, position (3,) [m] and quaternion (4,).
     goal_in_task_frame : whether the goal was given in that frame.
     publishers : names of the nodes that publish the commands; more than one and the arm must not move.
+    subscribers : names of the nodes that receive them; None: that is not known yet.
     now : time of the clock that trajectories are stamped with [s].
     heard : time of the clock that obstacles are heard by [s], which is never set.
     simulated : whether both are of a simulation, which may stand, run slowly or fast.
@@ -79,6 +80,7 @@ class CycleInputs(Generic[Place]):
     task_frame: Pose | None = None
     goal_in_task_frame: bool = False
     publishers: tuple[str, ...] = ()
+    subscribers: tuple[str, ...] | None = None
     now: float = 0.0
     heard: float = 0.0
     simulated: bool = False
@@ -285,6 +287,9 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             return Verdict(VerdictCode.STALE_OBSTACLES, stale)
         if not self._has_goal:
             return self._goal_verdict
+        if inputs.subscribers == ():
+            reason = f"no node receives {self._command_topic}: start the controller of the arm, or remap the topic"
+            return Verdict(VerdictCode.BAD_INPUT, reason)
         return Verdict(VerdictCode.OK)
 
     def _stale_state(self, inputs: CycleInputs[Place]) -> Verdict | None:

@@ -373,6 +373,16 @@ def test_two_commanders_stop_the_arm(cycle, arm, inputs):
     np.testing.assert_array_equal(arm.states[-1][1:], 0.0)
 
 
+def test_an_arm_whose_commands_no_node_receives_stays(cycle, arm, inputs):
+    """What it is sent would not be played, and it would be taken for lost."""
+    unheard = follow(cycle, arm, dataclasses.replace(inputs, subscribers=()), 0.5)
+    assert all(output.verdict.code is VerdictCode.BAD_INPUT for output in unheard)
+    assert "no node receives joint_trajectory" in unheard[-1].verdict.reason
+    assert all(output.trajectory is None or output.speed == 0.0 for output in unheard)
+    assert follow(cycle, arm, dataclasses.replace(inputs, subscribers=("/controller",)), 12.0)[-1].verdict.ok
+    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+
+
 def test_a_task_frame_elsewhere_is_refused(cycle, arm, inputs):
     frame = np.array([0.1, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
     output = follow(cycle, arm, dataclasses.replace(inputs, task_frame=frame), PERIOD)[0]

@@ -179,7 +179,9 @@ class Bench:
     def _wait_for_nodes(self) -> None:
         def ready() -> bool:
             listened = self.asks.is_heard and all(relay.listeners for relay in self.relays.values())
-            return listened and self.seen.status is not None and self.seen.status.code == "NO_GOAL"
+            if not listened or self.seen.status is None or self.seen.status.code != "NO_GOAL":
+                return False
+            return "/twin" in self.seen.status.values["commands_received_by"].split()
 
         self.wait(ready, "planner and twin to start", START_PATIENCE)
 
