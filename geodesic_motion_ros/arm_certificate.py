@@ -21,6 +21,7 @@ from geodesic_motion_ros.joint_reference import PERIOD, JointReference
 from geodesic_motion_ros.obstacles import Obstacles, nearness
 from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
+from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
 from geodesic_motion_ros.swept_spheres import clearances_in_motion, clearances_until, self_clearances
 
@@ -94,16 +95,11 @@ class ArmCertifier:
     the arm keeps away from them.
     """
 
-    def __init__(
-        self, robot: Robot, frames: np.ndarray, offsets: np.ndarray, radii: np.ndarray, self_pairs: np.ndarray
-    ) -> None:
-        """Spheres fixed to rows `frames` (S,) of `robot.link_names`, with centres `offsets` (S, 3) [m] in those links'
-        frames and `radii` (S,) [m]; `self_pairs` (P, 2) are checked against each other."""
-        self._robot = robot
-        self._frames, self._offsets = np.array(frames, dtype=np.int64), np.array(offsets, dtype=float)
-        self._radii, self._pairs = np.array(radii, dtype=float), np.array(self_pairs, dtype=np.int64).reshape(-1, 2)
+    def __init__(self, robot: Robot, collision: CollisionModel) -> None:
+        self._robot, self._radii, self._pairs = robot, collision.radii, collision.self_pairs
+        self._frames, self._offsets = collision.points.frames, collision.points.offsets
         self._levers = lever_bounds(robot, self._frames, self._offsets)
-        self._moving = np.flatnonzero(np.any(self._levers > 0.0, axis=0))
+        self._moving = np.flatnonzero(collision.moving)
 
     def certify(
         self, reference: JointReference, obstacles: Obstacles, horizon: float, beyond: bool = True

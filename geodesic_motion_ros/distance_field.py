@@ -84,6 +84,14 @@ class DistanceField(NamedTuple):
         """Whether another is the same field at the same place: of the same cloud, not of one that is alike."""
         return self.squares is other.squares and np.array_equal(self.placing, other.placing)
 
+    def enlarged(self, by: float) -> DistanceField:
+        """Of a cloud whose points have so much larger spheres around them [m]."""
+        if not self.squares.size:
+            return self
+        placing = self.placing.copy()
+        placing[13] += by
+        return DistanceField(self.squares, placing)
+
     @property
     def edge(self) -> float:
         """Of a cube [m]."""

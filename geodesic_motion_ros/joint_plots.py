@@ -22,8 +22,8 @@ from geodesic_motion_ros.graph.ambient import clearances
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.isosurface import isosurface
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import (
     BLUE,
     GREEN,
@@ -81,16 +81,16 @@ def _derivatives(graph: ConfigurationGraph, of: Callable[[np.ndarray], np.ndarra
 
 
 def way_between(
-    planner: JointSpacePlanner, start: np.ndarray, goal: np.ndarray, name: str, colour: str, style: str = "-"
+    planner: ReactivePlanner, start: np.ndarray, goal: np.ndarray, name: str, colour: str, style: str = "-"
 ) -> Way | None:
     """The planner's way between two configurations (eta,) among its obstacles, to be drawn; None without one."""
-    reference = planner.plan_configurations(start, GoalChoice(goal[None], name)).reference
+    reference = planner.plan_configurations(start, ConfigurationGoal(goal[None], name)).reference
     if reference is None:
         return None
     return Way(reference.latent, _tool_positions(planner, reference.positions), name, colour, style)
 
 
-def demonstrated_ways(planner: JointSpacePlanner) -> tuple[list[Way], Sphere | None]:
+def demonstrated_ways(planner: ReactivePlanner) -> tuple[list[Way], Sphere | None]:
     """What the skill can do: a geodesic from every start to every goal that demonstrations join, and a way around.
 
     The obstacle is a sphere on the arm, half way along the first geodesic, at the first body point from the tool down
@@ -117,7 +117,7 @@ def joint_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     """What a joint-space skill holds: left its latent space with tubes, demonstrations, geodesics and the way around
     an obstacle on one; right the same ways in space.
     """
-    planner = JointSpacePlanner(skill)
+    planner = ReactivePlanner(skill)
     ways, obstacle = demonstrated_ways(planner)
     figure = Figure(figsize=(13.0, 6.0), layout="constrained")
     title = f"Latent space of {skill.name}"
@@ -138,7 +138,7 @@ def joint_report(skill: Skill, path: str | os.PathLike[str]) -> None:
 
 def draw_tubes(
     path: str | os.PathLike[str],
-    planner: JointSpacePlanner,
+    planner: ReactivePlanner,
     ways: Sequence[Way] = (),
     obstacle: Sphere | None = None,
     title: str = "",
@@ -154,7 +154,7 @@ def draw_tubes(
 def draw_latent_tubes(
     figure: Figure,
     place: tuple[int, int, int] | SubplotSpec,
-    planner: JointSpacePlanner,
+    planner: ReactivePlanner,
     ways: Sequence[Way],
     obstacles: Sequence[Sphere] = (),
     title: str = "",
@@ -226,7 +226,7 @@ def _magnification(figure: Figure, axes: Axes, graph: ConfigurationGraph) -> Non
     figure.colorbar(drawn, ax=axes, label=r"magnification factor  $\log\sqrt{\det M(z)}$", shrink=0.9, pad=0.02)
 
 
-def _wall(axes: Axes, planner: JointSpacePlanner) -> None:
+def _wall(axes: Axes, planner: ReactivePlanner) -> None:
     """The end of the support, shaded by a lamp behind the viewer's left shoulder."""
     skill, grid = planner.skill, planner.graph.grid
     sigma = np.log(rms_sigma(skill.decoder.uncertainty(grid.nodes()))).reshape(grid.shape)
@@ -240,7 +240,7 @@ def _wall(axes: Axes, planner: JointSpacePlanner) -> None:
     axes.add_collection3d(Poly3DCollection(corners, facecolors=colours, linewidths=0.0, zorder=2))
 
 
-def _touched(planner: JointSpacePlanner, obstacle: Sphere) -> np.ndarray:
+def _touched(planner: ReactivePlanner, obstacle: Sphere) -> np.ndarray:
     """Nodes (mask (n,)) in whose configuration a sphere of the arm touches an obstacle."""
     spheres, moving = planner.collision.points, planner.collision.moving
     placed = place_body_points(
@@ -250,7 +250,7 @@ def _touched(planner: JointSpacePlanner, obstacle: Sphere) -> np.ndarray:
     return clearances(placed, radii, obstacle.centre[None], np.array([obstacle.radius]), 0.0) <= 0.0
 
 
-def _postures(planner: JointSpacePlanner, way: Way) -> list[np.ndarray]:
+def _postures(planner: ReactivePlanner, way: Way) -> list[np.ndarray]:
     """The arm as a polyline (n, 3) [m] from its base to the tool, at a few moments of a way."""
     joints = BodyPoints.of(planner.robot)
     at = (len(way.latent) - 1) * np.arange(1, len(_POSTURE_ALPHA) + 1) // (len(_POSTURE_ALPHA) + 1)
@@ -269,5 +269,5 @@ def _shown_ends(skill: Skill) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(sheet.start_poles[int(start)], sheet.goal_poles[int(goal)]) for start, goal in joined]
 
 
-def _tool_positions(planner: JointSpacePlanner, configurations: np.ndarray) -> np.ndarray:
+def _tool_positions(planner: ReactivePlanner, configurations: np.ndarray) -> np.ndarray:
     return end_effector_poses(np.ascontiguousarray(configurations), planner.robot.chain)[0]

@@ -18,6 +18,7 @@ from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated, knot_times
 from geodesic_motion_ros.joint_time_law import SmoothLaw, averaging_width, fastest_rates
 from geodesic_motion_ros.quintic import quintic_samples
+from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 
 #: Half of the triangle of time over which laws are averaged [s]; more where jerk is limited harder than a Panda's.
 _SMOOTHING = 0.034
@@ -45,6 +46,7 @@ def timed_joint_reference(
     start_velocity: np.ndarray | None = None,
     start_acceleration: np.ndarray | None = None,
     period: float = PERIOD,
+    tool: LimitedTool | None = None,
 ) -> JointReference | None:
     """A fast reference along a path, from the present state of motion until rest at the path's end.
 
@@ -58,6 +60,8 @@ def timed_joint_reference(
     path : (m, eta) joint positions [rad]; the first one is what is commanded now. latent : (m, d) their latent points.
     start_velocity, start_acceleration : (eta,) [rad/s], [rad/s^2] commanded now; at rest by default.
     period : time between knots [s].
+    tool : with limits that its motion keeps besides, as far as the state it starts from allows: speeds and
+        accelerations that exceed them there fade first.
 
     Returns
     -------
@@ -72,13 +76,17 @@ def timed_joint_reference(
     velocity = np.zeros(joints) if start_velocity is None else np.asarray(start_velocity, dtype=float)
     acceleration = np.zeros(joints) if start_acceleration is None else np.asarray(start_acceleration, dtype=float)
     _check(path, latent, velocity, acceleration, joints)
+    tool = None if tool is None or not tool.limits.limited else tool
     curve = _PathCurve.through(path, latent, limits)
+    constraints = None if tool is None else tool.constraints(curve.grid_motion, _VELOCITY_SHARE, _ACCELERATION_SHARE)
     state = np.stack([path[0], velocity, acceleration])
     slow = np.ones(len(curve.grid))
     for attempts in range(1, _ATTEMPTS + 1):
-        law, begin = _planned_law(curve, limits, slow, velocity, acceleration)
-        attempt = _played(curve, law, begin, limits, state, period)
+        law, begin = _planned_law(curve, limits, constraints, slow, velocity, acceleration)
+        attempt, fading = _played(curve, law, begin, limits, tool, state, period)
         inside, strain = attempt.judged(limits)
+        if tool is not None:
+            strain[:2] = np.maximum(strain[:2], _tool_limit_ratio(tool, attempt, fading))
         worst = np.max(strain)
         if inside and worst <= 1.0 + _ROUNDING:
             return attempt
@@ -91,12 +99,13 @@ def timed_joint_reference(
     return None
 
 
-def load_references(limits: JointLimits) -> None:
+def load_references(limits: JointLimits, tool: LimitedTool | None = None) -> None:
     """Load the compiled kernels of `timed_joint_reference`, also those for motions that have to be slowed down: for
     one that begins by going the other way.
     """
     path = 0.5 * (limits.lower + limits.upper) + 0.1 * limits.velocity * np.linspace(0.0, 1.0, 6)[:, None]
-    timed_joint_reference(path, np.zeros((6, 1)), limits, -0.3 * limits.velocity, np.zeros_like(limits.velocity))
+    still = np.zeros_like(limits.velocity)
+    timed_joint_reference(path, np.zeros((6, 1)), limits, -0.3 * limits.velocity, still, tool=tool)
 
 
 def _check(path: np.ndarray, latent: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, joints: int) -> None:
@@ -116,7 +125,7 @@ class _PathCurve:
     """A cubic spline through a path; its parameter s is about the time [s] that full speed would take.
 
     knots : (m,). positions, bends : (m, eta) q and q'' there. latent : (m, d).
-    grid : (g,) where laws are planned. grid_slopes, grid_bends : (g, eta) q' and q'' there.
+    grid : (g,) where laws are planned. grid_motion : (3, g, eta) q, q' and q'' there.
     """
 
     knots: np.ndarray
@@ -124,8 +133,7 @@ class _PathCurve:
     bends: np.ndarray
     latent: np.ndarray
     grid: np.ndarray
-    grid_slopes: np.ndarray
-    grid_bends: np.ndarray
+    grid_motion: np.ndarray
 
     @classmethod
     def through(cls, path: np.ndarray, latent: np.ndarray, limits: JointLimits) -> _PathCurve:
@@ -135,8 +143,7 @@ class _PathCurve:
         bends = spline_bends(knots, positions)
         pieces = math.ceil(_SEGMENTS / (len(kept) - 1))
         grid = np.interp(np.arange(pieces * (len(kept) - 1) + 1) / pieces, np.arange(len(kept)), knots)
-        _, grid_slopes, grid_bends = spline_samples(knots, positions, bends, grid)
-        return cls(knots, positions, bends, latent[kept], grid, grid_slopes, grid_bends)
+        return cls(knots, positions, bends, latent[kept], grid, spline_samples(knots, positions, bends, grid))
 
     def motion(self, law: np.ndarray) -> np.ndarray:
         """Positions, velocities and accelerations (3, k, eta) where s, s' and s'' are (3, k)."""
@@ -178,36 +185,70 @@ def _pass_at(motion: np.ndarray, law: np.ndarray) -> None:
 
 
 def _planned_law(
-    curve: _PathCurve, limits: JointLimits, slow: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    curve: _PathCurve,
+    limits: JointLimits,
+    constraints: np.ndarray | None,
+    slow: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
 ) -> tuple[SmoothLaw, float]:
-    """The averaged law along a curve, slowed down by factors (g,) of the rate, and when in it the motion begins."""
+    """The averaged law along a curve, slowed down by factors (g,) of the rate, and when in it the motion begins.
+
+    constraints : (4, g, 4) of the tool (`LimitedTool.constraints`).
+    """
     width = averaging_width(_SMOOTHING, limits)
     speeds = np.outer(_VELOCITY_SHARE * slow, limits.velocity)
     accelerations = np.outer(_ACCELERATION_SHARE * slow**2, limits.acceleration)
-    slope, bend = curve.grid_slopes[0] / limits.acceleration, curve.grid_bends[0] / limits.acceleration
+    _, slopes, bends = curve.grid_motion
+    slope, bend = slopes[0] / limits.acceleration, bends[0] / limits.acceleration
+    if constraints is not None:
+        slopes, bends = np.hstack([slopes, constraints[0]]), np.hstack([bends, constraints[1]])
+        speeds = np.hstack([speeds, slow[:, None] * constraints[2]])
+        accelerations = np.hstack([accelerations, slow[:, None] ** 2 * constraints[3]])
     length = float(slope @ slope)
     moving = length > 0.0 and bool(np.any(velocity) or np.any(acceleration))
     if not moving:
-        rates = fastest_rates(curve.grid, curve.grid_slopes, curve.grid_bends, speeds, accelerations, 0.0)
+        rates = fastest_rates(curve.grid, slopes, bends, speeds, accelerations, 0.0)
         return SmoothLaw.along(curve.grid, rates, width), -width
     rate = max(0.0, float(slope @ (velocity / limits.acceleration)) / length)
-    rates = fastest_rates(curve.grid, curve.grid_slopes, curve.grid_bends, speeds, accelerations, rate)
+    rates = fastest_rates(curve.grid, slopes, bends, speeds, accelerations, rate)
     change = float(slope @ (acceleration / limits.acceleration - bend * rates[0] ** 2)) / length
     return SmoothLaw.along(curve.grid, rates, width, change), 0.0
 
 
 def _played(
-    curve: _PathCurve, law: SmoothLaw, begin: float, limits: JointLimits, state: np.ndarray, period: float
-) -> JointReference:
-    """Knots of the motion along a curve from its time `begin` on, led onto it from a state (3, eta) by a quintic."""
+    curve: _PathCurve,
+    law: SmoothLaw,
+    begin: float,
+    limits: JointLimits,
+    tool: LimitedTool | None,
+    state: np.ndarray,
+    period: float,
+) -> tuple[JointReference, float]:
+    """Knots of the motion along a curve from its time `begin` on, led onto it from a state (3, eta) by a quintic.
+
+    Also in which time [s] the quintic does so.
+    """
     mismatch = state - curve.motion(law.sample(np.array([begin])))[:, 0]
     length = _correction_length(mismatch, limits.acceleration, limits.jerk)
+    if tool is not None:
+        length = max(length, _correction_length(tool.mismatch(state[0], mismatch), tool.accelerations, tool.jerks))
     times = knot_times(max(law.end - begin, length), period)
     passed = law.sample(begin + times)
     fading = np.stack([mismatch, np.zeros_like(mismatch)], axis=1)
     motion = curve.motion(passed) + quintic_samples(np.array([0.0, length]), *fading, times)
     motion[:, 0] = state
-    return ending_at_rest(times, *motion, interpolated(passed[0], curve.knots, curve.latent))
+    return ending_at_rest(times, *motion, interpolated(passed[0], curve.knots, curve.latent)), length
+
+
+def _tool_limit_ratio(tool: LimitedTool, reference: JointReference, fading: float) -> np.ndarray:
+    """The tool's speeds and accelerations over its limits (2, n - 1); its initial ones are allowed while they fade."""
+    times = reference.times
+    # The first knot of all intervals of an even number is a knot of the reference.
+    samples = np.empty((3, 2 * len(times) - 1, reference.positions.shape[1]))
+    samples[:, ::2] = reference.positions, reference.velocities, reference.accelerations
+    samples[:, 1::2] = reference.samples(0.5 * (times[1:] + times[:-1]))
+    return tool.limit_ratio(samples, int(np.searchsorted(times, fading)), fading)
 
 
 @numba.njit(cache=True, nogil=True)

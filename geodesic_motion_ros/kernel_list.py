@@ -56,13 +56,11 @@ def row(kernel: Dispatcher, arguments: tuple[types.Type, ...]) -> tuple[str, str
 
 def build_planners() -> None:
     """A planner of each kind stands then: with every kernel of its ticks."""
-    from geodesic_motion_ros.joint_planner import JointSpacePlanner
-    from geodesic_motion_ros.planner import ReactivePlanner
+    from geodesic_motion_ros.planning.planner import ReactivePlanner
     from geodesic_motion_ros.skill import Skill
 
     for name in SKILLS:
-        skill = Skill.load(name)
-        (JointSpacePlanner if skill.space == "joint" else ReactivePlanner)(skill)
+        ReactivePlanner(Skill.load(name))
 
 
 def called() -> list[tuple[str, str, str]]:

@@ -17,7 +17,7 @@ from geodesic_motion_ros.graph.search_from_both_ends import load_search_from_bot
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import SearchSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -28,7 +28,7 @@ _ENTRY_STEPS = 3
 
 
 class WayQuery(Protocol):
-    """What the search needs of a `query.Query` or a `joint_query.JointQuery`."""
+    """What the search needs of a `query.Query` or a `joint_query.ConfigurationQuery`."""
 
     graph: WeightedGraph
     body: NodeBody
@@ -61,7 +61,7 @@ def shown_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float
     return float(cost_field(graph.adjacency, base, goal)[start])
 
 
-def load_search(graph: LatentGraph, query: WayQuery, settings: SearchSettings) -> None:
+def load_search(graph: LatentGraph, query: WayQuery, settings: PlannerSettings) -> None:
     """Load the compiled kernels of `cheapest_way`, whatever obstacles there will be."""
     reshaping = Reshaping.of(
         query.body, Obstacles.none(), settings.ambient_strength, settings.ambient_width_ratio,

@@ -138,6 +138,14 @@ class Obstacles:
             cloud=self.cloud.moved(rotation, translation),
         )
 
+    def enlarged(self, by: float) -> Obstacles:
+        """All of them larger by a length [m] to every side."""
+        if by == 0.0:
+            return self
+        solids = self.solids.copy()
+        solids[:, 6] += by
+        return replace(self, radii=self.radii + by, solids=solids, cloud=self.cloud.enlarged(by))
+
     def at(self, time: float, prediction: float) -> Obstacles:
         """Moved on linearly to `time` [s], by `prediction` [s] at most."""
         elapsed = np.clip(time - self.time, 0.0, prediction)

@@ -23,7 +23,8 @@ from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.graph.ambient import clearances
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.latent_view import magnification_factor
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.skill import Skill
 
 BLUE, VERMILION, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#E69F00", "#009E73", "#6b7280"
@@ -68,7 +69,8 @@ def _codes_around(skill: Skill, ways: Sequence[Way]) -> np.ndarray:
 
 def draw_latent(
     path: str | os.PathLike[str],
-    planner: ReactivePlanner,
+    skill: Skill,
+    settings: PlannerSettings,
     ways: Sequence[Way],
     obstacle: Sphere | None = None,
     title: str = "",
@@ -78,7 +80,7 @@ def draw_latent(
     Parameters
     ----------
     path : picture to write.
-    planner : its skill, its graph and its tool spheres; `ways` and `obstacle` belong to it.
+    skill, settings : whose ways these are, and its tool spheres.
 
     Raises
     ------
@@ -86,12 +88,12 @@ def draw_latent(
     """
     figure = Figure(figsize=(7.4, 5.6), layout="constrained")
     axes = figure.add_subplot()
-    codes = np.concatenate([*_codes_around(planner.skill, ways), *(way.latent for way in ways)])
-    handles = latent_background(figure, axes, planner.skill)
+    codes = np.concatenate([*_codes_around(skill, ways), *(way.latent for way in ways)])
+    handles = latent_background(figure, axes, skill)
     if obstacle is not None:
-        handles.append(_footprint(axes, planner, obstacle))
+        handles.append(_footprint(axes, skill, settings, obstacle))
     handles += draw_latent_ways(axes, ways)
-    _frame_codes(axes, planner.skill, codes)
+    _frame_codes(axes, skill, codes)
     axes.set_title(title, loc="left", fontsize=11)
     legend_below(figure, handles)
     write_figure(figure, path)
@@ -140,7 +142,7 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     ------
     PlanningError : the skill's latent space has not two dimensions.
     """
-    planner = ReactivePlanner(skill)
+    planner = PosePathPlanner(skill)
     codes = demonstrations_of(skill)
     geodesics = [latent for latent in (_geodesic(planner, code) for code in codes) if latent is not None]
     share = np.linspace(0.0, 1.0, 100)[:, None]
@@ -163,10 +165,10 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     write_figure(figure, path)
 
 
-def _geodesic(planner: ReactivePlanner, code: np.ndarray) -> np.ndarray | None:
+def _geodesic(planner: PosePathPlanner, code: np.ndarray) -> np.ndarray | None:
     ends = planner.skill.decoder.decode(code[[0, -1]])
-    plan = planner.plan(ends.positions[0], ends.quaternions[0], ends.positions[1], ends.quaternions[1])
-    return None if plan.reference is None else plan.reference.latent
+    path = planner.plan(ends.positions[0], ends.quaternions[0], ends.positions[1], ends.quaternions[1])
+    return path.latent if isinstance(path, PosePath) else None
 
 
 def _bend(latent: np.ndarray) -> float:
@@ -195,9 +197,8 @@ def latent_background(figure: Figure, axes: Axes, skill: Skill) -> list[Line2D |
     return [Line2D([], [], color=GREY, linewidth=0.9, label="demonstrations")]
 
 
-def _footprint(axes: Axes, planner: ReactivePlanner, obstacle: Sphere) -> Patch:
+def _footprint(axes: Axes, skill: Skill, settings: PlannerSettings, obstacle: Sphere) -> Patch:
     """Shade the latent points whose decoded tool would touch the obstacle."""
-    skill, settings = planner.skill, planner.settings
     shape = (160, 160)
     first, second = (np.linspace(skill.latent_lower[i], skill.latent_upper[i], shape[i]) for i in range(2))
     grid = np.stack(np.meshgrid(first, second), axis=-1).reshape(-1, 2)

@@ -16,8 +16,10 @@ from typing import Literal
 
 import numpy as np
 
+from geodesic_motion_ros.graph.metric_field import MetricField
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
+from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import Offsets, corrections_at
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
@@ -78,8 +80,10 @@ class _End:
         return (*_lengths(self.displacement), *_lengths(self.beyond))
 
 
-AlongRidges = tuple[np.ndarray, np.ndarray | None]
-"""Corrections (K, S, 6) of the decoder along a query's ridges, and the nodes' conformal factors (n,), None for 1."""
+AlongRidges = tuple[np.ndarray, np.ndarray | None, Ridges | None]
+"""Corrections (K, S, 6) of the decoder along a query's ridges, the nodes' conformal factors (n,), and the ridges; None
+and None where they are not used.
+"""
 
 #: A goal that moves no further than this during a motion leaves the choice between the demonstrations as it is [m].
 _SAME_TASK = 0.02
@@ -94,7 +98,7 @@ class Query:
     start, goal : the asked poses; start_latent : (d,) latent point that is carried onto the start.
     goal_node : the node that is carried onto the goal.
     body : the tool at every node.
-    offsets, graph : how the decoded graph was carried here, and what came of it.
+    offsets, graph : how the decoded graph was carried here, and what came of it. field : the metric between the nodes.
     to_goal, from_start : (n,) obstacle-free cost to the goal's node, and from the start's: the search's heuristics.
     cost_limit : ways that cost more count as blocked.
     misfits : how far both ends are carried, under their names in a Verdict.
@@ -110,6 +114,7 @@ class Query:
     body: NodeBody
     offsets: Offsets
     graph: TransportedGraph
+    field: MetricField
     to_goal: np.ndarray
     from_start: np.ndarray
     cost_limit: float
@@ -129,6 +134,7 @@ class QueryBuilder:
         self._settings = settings
         self._points = np.array(settings.tool_points, dtype=float)
         everywhere = np.ones(len(graph.latent), dtype=bool)
+        self._tensors = graph.tensors(self._points)
         self._poles: dict[str, tuple[np.ndarray, int]] = {}
         if skill.canonical is not None:
             for end, at in (("start", 0), ("goal", -1)):
@@ -150,11 +156,6 @@ class QueryBuilder:
         if not ends:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
         return self._offset_verdict("goal", min(ends, key=_weighed))
-
-    def may_start(self, pose: Pose) -> bool:
-        """Whether a start lies close enough to what was demonstrated, or to some trusted part of the manifold."""
-        ends = (self._end("start", pose, component) for component in self._graph.pieces_with_demonstrations())
-        return any(end is not None and self._allowed(end) for end in ends)
 
     def _offset_verdict(self, name: Literal["start", "goal"], end: _End) -> Verdict:
         found = _misfits(name, end)
@@ -255,7 +256,7 @@ class QueryBuilder:
         for verdict in (self._offset_verdict("start", here), self._offset_verdict("goal", there)):
             if not verdict.ok:
                 return verdict
-        corrections, conformal = along_ridges
+        corrections, conformal, ridges = along_ridges
         offsets = self._offsets(here, there, corrections)
         graph = self._graph.transported(offsets, self._points, conformal)
         to_goal = cost_field(self._graph.adjacency, graph.base, there.node)
@@ -267,6 +268,7 @@ class QueryBuilder:
             body=NodeBody.of_tool(graph.body_points, np.array(self._settings.tool_radii, dtype=float)),
             offsets=offsets,
             graph=graph,
+            field=self._graph.field(self._tensors, ridges, self._settings.ridge_strength),
             to_goal=to_goal,
             from_start=cost_field(self._graph.adjacency, graph.base, here.node),
             cost_limit=self._settings.cost_cap * max(self._shown_cost, float(to_goal[here.node])),
@@ -282,11 +284,11 @@ class QueryBuilder:
         sheet = self._skill.canonical
         if self._ridges is None or sheet is None:
             # No ridge is used, but the graph counts the shares of the skill's.
-            return np.zeros((self._graph.ridge_count, 2, 6)), None
+            return np.zeros((self._graph.ridge_count, 2, 6)), None, None
         weights = sheet.weights(start_offset, goal_offset, conditioned)
         ridges = self._ridges.moved_to(np.einsum("kn,nsd->ksd", weights, self._skill.codes))
         corrections = sheet.corrections(self._graph.decoder, ridges, weights)
-        return corrections, ridges.conformal_factors(self._graph.latent, self._settings.ridge_strength)
+        return corrections, ridges.conformal_factors(self._graph.latent, self._settings.ridge_strength), ridges
 
     def _offsets(self, here: _End, there: _End, corrections: np.ndarray) -> Offsets:
         progress, shares = self._graph.progress_map(np.stack([here.latent, there.latent]))

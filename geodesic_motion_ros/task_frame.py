@@ -1,7 +1,7 @@
 """TaskFrame: where the frame that a skill was shown in stands now.
 
-A skill taught relative to an object follows the object. Start, goal and obstacles go from the base frame into the task
-frame, the planner works there, and its answer comes back: since frames are rigid, all distances stay what they are.
+A skill taught relative to an object follows the object. Start and goal go from the base frame into the task frame, the
+graph is carried to them there, and its poses come back: since frames are rigid, all distances stay what they are.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 
-from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import inverse, multiply, rotate
 
 
@@ -31,17 +30,6 @@ class TaskFrame:
     def is_identity(self) -> bool:
         """Whether nothing has to be converted."""
         return bool(np.all(self.origin == 0.0) and np.all(self.quaternion == [1.0, 0.0, 0.0, 0.0]))
-
-    def points_to_task(self, points: np.ndarray) -> np.ndarray:
-        """Points (n, 3) of the base frame as the task frame sees them."""
-        return points if self.is_identity else rotate(inverse(self.quaternion), points - self.origin)
-
-    def obstacles_to_task(self, obstacles: Obstacles) -> Obstacles:
-        """Obstacles of the base frame as the task frame sees them."""
-        if self.is_identity:
-            return obstacles
-        rotation = rotate(inverse(self.quaternion), np.eye(3)).T
-        return obstacles.moved(rotation, -rotation @ self.origin)
 
     def points_to_base(self, points: np.ndarray) -> np.ndarray:
         """Points (n, 3) of the task frame as the base frame sees them."""

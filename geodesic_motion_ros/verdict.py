@@ -24,6 +24,12 @@ class VerdictCode(IntEnum):
     CONFLICT = 11
 
 
+_OF_PLANNING = frozenset({
+    VerdictCode.OK, VerdictCode.NO_FEASIBLE_PATH, VerdictCode.IN_COLLISION, VerdictCode.GOAL_OUT_OF_SUPPORT,
+    VerdictCode.START_OUT_OF_SUPPORT, VerdictCode.DEADLINE_MISSED,
+})  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Verdict:
     """Outcome of one planning step.
@@ -64,6 +70,11 @@ class Verdict:
     @property
     def ok(self) -> bool:
         return self.code is VerdictCode.OK
+
+    @property
+    def planned(self) -> bool:
+        """Whether it tells what planning came to, and not that nothing could be planned."""
+        return self.code in _OF_PLANNING
 
     @property
     def sentence(self) -> str:

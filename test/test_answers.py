@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros import latent_way
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.skill import Skill
 
@@ -46,7 +45,7 @@ class Asked:
 
     def __init__(self, name: str) -> None:
         self.skill = Skill.load(name)
-        self.planner = (JointSpacePlanner if self.skill.space == "joint" else ReactivePlanner)(self.skill)
+        self.planner = ReactivePlanner(self.skill)
         self._search = latent_way.shortest_path_from_both_ends
         self._found: list = []
 
@@ -69,9 +68,7 @@ class Asked:
         if reference is None:
             return np.empty((0, 0))
         times = np.linspace(0.0, reference.duration, SAMPLES)
-        if self.skill.space == "joint":
-            return np.column_stack([times, reference.samples(times)[0]])
-        return np.array([[time, *np.concatenate(reference.sample(time))] for time in times])
+        return np.column_stack([times, reference.samples(times)[0]])
 
     def _drawn_end(self, random: np.random.Generator, end: str) -> np.ndarray:
         """A pose (7,) of the tool at an end of one demonstration, or between two, carried up to 2 cm from there."""
@@ -98,10 +95,8 @@ class Asked:
             ends[1, :3] += [0.0, 0.0, 0.3]
         for row in range(number % (SPHERES + 1) if len(samples) else 0):
             at = samples[random.integers(SAMPLES // 5, SAMPLES - SAMPLES // 5), 1:]
-            if self.skill.space == "joint":
-                origins = self.planner.robot.link_frames(at)[1]
-                at = origins[random.integers(4, len(origins))]
-            spheres[row, :3] = at[:3] + random.normal(scale=0.1, size=3)
+            origins = self.planner.robot.link_frames(at)[1]
+            spheres[row, :3] = origins[random.integers(4, len(origins))] + random.normal(scale=0.1, size=3)
             spheres[row, 3] = random.uniform(0.01, 0.04)
         return ends, spheres
 
@@ -131,7 +126,7 @@ def test_a_shipped_skill_answers_as_it_did_where_its_answers_were_recorded(name:
         recorded = dict(archive)
     nodes = np.split(recorded["nodes"], np.cumsum(recorded["lengths"])[:-1])
     # The queries are of use: many have a reference, some have none.
-    assert 0.4 < np.mean(recorded["codes"] == 0) < 0.9
+    assert 0.3 < np.mean(recorded["codes"] == 0) < 0.9
     for number, query in enumerate(zip(recorded["ends"], recorded["spheres"], strict=True)):
         answer = asked.answer(*query)
         assert answer.code == recorded["codes"][number], number

@@ -16,7 +16,7 @@ from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quintic import quintic_bounds
-from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
+from geodesic_motion_ros.robot.body_points import BodyPoints, lever_bounds, place_body_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.world import PandaWorld
@@ -30,7 +30,14 @@ OFFSETS = np.random.default_rng(0).uniform(-0.06, 0.06, (len(FRAMES), 3))
 RADII = np.linspace(0.04, 0.08, len(FRAMES))
 PAIRS = np.array([(0, 4), (0, 6), (1, 5), (1, 7), (2, 7), (3, 7), (0, 7)])
 LEVERS = lever_bounds(ROBOT, FRAMES, OFFSETS)
-CERTIFIER = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII, PAIRS)
+
+
+def certifier(radii: np.ndarray = RADII, pairs: np.ndarray = PAIRS) -> ArmCertifier:
+    points = BodyPoints(tuple(ROBOT.link_names[frame] for frame in FRAMES), FRAMES, OFFSETS)
+    return ArmCertifier(ROBOT, CollisionModel(points, radii, FRAMES > 0, pairs))
+
+
+CERTIFIER = certifier()
 MOVING = np.arange(1, len(FRAMES))  # the first sphere is on the base
 HORIZON = 0.3
 
@@ -298,7 +305,7 @@ def test_it_objects_by_name_and_only_with_reason():
     kept = float(near.clearance.min())
     assert CERTIFIER.objection(near, kept - 0.001) is None
     assert f"{kept + 0.001:.3f} m are to be kept" in CERTIFIER.objection(near, kept + 0.001)
-    wide = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII + 0.3, PAIRS)
+    wide = certifier(RADII + 0.3)
     complaint = wide.objection(wide.certify(reference, Obstacles.none(), HORIZON))
     assert "touch after" in complaint
     assert any(f"'{ROBOT.link_names[frame]}' and" in complaint for frame in FRAMES)
@@ -309,14 +316,14 @@ def test_what_cannot_move_is_not_checked_against_obstacles_but_against_the_arm()
     base = placed_at(reference, reference.times[[0]])[0, 0]
     around = CERTIFIER.certify(reference, Obstacles.of_spheres(base[None], np.array([0.01])), HORIZON)
     assert np.all(around.clearance > 0.0)
-    own = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII + np.eye(len(RADII))[0], [(0, 7)])
+    own = certifier(RADII + np.eye(len(RADII))[0], np.array([(0, 7)]))
     free = own.certify(reference, Obstacles.none(), HORIZON)
     assert np.all(free.self_clearance < 0.0)
 
 
 def test_without_pairs_the_arm_is_clear_of_itself():
     reference, _ = scene(5)
-    alone = ArmCertifier(ROBOT, FRAMES, OFFSETS, RADII, np.empty((0, 2)))
+    alone = certifier(pairs=np.empty((0, 2), dtype=np.int64))
     certificate = alone.certify(reference, Obstacles.none(), HORIZON)
     assert np.all(np.isinf(certificate.self_clearance))
     assert alone.objection(certificate) is None
@@ -325,12 +332,12 @@ def test_without_pairs_the_arm_is_clear_of_itself():
 def test_the_real_arm_is_never_nearer_than_certified():
     """PyBullet judges, on the Panda's own meshes; the base, which cannot move, is not part of it."""
     model = CollisionModel.panda()
-    certifier = ArmCertifier(ROBOT, model.points.frames, model.points.offsets, model.radii, model.self_pairs)
+    of_meshes = ArmCertifier(ROBOT, model)
     costs = []
     with PandaWorld() as world:
         for seed in range(8):
             reference, obstacles = scene(seed)
-            certificate = certifier.certify(reference, obstacles, HORIZON)
+            certificate = of_meshes.certify(reference, obstacles, HORIZON)
             for time in np.random.default_rng(seed).uniform(0.0, reference.duration - 1e-3, 25):
                 interval = int(np.searchsorted(reference.times, time, side="right")) - 1
                 world.reset(reference.sample(time)[0])

@@ -9,7 +9,7 @@ import pytest
 
 from geodesic_motion_ros.arm_view import ArmView
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.nodes.skill_kinds import JointSpaceKind
+from geodesic_motion_ros.nodes.skill_kinds import CertifiedKind
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -73,4 +73,4 @@ def test_where_the_decoder_is_sure_it_is_dark_and_where_there_are_no_nodes_brigh
 
 def test_the_node_draws_a_latent_space_of_three_dimensions(reach_skill, graph):
     kind = SimpleNamespace(planner=SimpleNamespace(graph=graph, collision=MODEL))
-    assert isinstance(JointSpaceKind.view(kind, reach_skill, 128), ArmView)
+    assert isinstance(CertifiedKind.view(kind, reach_skill, 128), ArmView)

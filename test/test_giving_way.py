@@ -1,4 +1,4 @@
-"""GivingWay: an arm goes aside where something comes to it, and there alone; it does not look for that all the time."""
+"""Evasion: an arm goes aside where something comes to it, and there alone; it does not look for that all the time."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import pytest
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.deadline import NEVER, Deadline
-from geodesic_motion_ros.giving_way import GivingWay
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_solver import JointPlan, MotionState
-from geodesic_motion_ros.joint_stream import JointStream, Moment
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.evasion import Evasion
+from geodesic_motion_ros.planning.solver import MotionState, Plan
+from geodesic_motion_ros.planning.stream import Moment, Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-ROBOT, SETTINGS = Robot.panda(), JointPlannerSettings()
+ROBOT, SETTINGS = Robot.panda(), PlannerSettings()
 LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")
 QUERY = SimpleNamespace()
 NO_WAY = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no way")
@@ -30,7 +30,7 @@ NO_WAY = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no way")
 
 @dataclass
 class OneWayAside:
-    """In the place of a JointSolver: a turn to the side, where there is one, and for how long [s] it is asked for."""
+    """In the place of a Solver: a turn to the side, where there is one, and for how long [s] it is asked for."""
 
     certifier: ArmCertifier
     found: bool = True
@@ -38,29 +38,29 @@ class OneWayAside:
 
     def aside(
         self, query: object, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline
-    ) -> JointPlan | None:
+    ) -> Plan | None:
         self.asked.append(horizon)
         share = np.linspace(0.0, 1.0, 30)[:, None]
         path = state.position + share * np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         reference = timed_joint_reference(path, np.hstack([1.0 - share, share]), LIMITS)
-        return JointPlan(reference, state.time, Verdict(VerdictCode.OK, clearance=0.01)) if self.found else None
+        return Plan(reference, state.time, Verdict(VerdictCode.OK, clearance=0.01)) if self.found else None
 
 
 class Arm:
     """One that stands, has no way, and may give way."""
 
-    def __init__(self, settings: JointPlannerSettings = SETTINGS) -> None:
-        certifier = ArmCertifier(ROBOT, MODEL.points.frames, MODEL.points.offsets, MODEL.radii, MODEL.self_pairs)
-        self.solver, self.stream = OneWayAside(certifier), JointStream(settings, LIMITS, certifier)
-        self.giving_way = GivingWay(settings, self.solver, self.stream)
+    def __init__(self, settings: PlannerSettings = SETTINGS) -> None:
+        certifier = ArmCertifier(ROBOT, MODEL)
+        self.solver, self.stream = OneWayAside(certifier), Stream(settings, LIMITS, certifier)
+        self.giving_way = Evasion(settings, self.solver, self.stream)
         self.stream.stand(JointReference.standing(ROBOT.ready, np.zeros(2)), 0.0)
 
     def plan(
         self, now: float, obstacles: Obstacles, verdict: Verdict = NO_WAY, late: Deadline = NEVER
-    ) -> JointPlan | None:
+    ) -> Plan | None:
         return self.giving_way.plan(QUERY, self.switch(now), verdict, Moment(now, obstacles, late), NEVER)
 
-    def gone_on(self, now: float, obstacles: Obstacles) -> JointPlan | None:
+    def gone_on(self, now: float, obstacles: Obstacles) -> Plan | None:
         return self.giving_way.gone_on(self.switch(now).time, Moment(now, obstacles))
 
     def switch(self, now: float) -> MotionState:

@@ -12,14 +12,14 @@ from PIL import Image
 from geodesic_motion_ros import joint_plots
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings, build_configuration_graph
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, ORANGE, VERMILION, Sphere, Way
 from geodesic_motion_ros.robot.kinematics import Robot
 
 
 @pytest.fixture(scope="module")
-def planner(reach_skill) -> JointSpacePlanner:
-    return JointSpacePlanner(reach_skill)
+def planner(reach_skill) -> ReactivePlanner:
+    return ReactivePlanner(reach_skill)
 
 
 @pytest.fixture(scope="module")

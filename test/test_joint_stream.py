@@ -1,4 +1,4 @@
-"""JointStream: one reference takes over from the other without a jump, and a stop is certified and keeps to the way."""
+"""Stream: one reference takes over from the other without a jump, and a stop is certified and keeps to the way."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_solver import JointPlan
-from geodesic_motion_ros.joint_stream import Followed, JointStream, Moment, Played
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.stream import Followed, Moment, Played, Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-ROBOT, SETTINGS = Robot.panda(), JointPlannerSettings()
+ROBOT, SETTINGS = Robot.panda(), PlannerSettings()
 LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")
-CERTIFIER = ArmCertifier(ROBOT, MODEL.points.frames, MODEL.points.offsets, MODEL.radii, MODEL.self_pairs)
+CERTIFIER = ArmCertifier(ROBOT, MODEL)
 #: Of a query the stream asks only whether it is the same.
 QUERY = SimpleNamespace()
 #: To the side, by the first joint.
@@ -43,11 +43,11 @@ def moment(now: float, obstacles: Obstacles | None = None, late: Deadline = NEVE
     return Moment(now, obstacles or Obstacles.none(), late)
 
 
-def going(settings: JointPlannerSettings = SETTINGS, clearance: float = np.inf) -> JointStream:
+def going(settings: PlannerSettings = SETTINGS, clearance: float = np.inf) -> Stream:
     """A stream that turns to the side from time 0 on."""
-    stream = JointStream(settings, LIMITS, CERTIFIER)
+    stream = Stream(settings, LIMITS, CERTIFIER)
     stream.stand(JointReference.standing(ROBOT.ready, np.zeros(2)), 0.0)
-    plan = JointPlan(straight(ROBOT.ready, ROBOT.ready + TURN), 0.0, replace(OK, clearance=clearance))
+    plan = Plan(straight(ROBOT.ready, ROBOT.ready + TURN), 0.0, replace(OK, clearance=clearance))
     stream.play(plan, Followed.begun(QUERY, plan, moment(0.0)), moment(0.0))
     return stream
 
@@ -74,7 +74,7 @@ def test_one_way_takes_over_from_another_in_its_state_of_motion_and_the_past_is_
     assert np.max(np.abs(state.velocity)) > 0.1
     goal = ROBOT.ready + 0.7 * TURN + 0.1
     new = straight(state.position, goal, state.velocity, state.acceleration)
-    plan = JointPlan(new, state.time, OK)
+    plan = Plan(new, state.time, OK)
     handed = stream.play(plan, Followed.begun(QUERY, plan, moment(0.4)), moment(0.4))
     assert handed.begin == before.knot_before(0.4)
     times = np.arange(0.3, stream.played.end, 0.001)
@@ -150,7 +150,7 @@ def test_what_has_passed_since_it_was_last_seen_may_have_come_to_a_stand_right_b
     passed = replace(crossing, centres=crossing.centres - [0.0, 0.0, 0.1], age=age)
     assert stream.can_still_stop(stream.played, time, passed) is goes_on
     assert (stream.free_way(QUERY, time, passed) is not None) is goes_on
-    plan = JointPlan(stream.played.reference.rest(time), time, OK)
+    plan = Plan(stream.played.reference.rest(time), time, OK)
     assert stream.stoppable(plan, passed).verdict.ok is goes_on
 
 
@@ -170,7 +170,7 @@ def test_a_new_way_is_a_gain_where_it_is_safer_or_takes_clearly_less_time(
 ) -> None:
     stream = going()
     reference = stream.played.reference
-    plan = JointPlan(replace(reference, times=longer * reference.times), 0.0, replace(OK, clearance=clearance))
+    plan = Plan(replace(reference, times=longer * reference.times), 0.0, replace(OK, clearance=clearance))
     followed = replace(stream.followed, verdict=replace(OK, clearance=nearest), trusting=trusting)
     assert stream.gains(plan, followed, 0.0) is gain
     assert not stream.gains(replace(plan, reference=None), followed, 0.0)

@@ -34,12 +34,10 @@ GROUND = {
     "skill_folder", "convex_hull",
 }  # fmt: skip
 RUN = {
-    *GROUND, "planner", "planner_settings", "query", "task_frame", "reference", "motion_curve", "time_law",
-    "certificate", "latent_way", "pose_solver", "joint_planner", "joint_solver", "joint_query", "joint_reference",
-    "joint_timing", "joint_stop", "joint_stream", "giving_way", "pose_giving_way", "pose_stream", "refuge", "sidestep",
-    "horizon", "joint_time_law", "joint_limits", "quintic", "cubic_spline", "arm_certificate", "swept_spheres",
-    "fitted_spline", "latent_view", "arm_view", "pose_smoothing", "aim", "tables", "simulation", "nodes", "kernels",
-    "kernel_list", "kernel_worker", "paper",
+    *GROUND, "planner_settings", "query", "task_frame", "latent_way", "joint_reference", "joint_timing", "joint_stop",
+    "refuge", "horizon", "joint_time_law", "joint_limits", "quintic", "cubic_spline", "arm_certificate",
+    "swept_spheres", "fitted_spline", "latent_view", "arm_view", "tables", "simulation", "nodes", "kernels",
+    "kernel_list", "kernel_worker", "paper", "planning", "trajectory",
 }  # fmt: skip
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,21 +11,17 @@ from PIL import Image
 
 from geodesic_motion_ros import plots
 from geodesic_motion_ros.errors import PlanningError
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.skill import Skill
 
 
 @pytest.fixture(scope="module")
-def planner(fan_skill: Skill) -> ReactivePlanner:
-    return ReactivePlanner(fan_skill)
-
-
-@pytest.fixture(scope="module")
-def way(planner: ReactivePlanner) -> plots.Way:
-    start, goal = planner.skill.start_pose, planner.skill.goal_pose
-    reference = planner.plan(start[:3], start[3:], goal[:3], goal[3:]).reference
-    assert reference is not None
-    return plots.Way(reference.latent, reference.positions, "way", plots.VERMILION)
+def way(fan_skill: Skill) -> plots.Way:
+    start, goal = fan_skill.start_pose, fan_skill.goal_pose
+    path = PosePathPlanner(fan_skill).plan(start[:3], start[3:], goal[:3], goal[3:])
+    assert isinstance(path, PosePath)
+    return plots.Way(path.latent, path.positions, "path", plots.VERMILION)
 
 
 @pytest.fixture
@@ -43,10 +38,10 @@ def pixels_of(path: Path, colour: str, tolerance: int = 45) -> int:
 
 
 def test_latent_picture_shows_the_way_and_the_footprint(
-    tmp_path: Path, planner: ReactivePlanner, way: plots.Way, obstacle: plots.Sphere
+    tmp_path: Path, fan_skill: Skill, way: plots.Way, obstacle: plots.Sphere
 ) -> None:
-    plots.draw_latent(tmp_path / "without.png", planner, [way])
-    plots.draw_latent(tmp_path / "with.png", planner, [way], obstacle)
+    plots.draw_latent(tmp_path / "without.png", fan_skill, PlannerSettings(), [way])
+    plots.draw_latent(tmp_path / "with.png", fan_skill, PlannerSettings(), [way], obstacle)
     assert pixels_of(tmp_path / "without.png", plots.VERMILION) > 500
     # the rim of the footprint is drawn in full colour; smoothed edges of the way come close to it in places
     assert pixels_of(tmp_path / "with.png", plots.ORANGE) > 500 + pixels_of(tmp_path / "without.png", plots.ORANGE)
@@ -67,11 +62,10 @@ def test_training_report_shows_geodesics_and_the_straight_line(tmp_path: Path, f
     assert pixels_of(tmp_path / "report.png", plots.VERMILION) > 200
 
 
-def test_a_deeper_latent_space_is_refused(tmp_path: Path, planner: ReactivePlanner, way: plots.Way) -> None:
-    deep = copy.copy(planner)
-    deep.skill = replace(planner.skill, latent_lower=np.zeros(3), latent_upper=np.ones(3))
+def test_a_deeper_latent_space_is_refused(tmp_path: Path, fan_skill: Skill, way: plots.Way) -> None:
+    deep = replace(fan_skill, latent_lower=np.zeros(3), latent_upper=np.ones(3))
     with pytest.raises(PlanningError, match="two dimensions, fan has 3"):
-        plots.draw_latent(tmp_path / "no.png", deep, [way])
+        plots.draw_latent(tmp_path / "no.png", deep, PlannerSettings(), [way])
 
 
 def test_codes_of_the_demonstrations_leave_out_antipodal_copies(fan_skill: Skill) -> None:

@@ -17,13 +17,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_solver import JointPlan
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner import ReactivePlanner
-from geodesic_motion_ros.pose_solver import Plan
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.quaternions import normalise
-from geodesic_motion_ros.reference import TaskSpaceReference
+from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict
@@ -50,9 +48,9 @@ class Draw:
             self.configurations = np.clip(skill.decoder.configurations(codes), self.robot.lower, self.robot.upper)
             poses = [np.concatenate(self.robot.forward(shown)) for shown in self.configurations]
         else:
-            self.configurations = self.robot.sample(100, np.random.default_rng(0))
             decoded = skill.decoder.decode(codes)
             poses = [*np.concatenate([decoded.positions, decoded.quaternions], axis=1)]
+            self.configurations = np.array([solve(self.robot, pose[:3], pose[3:]) for pose in poses[::3]])
         self.poses = np.array([skill.start_pose, skill.goal_pose, *poses])
 
     def configuration(self, random: np.random.Generator) -> np.ndarray:
@@ -123,37 +121,33 @@ class Asked:
     """A planner, and the queries of each kind that are drawn for it: calls that return a verdict or a plan."""
 
     def __init__(self, skill: Skill) -> None:
-        self.planner = (JointSpacePlanner if skill.space == "joint" else ReactivePlanner)(skill)
+        self.planner = ReactivePlanner(skill)
         self._draw = Draw(skill)
         self._now = 0.0
 
     def change_scene(self, random: np.random.Generator, stands: bool) -> None:
-        """Other obstacles and another task frame, or, for a planner of joints, another place where the arm stands."""
+        """Other obstacles, another task frame, and another place where the arm stands."""
         self.planner.take_obstacles(self._draw.obstacles(random))
-        if isinstance(self.planner, ReactivePlanner):
-            self.planner.set_task_frame(*(self._draw.pose(random) if random.uniform() < 0.2 else IDENTITY))
-        elif stands:
+        self.planner.set_task_frame(*(self._draw.pose(random) if random.uniform() < 0.2 else IDENTITY))
+        if stands:
             self.planner.stand_at(random.choice(self._draw.configurations), self._now)
 
     def goal(self, random: np.random.Generator) -> Callable[[], Verdict]:
         """A goal pose, or a goal configuration where there are such."""
-        if isinstance(self.planner, JointSpacePlanner) and random.uniform() < 0.5:
+        if random.uniform() < 0.5:
             return partial(self.planner.set_goal_configuration, self._draw.configuration(random))
         return partial(self.planner.set_goal, *self._draw.pose(random))
 
-    def way(self, random: np.random.Generator) -> Callable[[], Plan | JointPlan]:
+    def way(self, random: np.random.Generator) -> Callable[[], Plan]:
         """A way between two poses."""
         return partial(self.planner.plan, *self._draw.pose(random), *self._draw.pose(random))
 
-    def tick(self, random: np.random.Generator) -> Callable[[], Plan | JointPlan]:
+    def tick(self, random: np.random.Generator) -> Callable[[], Plan]:
         """A tick of the stream, to the goal asked for last, in motion or from wherever the arm is then."""
         self._now += 10.0 ** random.uniform(-3.0, 0.0)
-        if isinstance(self.planner, JointSpacePlanner):
-            if random.uniform() < 0.2:
-                self.planner.stand_at(self._draw.configuration(random), self._now)
-            return partial(self.planner.tick, self._now)
-        speed = random.choice([0.0, 0.05, 1.0])
-        return partial(self.planner.tick, *self._draw.pose(random), speed, now=self._now)
+        if random.uniform() < 0.2:
+            self.planner.stand_at(self._draw.configuration(random), self._now)
+        return partial(self.planner.tick, self._now)
 
 
 @pytest.fixture(scope="module", params=SKILLS)
@@ -195,19 +189,17 @@ def test_no_query_raises(asked: Asked, kind: str, count: int, expected: set[str]
     assert expected <= set(verdicts), verdicts
 
 
-def verdict_of(answer: Verdict | Plan | JointPlan) -> Verdict:
+def verdict_of(answer: Verdict | Plan) -> Verdict:
     return answer if isinstance(answer, Verdict) else answer.verdict
 
 
-def check(answer: Verdict | Plan | JointPlan) -> None:
+def check(answer: Verdict | Plan) -> None:
     """A refusal has a reason, and what is commanded is a motion that is known to be clear."""
     verdict, reference = verdict_of(answer), getattr(answer, "reference", None)
     assert verdict.ok or verdict.reason, answer
     if reference is not None:
         assert np.all(np.isfinite(reference.positions)), answer
         assert not (verdict.ok and np.isnan(verdict.clearance)), answer
-    if isinstance(reference, TaskSpaceReference):
-        np.testing.assert_allclose(np.linalg.norm(reference.quaternions, axis=1), 1.0, atol=1e-9)
 
 
 def test_demonstrations_that_end_at_a_joint_limit_are_no_exception() -> None:
@@ -215,7 +207,7 @@ def test_demonstrations_that_end_at_a_joint_limit_are_no_exception() -> None:
     skill, limit = Skill.load("panda_reach_to_grasp"), Robot.panda().upper[6]
     poles = skill.canonical.goal_poles.copy()
     poles[:, 6] = np.nextafter(limit, np.inf)
-    planner = JointSpacePlanner(replace(skill, canonical=replace(skill.canonical, goal_poles=poles)))
+    planner = ReactivePlanner(replace(skill, canonical=replace(skill.canonical, goal_poles=poles)))
     poles[:, 6] = limit
     verdict = planner.set_goal(*planner.robot.forward(poles[0]))
     assert verdict.ok, verdict

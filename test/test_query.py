@@ -8,27 +8,26 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.canonical import canonical_form
+from geodesic_motion_ros.demonstrations.curves import arc_length
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.planner import Plan, PlannerSettings, ReactivePlanner
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.quaternions import angle_between, rotate_by
-from geodesic_motion_ros.query import Pose
-from geodesic_motion_ros.reference import ReferenceFollower
+from geodesic_motion_ros.query import Pose, QueryBuilder
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 
-PERIOD = 0.01
 NOTHING = (np.empty((0, 3)), np.empty(0))
 
 
 @pytest.fixture(scope="module")
-def shared_planner(canonical_fan_skill) -> ReactivePlanner:
-    return ReactivePlanner(canonical_fan_skill)
+def shared_planner(canonical_fan_skill) -> PosePathPlanner:
+    return PosePathPlanner(canonical_fan_skill)
 
 
 @pytest.fixture
-def planner(shared_planner) -> ReactivePlanner:
+def planner(shared_planner) -> PosePathPlanner:
     shared_planner.set_obstacles(*NOTHING)
-    shared_planner.clear_goal()
     return shared_planner
 
 
@@ -45,9 +44,22 @@ def shown_ends(skill: Skill, seed: int) -> tuple[tuple, tuple]:
     return start, displaced(skill.goal_pose, weights[1] @ sheet.goal_offsets)
 
 
-def mean_plan(planner: ReactivePlanner) -> Plan:
+def planned(planner: PosePathPlanner, start: tuple, goal: tuple) -> PosePath:
+    """The path between two poses, which there must be."""
+    path = planner.plan(*start, *goal)
+    assert isinstance(path, PosePath), path
+    return path
+
+
+def mean_path(planner: PosePathPlanner) -> PosePath:
+    """That between the mean start and the mean goal."""
     start, goal = planner.skill.start_pose, planner.skill.goal_pose
-    return planner.plan(start[:3], start[3:], goal[:3], goal[3:])
+    return planned(planner, (start[:3], start[3:]), (goal[:3], goal[3:]))
+
+
+@pytest.fixture
+def queries(planner) -> QueryBuilder:
+    return QueryBuilder(planner.skill, planner.graph, planner.settings)
 
 
 def gap_to(curve: np.ndarray, points: np.ndarray) -> float:
@@ -55,30 +67,16 @@ def gap_to(curve: np.ndarray, points: np.ndarray) -> float:
     return float(np.linalg.norm(points[:, None] - curve, axis=-1).min(axis=1).max())
 
 
-def test_a_motion_may_start_where_a_plan_is_not_refused_for_its_start(planner):
-    random, skill = np.random.default_rng(0), planner.skill
-    answers = []
-    for _ in range(30):
-        reference = mean_plan(planner).reference
-        position, quaternion = reference.sample(random.uniform(0.0, reference.duration))
-        pose = Pose(position + random.normal(scale=0.04, size=3), quaternion)
-        refused = planner.plan(pose.position, quaternion, *np.split(skill.goal_pose, [3])).verdict.code
-        answers.append(planner._queries.may_start(pose))
-        assert answers[-1] == (refused is not VerdictCode.START_OUT_OF_SUPPORT)
-    assert 5 < sum(answers) < 25
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_shown_starts_and_goals_are_met_exactly_with_hardly_a_correction(planner, seed):
     start, goal = shown_ends(planner.skill, seed)
-    plan = planner.plan(*start, *goal)
-    verdict, reference = plan.verdict, plan.reference
-    assert verdict.ok, verdict
+    path = planned(planner, start, goal)
+    verdict = path.verdict
     assert verdict.end_correction < 0.002
     assert verdict.in_support
     assert max(verdict.start_beyond, verdict.goal_beyond) < 1e-6
-    np.testing.assert_allclose(reference.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
-    assert angle_between(reference.quaternions[[0, -1]], np.stack([start[1], goal[1]])).max() < 1e-6
+    np.testing.assert_allclose(path.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
+    assert angle_between(path.quaternions[[0, -1]], np.stack([start[1], goal[1]])).max() < 1e-6
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -105,100 +103,47 @@ def test_the_conformal_factor_leaves_the_field_a_lower_bound(planner):
 def test_a_sphere_on_the_way_of_a_carried_query_is_passed(planner, seed):
     random = np.random.default_rng(seed)
     start, goal = shown_ends(planner.skill, seed)
-    direct = planner.plan(*start, *goal).reference
+    direct = planned(planner, start, goal)
     centre = direct.positions[random.integers(len(direct.positions) // 3, 2 * len(direct.positions) // 3)]
     planner.set_obstacles([centre + random.normal(scale=0.005, size=3)], [0.015])
-    plan = planner.plan(*start, *goal)
-    assert plan.verdict.ok, plan.verdict
-    assert plan.verdict.clearance > 0.0
-    np.testing.assert_allclose(plan.reference.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
+    path = planned(planner, start, goal)
+    assert path.verdict.clearance > 0.0
+    np.testing.assert_allclose(path.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
     planner.set_obstacles(*NOTHING)
-    np.testing.assert_array_equal(planner.plan(*start, *goal).reference.positions, direct.positions)
+    np.testing.assert_array_equal(planned(planner, start, goal).positions, direct.positions)
 
 
-def test_the_goal_verdict_tells_the_offset_and_what_of_it_is_beyond_the_shown(planner):
-    sheet, goal = planner.skill.canonical, planner.skill.goal_pose
-    inside = planner.set_goal(*displaced(goal, 0.9 * sheet.goal_offsets[0]))
+def test_the_goal_verdict_has_the_offset_and_its_part_beyond_the_demonstrated(canonical_fan_skill, queries):
+    sheet, goal = canonical_fan_skill.canonical, canonical_fan_skill.goal_pose
+    inside = queries.goal_verdict(Pose(*displaced(goal, 0.9 * sheet.goal_offsets[0])))
     assert inside.ok
     assert inside.goal_beyond < 1e-6
     assert inside.goal_offset > 0.005
     upward = np.array([0.0, 0.0, 0.06, 0.0, 0.0, 0.0])
-    outside = planner.set_goal(*displaced(goal, upward))
+    outside = queries.goal_verdict(Pose(*displaced(goal, upward)))
     assert outside.ok
     assert 0.06 - sheet.goal_offsets[:, 2].max() - 1e-6 <= outside.goal_beyond < 0.05
 
 
-def test_a_goal_beyond_the_limit_is_refused_with_the_numbers(planner):
-    goal = planner.skill.goal_pose
-    assert planner.set_goal(goal[:3], goal[3:]).ok
-    refused = planner.set_goal(*displaced(goal, np.array([0.0, 0.05, 0.25, 0.0, 0.0, 0.0])))
+def test_a_goal_beyond_the_limit_is_refused_with_the_numbers(canonical_fan_skill, queries):
+    goal = canonical_fan_skill.goal_pose
+    assert queries.goal_verdict(Pose(goal[:3], goal[3:])).ok
+    refused = queries.goal_verdict(Pose(*displaced(goal, np.array([0.0, 0.05, 0.25, 0.0, 0.0, 0.0]))))
     assert refused.code is VerdictCode.GOAL_OUT_OF_SUPPORT
     assert refused.goal_beyond > 0.1
     for said in (f"{1000 * refused.goal_beyond:.0f} mm", "50 mm", "maximum_offset", "demonstrated"):
         assert said in refused.reason
-    start = planner.skill.start_pose
-    np.testing.assert_allclose(planner.tick(start[:3], start[3:]).reference.positions[-1], goal[:3], atol=1e-9)
-    turned = planner.set_goal(*displaced(goal, np.array([0.0, 0.0, 0.0, 1.2, 0.0, 0.0])))
+    turned = queries.goal_verdict(Pose(*displaced(goal, np.array([0.0, 0.0, 0.0, 1.2, 0.0, 0.0]))))
     assert turned.code is VerdictCode.GOAL_OUT_OF_SUPPORT
     assert turned.goal_beyond_angle > 0.5
 
 
 def test_a_start_in_the_middle_of_the_task_is_met_too(planner):
-    direct, goal = mean_plan(planner).reference, planner.skill.goal_pose
+    direct = mean_path(planner)
     half = len(direct.positions) // 2
-    plan = planner.plan(direct.positions[half], direct.quaternions[half], goal[:3], goal[3:])
-    assert plan.verdict.ok, plan.verdict
-    np.testing.assert_allclose(plan.reference.positions[0], direct.positions[half], atol=1e-9)
-    assert plan.reference.duration < 0.8 * direct.duration
-
-
-def test_a_new_goal_in_motion_bends_the_way_without_a_jump(planner):
-    sheet, goal = planner.skill.canonical, planner.skill.goal_pose
-    start = planner.skill.start_pose
-    follower = ReferenceFollower(planner.settings.speed)
-    follower.reset(start[:3], start[3:])
-    goals = [displaced(goal, sign * 0.8 * sheet.goal_offsets[row]) for row, sign in ((0, 1), (2, 1), (4, 1), (5, 1))]
-    limit = planner.settings.acceleration * PERIOD
-    positions, quaternions, speeds = [follower.position.copy()], [follower.quaternion.copy()], [0.0]
-    for step in range(700):
-        if step % 40 == 0 and step // 40 < len(goals):
-            assert planner.set_goal(*goals[step // 40]).ok
-        plan = planner.tick(follower.position, follower.quaternion, follower.speed)
-        assert plan.verdict.ok, plan.verdict
-        follower.accept(plan.reference)
-        follower.advance(PERIOD)
-        positions.append(follower.position.copy())
-        quaternions.append(follower.quaternion.copy())
-        speeds.append(follower.speed)
-    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    assert steps.max() <= planner.settings.speed * PERIOD * 1.05
-    assert angle_between(np.array(quaternions[1:]), np.array(quaternions[:-1])).max() < 0.02
-    assert np.abs(np.diff(speeds)).max() <= 2.0 * limit
-    assert min(speeds[60:200]) > 0.5 * planner.settings.speed
-    np.testing.assert_allclose(follower.position, goals[-1][0], atol=1e-5)
-
-
-def test_a_new_goal_without_a_way_brings_the_moving_arm_to_rest(planner):
-    start, goal = planner.skill.start_pose, planner.skill.goal_pose
-    follower = ReferenceFollower(planner.settings.speed)
-    follower.reset(start[:3], start[3:])
-    assert planner.set_goal(goal[:3], goal[3:]).ok
-    for _ in range(100):
-        follower.accept(planner.tick(follower.position, follower.quaternion, follower.speed).reference)
-        follower.advance(PERIOD)
-    assert follower.speed > 0.8 * planner.settings.speed
-    assert planner.set_goal(start[:3], start[3:]).ok
-    planner.set_obstacles(start[None, :3], [0.03])
-    braking = int(2.0 * planner.settings.speed / planner.settings.acceleration / PERIOD)
-    for _ in range(braking):
-        plan = planner.tick(follower.position, follower.quaternion, follower.speed)
-        assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-        if follower.speed == 0.0:
-            break
-        assert plan.reference is not None, f"no ramp at {follower.speed} m/s"
-        follower.accept(plan.reference)
-        follower.advance(PERIOD)
-    assert follower.speed == 0.0
+    path = planned(planner, (direct.positions[half], direct.quaternions[half]), direct.goal)
+    np.testing.assert_allclose(path.positions[0], direct.positions[half], atol=1e-9)
+    assert arc_length(path.positions)[-1] < 0.8 * arc_length(direct.positions)[-1]
 
 
 @pytest.fixture(scope="module")
@@ -225,8 +170,8 @@ def bent(stored) -> tuple[Skill, np.ndarray]:
 
 def test_the_ridge_keeps_the_geodesic_at_the_mean_where_the_plain_metric_cuts_the_corner(bent):
     skill, mean = bent
-    along = gap_to(mean, mean_plan(ReactivePlanner(skill)).reference.positions)
-    plain = gap_to(mean, mean_plan(ReactivePlanner(skill, PlannerSettings(ridge_strength=0.0))).reference.positions)
+    along = gap_to(mean, mean_path(PosePathPlanner(skill)).positions)
+    plain = gap_to(mean, mean_path(PosePathPlanner(skill, PlannerSettings(ridge_strength=0.0))).positions)
     assert along < 0.01
     assert plain > 2.0 * along
 
@@ -235,21 +180,20 @@ def test_without_an_obstacle_the_geodesic_follows_the_mean_of_the_fan(planner):
     sheet = planner.skill.canonical
     mean = sheet.positions.mean(axis=0)
     # The fan's rims are 120 mm away.
-    assert gap_to(mean, mean_plan(planner).reference.positions) < 0.02
+    assert gap_to(mean, mean_path(planner).positions) < 0.02
 
 
 def test_conditioning_changes_the_way_only_where_the_skill_regresses(canonical_fan_skill, planner):
     start, goal = shown_ends(planner.skill, 3)
-    free = planner.plan(*start, *goal).reference.positions
-    without = ReactivePlanner(canonical_fan_skill, PlannerSettings(query_conditioning=False))
+    free = planned(planner, start, goal).positions
+    without = PosePathPlanner(canonical_fan_skill, PlannerSettings(query_conditioning=False))
     assert not canonical_fan_skill.canonical.regresses
-    np.testing.assert_array_equal(without.plan(*start, *goal).reference.positions, free)
+    np.testing.assert_array_equal(planned(without, start, goal).positions, free)
     regressing = replace(canonical_fan_skill, canonical=replace(canonical_fan_skill.canonical, penalty=0.3))
-    conditioned = ReactivePlanner(regressing).plan(*start, *goal)
-    assert conditioned.verdict.ok, conditioned.verdict
+    conditioned = planned(PosePathPlanner(regressing), start, goal)
     assert conditioned.verdict.end_correction < 0.002
-    assert not np.array_equal(conditioned.reference.positions, free)
-    np.testing.assert_allclose(conditioned.reference.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
+    assert not np.array_equal(conditioned.positions, free)
+    np.testing.assert_allclose(conditioned.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
 
 
 def test_a_single_demonstration_is_a_skill_that_can_be_carried(stored, varying_fan):
@@ -262,12 +206,11 @@ def test_a_single_demonstration_is_a_skill_that_can_be_carried(stored, varying_f
     skill = stored("single", lambda: train_task_space_skill(one, settings, name="single"))
     assert skill.ridges is None
     assert not skill.canonical.regresses
-    planner = ReactivePlanner(skill)
+    planner = PosePathPlanner(skill)
     offset = np.array([0.02, -0.01, 0.02, 0.05, 0.0, -0.1])
     start, goal = displaced(skill.start_pose, offset), displaced(skill.goal_pose, -offset)
-    plan = planner.plan(*start, *goal)
-    assert plan.verdict.ok, plan.verdict
-    assert plan.verdict.end_correction < 0.002
-    assert plan.verdict.goal_beyond == pytest.approx(np.linalg.norm(offset[:3]), abs=1e-6)
-    np.testing.assert_allclose(plan.reference.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
-    assert gap_to(varying_fan[3].positions, mean_plan(planner).reference.positions) < 0.02
+    path = planned(planner, start, goal)
+    assert path.verdict.end_correction < 0.002
+    assert path.verdict.goal_beyond == pytest.approx(np.linalg.norm(offset[:3]), abs=1e-6)
+    np.testing.assert_allclose(path.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
+    assert gap_to(varying_fan[3].positions, mean_path(planner).positions) < 0.02

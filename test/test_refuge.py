@@ -7,24 +7,24 @@ import pytest
 
 from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.refuge import ways_aside
 
 APART, STEPS = 0.01, 12
 
 
 @pytest.fixture(scope="module")
-def planner(fan_skill) -> ReactivePlanner:
-    return ReactivePlanner(fan_skill)
+def planner(fan_skill) -> PosePathPlanner:
+    return PosePathPlanner(fan_skill)
 
 
-def asked(planner: ReactivePlanner, radius: float, steps: int = STEPS):
+def asked(planner: PosePathPlanner, radius: float, steps: int = STEPS):
     """Where a tool in the middle of its way would go aside from a sphere around it, and what it is told of nodes."""
     ends = np.split(planner.skill.start_pose, [3]), np.split(planner.skill.goal_pose, [3])
     query = planner.query(*ends[0], *ends[1])
-    reference = planner.plan(*ends[0], *ends[1]).reference
-    middle = len(reference.times) // 2
+    reference = planner.plan(*ends[0], *ends[1])
+    middle = len(reference.latent) // 2
     sphere = Obstacles.of_spheres(reference.positions[middle][None], np.array([radius]))
     settings = PlannerSettings()
     reshaping = Reshaping.of(

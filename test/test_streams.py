@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 import pytest
@@ -33,15 +32,10 @@ import pytest
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.execution import LONGEST
 from geodesic_motion_ros.comparison.method import TICK
-from geodesic_motion_ros.comparison.methods.tool_geodesics import ToolGeodesics
 from geodesic_motion_ros.comparison.scene import draw_scene
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner import ReactivePlanner
-from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.quaternions import to_rotation
-from geodesic_motion_ros.reference import ReferenceFollower
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
 
 FOLDER = Path(__file__).parent / "streams"
@@ -90,8 +84,7 @@ class Stream:
     goals : (g, 9), each the tick at which it is set, 1 for a configuration [rad] or 0 for a pose [m], and its numbers.
     spheres : (m, 9), each the first tick of its presence and the first one after that, its centre [m] at the former,
         radius [m] and velocity [m/s].
-    states : (n + 1, 7), configurations [rad], or positions [m] and quaternions of the tool: where the stream begins,
-        and the command of every tick, for the next one.
+    states : (n + 1, 7), configurations [rad]: where the stream begins, and the command of every tick, for the next one.
     codes : (n,) of the verdicts.
     reached : whether the tool is at the last goal in the end.
     """
@@ -116,86 +109,41 @@ class Stream:
         return bool(np.any((changes >= tick) & np.isfinite(changes)))
 
 
-# ---------------------------------------------------------------- adapters
+# ----------------------------------------------------------------- the arm
 
 
-class Replay(Protocol):
+class Replay:
     """A planner that is played a stream, and an arm that follows it."""
 
-    def begin(self, state: np.ndarray) -> None:
-        """The arm stands in a state (7,) at time 0."""
-
-    def set_goal(self, goal: np.ndarray, is_configuration: bool) -> bool:
-        """Set a goal (7,) and return whether it is accepted."""
-
-    def tick(self, now: float, obstacles: Obstacles) -> tuple[int, np.ndarray]:
-        """Return the verdict's code at a time [s], and the commanded state (7,) a tick later."""
-
-    def points(self, states: np.ndarray) -> np.ndarray:
-        """Return where the tool, then the spheres of the guarded body are in states (n, 7): (n, S, 3) [m]."""
-
-
-class ToolReplay:
-    """`ReactivePlanner` with spheres fixed to the tool."""
-
-    def __init__(self, skill: Skill, tool: np.ndarray) -> None:
-        """tool : (K, 4) centre in the tool's frame and radius of its spheres [m]."""
-        points, radii = tuple(map(tuple, tool[:, :3].tolist())), tuple(tool[:, 3].tolist())
-        self._points = np.vstack([np.zeros(3), tool[:, :3]])
-        self._planner = ReactivePlanner(skill, PlannerSettings(tool_points=points, tool_radii=radii))
-        self._arm = ReferenceFollower(self._planner.settings.speed)
-
-    def begin(self, state: np.ndarray) -> None:
-        self._arm.reset(state[:3], state[3:])
-
-    def set_goal(self, goal: np.ndarray, is_configuration: bool) -> bool:
-        assert not is_configuration
-        return self._planner.set_goal(goal[:3], goal[3:]).ok
-
-    def tick(self, now: float, obstacles: Obstacles) -> tuple[int, np.ndarray]:
-        arm = self._arm
-        assert self._planner.take_obstacles(obstacles).ok
-        plan = self._planner.tick(arm.position, arm.quaternion, arm.speed, now=now)
-        if plan.reference is None:
-            arm.hold()
-        else:
-            arm.accept(plan.reference)
-        arm.advance(TICK)
-        return int(plan.verdict.code), np.append(arm.position, arm.quaternion)
-
-    def points(self, states: np.ndarray) -> np.ndarray:
-        return states[:, None, :3] + self._points @ to_rotation(states[:, 3:]).as_matrix().transpose(0, 2, 1)
-
-
-class ArmReplay:
-    """`JointSpacePlanner`."""
-
     def __init__(self, skill: Skill) -> None:
-        self._planner = JointSpacePlanner(skill)
+        self._planner = ReactivePlanner(skill)
 
     def begin(self, state: np.ndarray) -> None:
+        """The arm stands in a configuration (7,) [rad] at time 0."""
         assert self._planner.stand_at(state, 0.0).verdict.ok
 
     def set_goal(self, goal: np.ndarray, is_configuration: bool) -> bool:
+        """Set a goal (7,) and return whether it is accepted."""
         planner = self._planner
         return (planner.set_goal_configuration(goal) if is_configuration else planner.set_goal(goal[:3], goal[3:])).ok
 
     def tick(self, now: float, obstacles: Obstacles) -> tuple[int, np.ndarray]:
+        """Return the verdict's code at a time [s], and the commanded configuration (7,) a tick later."""
         assert self._planner.take_obstacles(obstacles).ok
         plan = self._planner.tick(now)
         commanded = self._planner.commanded(now + TICK)
         assert commanded is not None
         return int(plan.verdict.code), commanded[0]
 
+    def tool(self, state: np.ndarray) -> np.ndarray:
+        """Where the tool is (3,) [m]."""
+        return self._planner.robot.forward(state)[0]
+
     def points(self, states: np.ndarray) -> np.ndarray:
+        """Return where the tool, then the spheres of the arm are in configurations (n, 7): (n, S, 3) [m]."""
         robot, collision = self._planner.robot, self._planner.collision
-        tool = np.array([robot.forward(state)[0] for state in states])
+        tool = np.array([self.tool(state) for state in states])
         return np.concatenate([tool[:, None], collision.positions(robot, states)[:, collision.moving]], axis=1)
-
-
-def replay_of(skill: Skill, tool: np.ndarray) -> Replay:
-    """A new planner on a skill; tool as of `ToolReplay`."""
-    return ArmReplay(skill) if skill.space == "joint" else ToolReplay(skill, tool)
 
 
 # ----------------------------------------------------------------- playing
@@ -212,8 +160,8 @@ def step(replay: Replay, stream: Stream, tick: int) -> tuple[int, np.ndarray]:
 def reaches(replay: Replay, stream: Stream, state: np.ndarray) -> bool:
     """Whether the tool is at the last goal in a state (7,)."""
     _, is_configuration, *goal = stream.goals[-1]
-    place = replay.points(np.array([goal]))[0, 0] if is_configuration else goal[:3]
-    return bool(np.linalg.norm(replay.points(state[None])[0, 0] - place) < TOLERANCE)
+    place = replay.tool(np.array(goal)) if is_configuration else goal[:3]
+    return bool(np.linalg.norm(replay.tool(state) - place) < TOLERANCE)
 
 
 def assert_repeats(replay: Replay, stream: Stream) -> None:
@@ -232,16 +180,15 @@ def assert_repeats(replay: Replay, stream: Stream) -> None:
 def load(name: str, key: str) -> tuple[Replay, Stream]:
     """A new planner on a shipped skill, and one of its recorded streams."""
     with np.load(FOLDER / f"{name}.npz") as archive:
-        tool = archive["tool"]
         values = {field.name: archive[f"{key}/{field.name}"] for field in fields(Stream)}
     values["states"] = STEP * np.cumsum(np.cumsum(values["states"], axis=0), axis=0)
     values["reached"] = bool(values["reached"])
-    return replay_of(Skill.load(name), tool), Stream(**values)
+    return Replay(Skill.load(name)), Stream(**values)
 
 
-def save(name: str, streams: dict[str, Stream], tool: np.ndarray) -> None:
+def save(name: str, streams: dict[str, Stream]) -> None:
     """Save the streams of a skill by their names, states as second differences of whole numbers: small, and exact."""
-    arrays = {"tool": tool}
+    arrays: dict[str, object] = {}
     for key, stream in streams.items():
         steps = np.round(stream.states / STEP).astype(np.int32)
         packed = np.diff(steps, n=2, axis=0, prepend=np.zeros((2, 7), dtype=np.int32))
@@ -270,9 +217,8 @@ def drawn(arena: Arena, family: str, number: int) -> Stream:
     goals = [[0, arena.whole_arm, *(scene.goal if arena.whole_arm else (*position, *quaternion))]]
     if redirected:
         goals.append([REDIRECTED, False, *(position + REDIRECTION), *quaternion])
-    start = scene.start if arena.whole_arm else np.concatenate(arena.robot.forward(scene.start))
     rows = np.array([row for sphere in scene.spheres for row in sphere_rows(sphere)]).reshape(-1, 9)
-    start = STEP * np.round(start[None] / STEP)
+    start = STEP * np.round(scene.start[None] / STEP)
     return Stream(np.array(goals), rows, start, np.empty(0, dtype=np.uint8), reached=False)
 
 
@@ -293,13 +239,9 @@ def recorded(replay: Replay, stream: Stream) -> Stream:
 def record(name: str) -> None:
     """Record all streams of a skill."""
     arena = Arena.of(Skill.load(name))
-    tool = np.empty((0, 4))
-    if not arena.whole_arm:
-        settings = ToolGeodesics(arena).settings
-        tool = np.column_stack([settings["tool_points"], settings["tool_radii"]])
     scenes = [(family, number) for family, numbers in SCENES[name].items() for number in numbers]
-    streams = {f"{f}{n}": recorded(replay_of(arena.skill, tool), drawn(arena, f, n)) for f, n in scenes}
-    save(name, streams, tool)
+    streams = {f"{f}{n}": recorded(Replay(arena.skill), drawn(arena, f, n)) for f, n in scenes}
+    save(name, streams)
 
 
 # ------------------------------------------------------------------- tests

@@ -24,7 +24,7 @@ from geodesic_motion_ros.graph.refinement import refined
 from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.reference import resample_latent, smooth_latent
+from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 

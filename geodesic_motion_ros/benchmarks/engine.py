@@ -15,7 +15,7 @@ from geodesic_motion_ros.graph.search_from_both_ends import shortest_path_from_b
 from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import SearchSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class SearchProblem:
     to_goal: np.ndarray
     from_start: np.ndarray
     cost_limit: float
-    settings: SearchSettings
+    settings: PlannerSettings
 
     @classmethod
     def between(
@@ -53,7 +53,7 @@ class SearchProblem:
         tool: int,
         source: int,
         target: int,
-        settings: SearchSettings,
+        settings: PlannerSettings,
         cost_limit: float | None = None,
     ) -> SearchProblem:
         """cost_limit : None: what the settings make of the obstacle-free cost."""

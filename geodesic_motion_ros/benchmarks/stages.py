@@ -7,7 +7,7 @@ curve        resample and smooth it, decode it, carry it to start and goal, smoo
 time law     the reference along it, from rest
 certificate  its clearance from the moving obstacles and from itself
 message      the JointTrajectory message, where ROS is installed
-tick         `JointSpacePlanner.tick` with a new place of the sphere each time, a hundred times a second along a motion
+tick         `ReactivePlanner.tick` with a new place of the sphere each time, a hundred times a second along a motion
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from geodesic_motion_ros.benchmarks.scenes import PERIOD, RATE, Scene
 from geodesic_motion_ros.benchmarks.stopwatch import Stopwatch
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.refinement import refined
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import JointQueryBuilder
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.latent_way import cheapest_way
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
-from geodesic_motion_ros.reference import resample_latent, smooth_latent
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
+from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict
 
 #: Smoothing width of the planner's first attempt, in grid steps.
@@ -51,15 +52,13 @@ class SkillBench:
     def __init__(self, skill: Skill, shape: tuple[int, ...] | None = None) -> None:
         if skill.space != "joint":
             raise ParameterError(f"skill '{skill.name}' is of task space: the stages are those of a joint-space skill")
-        self.planner = planner = JointSpacePlanner(skill, JointPlannerSettings(grid_shape=shape))
+        self.planner = planner = ReactivePlanner(skill, PlannerSettings(grid_shape=shape))
         ends = planner.graph.decoder.configurations(skill.codes[0, [0, -1]])
         self._start, self._goal = np.clip(ends, planner.limits.lower, planner.limits.upper)
         model = planner.collision
-        self._certifier = ArmCertifier(
-            planner.robot, model.points.frames, model.points.offsets, model.radii, model.self_pairs
-        )
-        queries = JointQueryBuilder(skill, planner.graph, planner.settings, model)
-        choice = queries.goal_by_configuration(self._goal)
+        self._certifier = ArmCertifier(planner.robot, model)
+        queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, model)
+        choice = queries.goal_by_configuration(self._goal, TaskFrame.identity())
         query = choice if isinstance(choice, Verdict) else queries.build(self._start, choice)
         if isinstance(query, Verdict):
             raise ParameterError(f"skill '{skill.name}' has no way along its first demonstration: {query.reason}")

@@ -21,7 +21,7 @@ from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.perceptron import Perceptron
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
-from geodesic_motion_ros.planner_settings import SearchSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints, place_body_points, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -55,7 +55,7 @@ def synthetic_problem(shape: tuple[int, ...], points: int = 8, seed: int = 0) ->
     body = NodeBody.of_tool(placed, np.full(points, BODY_RADIUS))
     source, target = (int(np.argmin(np.sum((latent - tubes[0][end]) ** 2, axis=1))) for end in (0, -1))
     name = "x".join(map(str, shape))
-    return SearchProblem.between(name, adjacency, graph, body, points - 1, source, target, SearchSettings())
+    return SearchProblem.between(name, adjacency, graph, body, points - 1, source, target, PlannerSettings())
 
 
 def synthetic_field(shape: tuple[int, ...], points: int = 8, seed: int = 0) -> MetricField:

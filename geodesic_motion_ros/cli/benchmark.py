@@ -17,7 +17,7 @@ skills    of the whole arm (panda_reach_to_grasp): all of the arm is guarded; of
           panda_bottle2shelf): the hand alone is, for every method, and spheres are drawn into its way
 guard     --guard arm with a skill of the tool: all of the arm is guarded. Scenes are drawn and demonstrations found
           free by all of the arm, and a contact of any link ends a scene. Free demonstration, ProMP, RRT-Connect and
-          barriers avoid with all of the arm; ours plans poses of the tool and avoids with the hand alone
+          barriers avoid with all of the arm, and so does ours
 families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone (where all of the
           arm is guarded); crossing; chasing; gate: closes on the hand's way, and opens again; crowd: five that stand
           and five that cross

@@ -33,7 +33,6 @@ crossing   what it costs to change between the clusters of q and -q, and whether
 goals      simulated demonstrations between places that vary: held-out ones predicted from start and goal
 modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
 whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
-moving-tool  spheres that cross the tool's way or chase it, with a skill of the tool: no contact where it can brake?
 obstacle-laws  the same scenes of spheres on the arm's way under laws, strengths and widths of the ambient metric
 grasp-task   reach to grasp, poses of the tool: targets that were not shown, and paths across the clusters of q and -q
 pouring-task three bottles to three cups, poses of the tool: all nine pairs, a moving sphere, a chain over all cups
@@ -64,17 +63,10 @@ examples:
   geodesic-motion experiment goals --shown 20
   geodesic-motion experiment modes --save two_ways.npz
   geodesic-motion experiment whole-arm --moving-scenes 500 --processes 2
-  geodesic-motion experiment moving-tool --skill panda_bottle2shelf --scenes 20 --seeds 0,1,2,3 --processes 2
   geodesic-motion experiment obstacle-laws --scenes 200
   geodesic-motion experiment volume
   geodesic-motion experiment all --seeds-from 10000
   geodesic-motion experiment rate --skill panda_reach_to_grasp --rates 100,250,500
-"""
-
-_MOVING_TOOL = """\
-Spheres cross the tool's way or chase it; each scene is played once more with a planner that is not told of them. Exact
-distances of the tool's spheres are judged 200 times a second: with such a skill nothing but the tool avoids obstacles.
-What counts are contacts of a tool that moved and had had room to brake; there should be none.
 """
 
 Option = tuple[str, dict[str, Any]]
@@ -189,21 +181,6 @@ EXPERIMENTS: dict[str, Experiment] = {
             _count("--seed", 0, "of the scenes"),
             _count("--processes", 1, "that play scenes of moving spheres"),
         ),
-    ),
-    "moving-tool": Experiment(
-        "moving spheres with a skill of the tool", measures.moving_tool,
-        (
-            _skill("panda_pouring", "of task space: its folder, or a shipped name"),
-            ("--tools", {
-                "type": name_list(","), "default": "hand,slim", "metavar": "TOOL,TOOL",
-                "help": "hand: tool_spheres of the planner node, 18 cm wide; slim: one sphere of 4 cm at the tool's "
-                "origin",
-            }),
-            _count("--scenes", 40, "of each seed, with each tool"),
-            _seeds("of the scenes", "0"),
-            _count("--processes", 1, "that play scenes"),
-        ),
-        description=_MOVING_TOOL,
     ),
     "grasp-task": Experiment(
         "reach to grasp in task space", measures.of_settings,

@@ -123,23 +123,6 @@ def whole_arm(arguments: argparse.Namespace) -> Measured:
     return Measured.of(report, lambda report, path: draw_whole_arm(report, path.parent))
 
 
-def moving_tool(arguments: argparse.Namespace) -> Measured:
-    """Moving spheres on one skill, with the tools that are asked for."""
-    from geodesic_motion_ros.experiments.moving_tool import MovingToolSettings, draw_moving_tool, measure_moving_tool
-    from geodesic_motion_ros.nodes.demo_scene import DEFAULTS
-    from geodesic_motion_ros.nodes.skill_kinds import task_settings
-    from geodesic_motion_ros.planner_settings import PlannerSettings
-    from geodesic_motion_ros.skill import Skill
-
-    known = {"hand": task_settings(DEFAULTS), "slim": PlannerSettings()}
-    unknown = [tool for tool in arguments.tools if tool not in known]
-    if unknown:
-        raise ParameterError(f"tools are {', '.join(arguments.tools)}: choose from {', '.join(known)}")
-    tools = {tool: known[tool] for tool in arguments.tools}
-    settings = MovingToolSettings(tools, arguments.scenes, arguments.seeds, arguments.processes)
-    return Measured.of(measure_moving_tool(Skill.load(arguments.skill), settings), draw_moving_tool)
-
-
 def limbs(arguments: argparse.Namespace) -> Measured:
     """The tool's skill, trained for it, beside one of joint space."""
     from geodesic_motion_ros.experiments.limbs import LimbsSettings, draw_limbs, measure_limbs

@@ -27,7 +27,7 @@ _EPILOG = """\
 examples:
   geodesic-motion faults
   geodesic-motion faults --only state_stops,planner_killed --phases motion --seeds 0,1,2
-  geodesic-motion faults --skill panda_pouring --json out/faults.json
+  geodesic-motion faults --skill panda_pouring --output target_pose --json out/faults.json
   geodesic-motion faults --list
 
 Exit status: 0 where all rows pass, 1 where one does not. Rows that this machine or the skill has no means for are
@@ -52,6 +52,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="its folder, or the name of a shipped one"
     )
+    parser.add_argument(
+        "--output", choices=("joint_trajectory", "target_pose"), default="joint_trajectory",
+        help="what commands the arm; default: %(default)s",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, default=Path("out/faults"), metavar="OUT", help="folder for logs")
     parser.add_argument(
         "--domain", type=int, choices=range(1, 102), metavar="1..101", default=1 + os.getpid() % 101,
@@ -112,7 +116,7 @@ def _run_all(arguments: argparse.Namespace, todo: list, rows: list[Row]) -> None
         def begun(case: Case) -> None:
             bar.set_description(f"{case.fault.name}, {case.phase}")
 
-        for row in run_cases(arguments.skill, arguments.out, arguments.domain, todo, begun):
+        for row in run_cases(arguments.skill, arguments.out, arguments.domain, todo, begun, arguments.output):
             rows.append(row)
             bar.update()
             if row.passed is False:

@@ -17,7 +17,7 @@ from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.sheet import CanonicalSheet
@@ -53,7 +53,7 @@ class Arena(GuardedArm):
         sheet, guarded = skill.canonical, guard_of(skill, guard)
         if sheet is None:
             raise ParameterError(f"'{skill.name}' is on the raw sheet: scenes are drawn for skills on a canonical one")
-        robot, settings = Robot.named(skill.robot), JointPlannerSettings()
+        robot, settings = Robot.named(skill.robot), PlannerSettings()
         limits = JointLimits.of(robot, settings.speed_scale, settings.acceleration_scale)
         arm = (robot, guarded, guarded_spheres(skill.robot, guarded))
         if isinstance(sheet, CanonicalSheet):

@@ -40,13 +40,9 @@ _PRIMITIVES = ("movement_primitives", "pytransform3d")
 
 
 def _geodesics(arena: Arena, part: Part) -> Method:
-    if arena.whole_arm:
-        from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
+    from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
 
-        return Geodesics(arena, part)
-    from geodesic_motion_ros.comparison.methods.tool_geodesics import ToolGeodesics
-
-    return ToolGeodesics(arena, part)
+    return Geodesics(arena, part)
 
 
 def _replay(arena: Arena) -> Method:

@@ -132,6 +132,10 @@ def _draws(family: Family, random: np.random.Generator) -> Sequence[Draw]:
 FAMILIES: tuple[Family, ...] = ("none", "static", "elbow", "crossing", "chasing", "gate", "crowd")
 
 
+class NoPlaceError(ParameterError):
+    """There is no place for the spheres of a scene on the ways of the demonstrations."""
+
+
 def families_of(guard: Guard) -> tuple[Family, ...]:
     """Those that there are with a guard."""
     return tuple(family for family in FAMILIES if family != "elbow" or guard == "arm")
@@ -157,7 +161,7 @@ def draw_family(
 
     Raises
     ------
-    ParameterError : there is no place for the spheres on these ways.
+    NoPlaceError : there is no place for the spheres on these ways.
     """
     spheres: Spheres = ()
     free = ways.free_of(spheres)
@@ -172,6 +176,6 @@ def draw_family(
             if not spared or (blocks and np.mean(passable) >= SPARED):
                 break
         else:
-            raise ParameterError(f"no place was found for the spheres of a scene '{family}' on these demonstrations")
+            raise NoPlaceError(f"no place was found for the spheres of a scene '{family}' on these demonstrations")
         spheres, free = (*spheres, *drawn), free & left
     return spheres, free

@@ -22,11 +22,11 @@ from geodesic_motion_ros.joint_reference import JointReference, joined
 from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 
 #: A new reference takes over so long after it was asked for, obstacles are expected to move on for so long, and a path
 #: is asked for again so long after there was none [s]; the first two as our planner.
-LATENCY, PREDICTION, RETRY = JointPlannerSettings.latency, JointPlannerSettings.prediction, 0.1
+LATENCY, PREDICTION, RETRY = PlannerSettings.latency, PlannerSettings.prediction, 0.1
 #: Kept from obstacles that move by a new reference [m], as by our planner's; those that stand must not be touched.
 MARGIN = 0.01
 
@@ -39,9 +39,7 @@ class Replanning(ABC):
     def __init__(self, arena: Arena) -> None:
         self._arena = arena
         model = arena.collision
-        self._certifier = ArmCertifier(
-            arena.robot, model.points.frames, model.points.offsets, model.radii, model.self_pairs
-        )
+        self._certifier = ArmCertifier(arena.robot, model)
 
     def reset(self, scene: Scene) -> None:
         """Forget all that was before."""

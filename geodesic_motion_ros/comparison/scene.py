@@ -7,11 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.families import FAMILIES, SPARED, Family, check_families, draw_family
+from geodesic_motion_ros.comparison.families import (
+    FAMILIES,
+    SPARED,
+    Family,
+    NoPlaceError,
+    check_families,
+    draw_family,
+)
 from geodesic_motion_ros.comparison.ways import Ways
 from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.joint_reference import JointReference
+
+#: So many starts and goals are drawn for a scene.
+_ENDS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +60,18 @@ def draw_scene(arena: Arena, family: Family, number: int, seed: int) -> Scene:
     """Scene number `number` of a family: the start of one demonstration, the goal of another one, and spheres.
 
     Demonstrations are spared in scenes of even number. A scene depends on nothing else but its family, its number and
-    the seed. ParameterError where there is no such family in the arena, or no place for the spheres.
+    the seed. Where there is no place for the spheres another start and another goal are drawn. ParameterError where
+    there is no such family in the arena, NoPlaceError where there is no place between any of them.
     """
     random = scene_generator(arena, family, number, seed)
-    first, last = random.integers(len(arena.shown), size=2)
-    return draw_between(arena, arena.shown[first, 0], arena.shown[last, -1], family, number, seed, random)
+    for drawn in range(1, _ENDS + 1):
+        first, last = random.integers(len(arena.shown), size=2)
+        try:
+            return draw_between(arena, arena.shown[first, 0], arena.shown[last, -1], family, number, seed, random)
+        except NoPlaceError:
+            if drawn == _ENDS:
+                raise
+    raise AssertionError
 
 
 def scene_generator(arena: Arena, family: Family, number: int, seed: int) -> np.random.Generator:

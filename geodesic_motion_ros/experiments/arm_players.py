@@ -20,12 +20,12 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.experiments.blocked_arm import CHECK_PERIOD, every
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.paper.follower import TimedPath, followed
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import Cell, text_table
@@ -102,18 +102,18 @@ class Player(Protocol):
 
 
 class OurArm:
-    """`JointSpacePlanner`."""
+    """`ReactivePlanner`."""
 
     name = "ours"
 
-    def __init__(self, planner: JointSpacePlanner, families: Families) -> None:
+    def __init__(self, planner: ReactivePlanner, families: Families) -> None:
         self.planner, self.skill, self._families = planner, planner.skill, families
 
     def play(
         self, start: Sequence[int], goals: Sequence[Sequence[int]], centres: np.ndarray, radii: np.ndarray
     ) -> Played | str:
         self.planner.set_obstacles(centres, radii)
-        choice = GoalChoice(np.array([self._families.ends(goal, -1) for goal in goals]), "those that were shown")
+        choice = ConfigurationGoal(np.array([self._families.ends(goal, -1) for goal in goals]), "those that were shown")
         plan = self.planner.plan_configurations(self._families.ends(start, 0), choice)
         found = plan.reference
         if found is None:

@@ -9,10 +9,10 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_solver import JointPlan
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.solver import Plan
 
 #: How often a start and a goal are drawn before it is said that there are none.
 _ATTEMPTS = 50
@@ -26,9 +26,9 @@ class ArmQuery:
     goal: np.ndarray
     ways: np.ndarray
 
-    def plan(self, planner: JointSpacePlanner) -> JointPlan:
+    def plan(self, planner: ReactivePlanner) -> Plan:
         """From rest at the start to the goal, among the planner's obstacles."""
-        return planner.plan_configurations(self.start, GoalChoice(self.goal[None], "drawn"))
+        return planner.plan_configurations(self.start, ConfigurationGoal(self.goal[None], "drawn"))
 
     def family(self, configurations: np.ndarray) -> int:
         """The family whose mean way the middle half of a motion (n, eta) is nearest to, on average."""
@@ -37,7 +37,7 @@ class ArmQuery:
         return int(np.argmin([cKDTree(way).query(middle)[0].mean() for way in self.ways]))
 
 
-def draw_query(planner: JointSpacePlanner, random: np.random.Generator) -> tuple[ArmQuery, JointReference]:
+def draw_query(planner: ReactivePlanner, random: np.random.Generator) -> tuple[ArmQuery, JointReference]:
     """The start of one demonstration and the goal of another, drawn, with the planner's way without obstacles.
 
     Raises
@@ -65,12 +65,12 @@ def draw_query(planner: JointSpacePlanner, random: np.random.Generator) -> tuple
     raise ParameterError(f"no way was found between any of {_ATTEMPTS} starts and goals that were drawn")
 
 
-def body_spheres(planner: JointSpacePlanner, configurations: np.ndarray) -> np.ndarray:
+def body_spheres(planner: ReactivePlanner, configurations: np.ndarray) -> np.ndarray:
     """Centres (n, S, 3) [m] of those collision spheres that joints move, in configurations (n, eta) [rad]."""
     return planner.collision.positions(planner.robot, configurations)[:, planner.collision.moving]
 
 
-def distances(planner: JointSpacePlanner, bodies: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
+def distances(planner: ReactivePlanner, bodies: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
     """Signed distances (n,) [m] of `body_spheres` (n, S, 3) from a sphere at (3,), or each from its own, (n, 1, 3)."""
     radii = planner.collision.radii[planner.collision.moving]
     return np.min(np.linalg.norm(bodies - centre, axis=-1) - radii, axis=1) - radius

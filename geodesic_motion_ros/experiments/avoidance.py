@@ -16,7 +16,7 @@ to another: `none free` does not always mean that there is no way.
 
 Spheres that cover the start or the goal are left out: being refused there proves nothing.
 
-Returned references are not believed: clearance is measured anew on the reference interpolated to CHECK_STEP, with
+Returned paths are not believed: clearance is measured anew on the path interpolated to CHECK_STEP, with
 nothing of the planner's own certificate. `through` counts references that touch the obstacle, `off support` those with
 a latent point whose rms sigma exceeds the skill's limit.
 """
@@ -37,11 +37,12 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.path_smoothing import correct_ends
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.quaternions import to_rotation
-from geodesic_motion_ros.reference import correct_ends
 from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.verdict import Verdict
 
 #: Largest distance between the poses at which a curve's clearance is measured [m].
 CHECK_STEP = 0.0005
@@ -187,7 +188,7 @@ def measure_avoidance(skills: Iterable[Trained], settings: AvoidanceSettings = A
     scenes: list[Scene] = []
     refused = 0
     for trained in skills:
-        planner = ReactivePlanner(trained.skill, chosen)
+        planner = PosePathPlanner(trained.skill, chosen)
         for index, item in zip(trained.fold, trained.held_out, strict=True):
             query = Query(trained.task, index, trained.seed, item.curve.start, item.curve.goal)
             made = _scenes_of(query, planner, placed(trained.shown, query.start, query.goal), settings)
@@ -233,12 +234,12 @@ def measured_clearance(curve: PoseCurve, centre: np.ndarray, radius: float, sett
 
 
 def _scenes_of(
-    query: Query, planner: ReactivePlanner, shown: dict[Placement, list[PoseCurve]], settings: AvoidanceSettings
+    query: Query, planner: PosePathPlanner, shown: dict[Placement, list[PoseCurve]], settings: AvoidanceSettings
 ) -> list[Scene] | None:
     """The scenes on the path of one query; None where there is no path even without obstacles."""
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
-    path = planner.plan(*query.start, *query.goal).reference
-    if path is None:
+    path = planner.plan(*query.start, *query.goal)
+    if isinstance(path, Verdict):
         return None
     random = np.random.default_rng([settings.seed, query.seed, query.demonstration])
     fractions = random.uniform(*INTERIOR, settings.scenes_per_query)
@@ -258,7 +259,7 @@ def _covers(centre: np.ndarray, radius: float, query: Query) -> bool:
 
 def _scene(
     query: Query,
-    planner: ReactivePlanner,
+    planner: PosePathPlanner,
     shown: dict[Placement, list[PoseCurve]],
     fraction: float,
     centre: np.ndarray,
@@ -266,7 +267,7 @@ def _scene(
 ) -> Scene:
     """Put the sphere there and plan."""
     planner.set_obstacles(centre[None], np.array([radius]))
-    plan = planner.plan(*query.start, *query.goal)
+    path = planner.plan(*query.start, *query.goal)
     free = {
         placement: float(
             np.mean([measured_clearance(curve, centre, radius, planner.settings) > 0.0 for curve in curves])
@@ -274,14 +275,14 @@ def _scene(
         for placement, curves in shown.items()
     }
     measured, off_support = math.nan, False
-    if plan.reference is not None:
-        sigma, _ = planner.skill.decoder.uncertainty(plan.reference.latent)
+    if isinstance(path, PosePath):
+        sigma, _ = planner.skill.decoder.uncertainty(path.latent)
         off_support = bool(np.max(rms_sigma(sigma)) > planner.skill.sigma_limit)
-        curve = PoseCurve(plan.reference.positions, plan.reference.quaternions)
-        measured = measured_clearance(curve, centre, radius, planner.settings)
+        measured = measured_clearance(path, centre, radius, planner.settings)
+    verdict = path.verdict if isinstance(path, PosePath) else path
     return Scene(
         query.task, query.demonstration, query.seed, radius, tuple(centre.tolist()), fraction, free,
-        plan.verdict.code.name, plan.verdict.reason, plan.reference is not None, plan.verdict.clearance, measured,
+        verdict.code.name, verdict.reason, verdict.ok, verdict.clearance, measured,
         off_support,
     )  # fmt: skip
 
@@ -322,5 +323,5 @@ def draw_avoidance(report: AvoidanceReport, path: Path) -> None:
     outcomes.set(xlabel="scenes", title="spheres dead-centre on the path, demonstrations carried to its ends")
     clearances.axvline(0.0, color="tab:red")
     clearances.legend(title="radius")
-    clearances.set(xlabel="measured clearance [mm]", ylabel="references", title="clearance on the dense check")
+    clearances.set(xlabel="measured clearance [mm]", ylabel="paths", title="clearance on the dense check")
     figure.savefig(path, dpi=110)

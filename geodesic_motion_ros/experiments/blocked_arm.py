@@ -24,9 +24,9 @@ import numpy as np
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_queries import ArmQuery, body_spheres, distances, draw_query
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
@@ -94,10 +94,10 @@ class BlockedScene:
 class BlockedWays:
     """Draws scenes on the ways of a skill, and has them planned and judged."""
 
-    def __init__(self, skill: Skill, settings: JointPlannerSettings) -> None:
-        self._planner = JointSpacePlanner(skill, settings)
+    def __init__(self, skill: Skill, settings: PlannerSettings) -> None:
+        self._planner = ReactivePlanner(skill, settings)
         hand = hand_alone(self._planner.collision)
-        self._hand_only = JointSpacePlanner(skill, replace(settings, ambient_strength=0.0), hand)
+        self._hand_only = ReactivePlanner(skill, replace(settings, ambient_strength=0.0), collision=hand)
         self._geometry = CollisionGeometry.panda()
 
     def scene(self, kind: Kind, number: int, seed: int) -> BlockedScene:
@@ -125,7 +125,7 @@ class BlockedWays:
 
     def _answered(
         self,
-        planner: JointSpacePlanner,
+        planner: ReactivePlanner,
         query: ArmQuery,
         nominal: JointReference,
         centres: np.ndarray,

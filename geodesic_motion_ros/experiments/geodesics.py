@@ -48,8 +48,8 @@ from geodesic_motion_ros.manifold.geodesic import continuous_geodesic
 from geodesic_motion_ros.manifold.metric import PullbackMetric, curve_length
 from geodesic_motion_ros.manifold.task_space import DecoderNetwork
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
-from geodesic_motion_ros.reference import resample_latent, smooth_latent
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 

@@ -47,8 +47,8 @@ from geodesic_motion_ros.experiments.requested_ends import (
 )
 from geodesic_motion_ros.experiments.trained import check_seeds, trained_once
 from geodesic_motion_ros.manifold.training import TrainingSettings
-from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.simulation.tabletop import Region
 from geodesic_motion_ros.simulation.teacher import (
     BOTTLE_REGION,
@@ -58,6 +58,7 @@ from geodesic_motion_ros.simulation.teacher import (
 )
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.verdict import Verdict
 
 TASK = "pouring_anywhere"
 #: Held-out demonstrations of seed s are drawn with seed s + HELD_OUT_SEED.
@@ -301,13 +302,14 @@ def _share_outside(region: Region, distance: float, random: np.random.Generator)
 
 def asked_of(skill: Skill, seed: int, fold: Sequence[int], everything: Demonstrations) -> list[Asked]:
     """Every held-out start and goal under the planner's usual limits, measured under none."""
-    usual, unlimited = ReactivePlanner(skill), ReactivePlanner(skill, EVERY_END)
+    usual, unlimited = PosePathPlanner(skill), PosePathPlanner(skill, EVERY_END)
     asked = []
     for index in fold:
         start, goal = everything[index].curve.start, everything[index].curve.goal
         query = unlimited.query(*start, *goal)
-        verdict = usual.plan(*start, *goal).verdict
-        far = {} if query is None else query.misfits
+        answer = usual.plan(*start, *goal)
+        verdict = answer.verdict if isinstance(answer, PosePath) else answer
+        far = {} if isinstance(query, Verdict) else query.misfits
         ends = [
             End(*(far.get(f"{end}_{name}", math.nan) for name in ("offset", "offset_angle", "beyond", "beyond_angle")))
             for end in ("start", "goal")
@@ -317,12 +319,12 @@ def asked_of(skill: Skill, seed: int, fold: Sequence[int], everything: Demonstra
 
 
 def _example(skill: Skill, shown: Demonstrations, held_out: Sequence[Demonstration]) -> Example:
-    planner = ReactivePlanner(skill, EVERY_END)
+    planner = PosePathPlanner(skill, EVERY_END)
     predicted = []
     for item in held_out:
         ends = item.curve.start, item.curve.goal
-        reference = planner.plan(*ends[0], *ends[1]).reference
-        geodesic = None if reference is None else reference.positions
+        path = planner.plan(*ends[0], *ends[1])
+        geodesic = path.positions if isinstance(path, PosePath) else None
         predicted.append(Predicted(item.positions, geodesic, promp(shown, *ends).corrected.positions))
     return Example(tuple(item.positions for item in shown), tuple(predicted))
 

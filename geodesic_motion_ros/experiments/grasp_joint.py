@@ -39,9 +39,9 @@ from geodesic_motion_ros.experiments.grasp_joint_scenes import RADIUS, Scene, Sc
 from geodesic_motion_ros.experiments.learned_paths import LearnedPaths, whole_box
 from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 from geodesic_motion_ros.skill import Skill
@@ -73,7 +73,7 @@ class GraspJointSettings:
     shown: int = 3
     seeds: tuple[int, ...] = (0, 1, 2)
     places: int = 24
-    planner: JointPlannerSettings = field(default_factory=JointPlannerSettings)
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
     literal: PaperSettings = field(default_factory=PaperSettings)
 
     def __post_init__(self) -> None:
@@ -136,7 +136,7 @@ class GraspJointReport:
     skills: tuple[SkillReport, ...]
     made: str
     again: dict[str, int]
-    drawn: dict[tuple[str, str], JointSpacePlanner] = field(repr=False)
+    drawn: dict[tuple[str, str], ReactivePlanner] = field(repr=False)
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` writes."""
@@ -270,7 +270,7 @@ def measure_grasp_joint(
             scenes, again[kind] = all_scenes(stage, settings.places), stage.again
             for seed in settings.seeds:
                 skill = trained_once(f"reach_{kind}", shown[kind], replace(ours, seed=seed), skills)
-                planner = JointSpacePlanner(skill, settings.planner)
+                planner = ReactivePlanner(skill, settings.planner)
                 drawn.setdefault(("ours", kind), planner)
                 player = OurArm(planner, families)
                 made += [(f"ours, {kind}", player, ours)] if seed == first else []
@@ -282,7 +282,7 @@ def measure_grasp_joint(
             made.append((f"literal, {kind}", paper, literally))
             blocked = among_blocking(paper, stage, drawn["ours", kind])
             reports.append(SkillReport("literal", kind, first, answered(paper, stage, scenes), blocked=blocked))
-            drawn["literal", kind] = JointSpacePlanner(skill, settings.planner)
+            drawn["literal", kind] = ReactivePlanner(skill, settings.planner)
             bar.update()
     return GraspJointReport(settings, tuple(reports), settings_table(made), again, drawn)
 
@@ -298,7 +298,7 @@ def answered(player: Player, stage: Stage, scenes: Sequence[Scene]) -> tuple[Sce
     return tuple(SceneAnswer(scene, COVERED) if scene.covered else stage.answer(player, scene) for scene in scenes)
 
 
-def among_blocking(player: LiteralArm, stage: Stage, planner: JointSpacePlanner) -> tuple[tuple[str, SceneAnswer], ...]:
+def among_blocking(player: LiteralArm, stage: Stage, planner: ReactivePlanner) -> tuple[tuple[str, SceneAnswer], ...]:
     """Paths of the literal planner among `blocking_spheres`, and of families that are apart from one to another's goal.
 
     planner : whose arm the spheres are put on.

@@ -15,8 +15,8 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_players import Families, Played, Player
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.blocked_arm import arm_clearance
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_sheet import JointSheet
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
@@ -107,7 +107,7 @@ def mean_ways(skill: Skill) -> np.ndarray:
     ])  # fmt: skip
 
 
-def sphere_on(planner: JointSpacePlanner, blocked: np.ndarray, free: np.ndarray) -> np.ndarray:
+def sphere_on(planner: ReactivePlanner, blocked: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Centre (3,) [m] of a sphere in the arm somewhere on a motion (n, eta), as far as may be from it on another."""
     places = body_spheres(planner, blocked[::_EVERY]).reshape(-1, 3)
     bodies = body_spheres(planner, free[::_EVERY])
@@ -213,7 +213,7 @@ def passed_in_turn(families: np.ndarray) -> tuple[int, ...]:
     return tuple(family for i, family in enumerate(stays) if i == 0 or family != stays[i - 1])
 
 
-def blocking_spheres(planner: JointSpacePlanner, stage: Stage) -> dict[str, Sequence[np.ndarray]]:
+def blocking_spheres(planner: ReactivePlanner, stage: Stage) -> dict[str, Sequence[np.ndarray]]:
     """Spheres (3,) [m] that are put so that they block none, one, or all of the families.
 
     Of families that are apart: late in the arm of the first, as far as may be from the others; at the goal of the hand,

@@ -56,8 +56,8 @@ from geodesic_motion_ros.experiments.requested_ends import (
 )
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
-from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.plots import (
     BLUE,
     GREEN,
@@ -74,6 +74,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import draw_reaching_query, reach_to_grasp
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.manifold.training import TrainingSettings
@@ -280,18 +281,17 @@ def ask_targets(
     skills: dict[str, Skill], shown: Demonstrations, seed: int, settings: GraspTaskSettings
 ) -> list[Target]:
     """Starts and goals drawn from a seed, asked of skills by their rows, and both controls between them."""
-    planners = {row: ReactivePlanner(skill, settings.planner) for row, skill in skills.items()}
+    planners = {row: PosePathPlanner(skill, settings.planner) for row, skill in skills.items()}
     random, curves = np.random.default_rng([seed, settings.targets]), [item.curve for item in shown]
     found = []
     for _ in range(settings.targets):
         start, goal = draw_reaching_query(random)
         for row, planner in planners.items():
-            plan = planner.plan(*start, *goal)
-            if plan.reference is None:
-                found.append(Target(row, seed, None, plan.verdict.reason))
+            path = planner.plan(*start, *goal)
+            if isinstance(path, Verdict):
+                found.append(Target(row, seed, None, path.reason))
                 continue
-            path = PoseCurve(plan.reference.positions, plan.reference.quaternions)
-            carried = 0.5 * (plan.verdict.start_offset + plan.verdict.goal_offset)
+            carried = 0.5 * (path.verdict.start_offset + path.verdict.goal_offset)
             found.append(_target(row, seed, path, curves, carried))
         found.append(_target(ROWS[2], seed, task_line(shown, start, goal).corrected, curves))
         found.append(_target(ROWS[3], seed, nearest_piece(shown, start, goal), curves))

@@ -19,10 +19,12 @@ from geodesic_motion_ros.experiments.imitation_report import Measurement, Values
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.graph.transport import carried
-from geodesic_motion_ros.planner import Plan, PlannerSettings, ReactivePlanner
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.verdict import Verdict
 
 EVERY_END = PlannerSettings(maximum_offset=10.0, maximum_offset_angle=math.pi)
 """Held-out ends lie off the manifold by design; how far is a figure of the table, not a reason to refuse."""
@@ -51,9 +53,9 @@ class Judge:
     ) -> list[Measurement]:
         """The rows of one skill with a canonical sheet."""
         planners = {
-            "geodesic_conditioned": ReactivePlanner(skill, EVERY_END),
-            "geodesic_ridge": ReactivePlanner(skill, replace(EVERY_END, query_conditioning=False)),
-            "geodesic_canonical": ReactivePlanner(skill, replace(EVERY_END, ridge_strength=0.0)),
+            "geodesic_conditioned": PosePathPlanner(skill, EVERY_END),
+            "geodesic_ridge": PosePathPlanner(skill, replace(EVERY_END, query_conditioning=False)),
+            "geodesic_canonical": PosePathPlanner(skill, replace(EVERY_END, ridge_strength=0.0)),
         }
         measured = []
         for index, item in held_out:
@@ -70,14 +72,14 @@ class Judge:
         self, skill: Skill, held_out: Iterable[tuple[int, Demonstration]], seed: int
     ) -> list[Measurement]:
         """The rows of one skill with a raw sheet."""
-        planner = ReactivePlanner(skill, EVERY_END)
+        planner = PosePathPlanner(skill, EVERY_END)
         measured = []
         for index, item in held_out:
-            geodesic, plan = self._geodesic("geodesic_raw", index, item, planner, seed)
+            geodesic, path = self._geodesic("geodesic_raw", index, item, planner, seed)
             line: Values = {}
-            if plan.reference is not None:
-                ends = plan.reference.latent[[0, -1]]
-                straight = ends[0] + np.linspace(0.0, 1.0, len(plan.reference.latent))[:, None] * (ends[1] - ends[0])
+            if isinstance(path, PosePath):
+                ends = path.latent[[0, -1]]
+                straight = ends[0] + np.linspace(0.0, 1.0, len(path.latent))[:, None] * (ends[1] - ends[0])
                 line = self._latent_line(skill, straight, item)
             measured.append(geodesic)
             measured.append(Measurement("latent_line", index, seed, line, geodesic.refusal))
@@ -85,23 +87,20 @@ class Judge:
         return measured
 
     def _geodesic(
-        self, row: str, index: int, held_out: Demonstration, planner: ReactivePlanner, seed: int
-    ) -> tuple[Measurement, Plan]:
-        start, goal = held_out.curve.start, held_out.curve.goal
-        plan = planner.plan(*start, *goal)
-        reference, verdict = plan.reference, plan.verdict
-        if reference is None:
-            refusal = f"{verdict.code.name}: {verdict.reason}"
-            return Measurement(row, index, seed, {"off_manifold": _left_support(plan)}, refusal), plan
-        curve = PoseCurve(reference.positions, reference.quaternions)
-        values = self._compared(curve, held_out) | self._ends(curve, held_out, "after")
+        self, row: str, index: int, held_out: Demonstration, planner: PosePathPlanner, seed: int
+    ) -> tuple[Measurement, PosePath | Verdict]:
+        path = planner.plan(*held_out.curve.start, *held_out.curve.goal)
+        if isinstance(path, Verdict):
+            return Measurement(row, index, seed, {"off_manifold": _left_support(path)}, path.sentence), path
+        verdict = path.verdict
+        values = self._compared(path, held_out) | self._ends(path, held_out, "after")
         if planner.skill.canonical is None:
             values["endpoint_before_mm"] = 500.0 * (verdict.start_offset + verdict.goal_offset)
             values["endpoint_before_deg"] = self._degrees([verdict.start_offset_angle, verdict.goal_offset_angle])
         else:
             values["endpoint_before_mm"] = 1e3 * verdict.end_correction
-        values["off_manifold"] = _off_manifold(planner.skill, reference.latent)
-        return Measurement(row, index, seed, values), plan
+        values["off_manifold"] = _off_manifold(planner.skill, path.latent)
+        return Measurement(row, index, seed, values), path
 
     def _latent_line(self, skill: Skill, latent: np.ndarray, held_out: Demonstration) -> Values:
         prediction = Prediction.between(_decoded(skill, latent), held_out.curve.start, held_out.curve.goal)
@@ -175,13 +174,13 @@ def conditional_mean(skill: Skill, start: Pose, goal: Pose) -> PoseCurve:
     return PoseCurve(*carried(positions[largest], continuous_signs(quaternions[largest]), blend))
 
 
-def sheet_oracle(planner: ReactivePlanner, held_out: Demonstration) -> PoseCurve | None:
+def sheet_oracle(planner: PosePathPlanner, held_out: Demonstration) -> PoseCurve | None:
     """The nearest supported pose of the sheet, carried to a demonstration's ends, to each pose of the demonstration.
 
     None where the sheet cannot be carried there.
     """
     query = planner.query(*held_out.curve.start, *held_out.curve.goal)
-    if query is None:
+    if isinstance(query, Verdict):
         return None
     wanted = held_out.curve.resampled(COMPARED_POINTS)
     features = np.concatenate([query.graph.positions, METRES_PER_RADIAN * 2.0 * query.graph.quaternions], axis=1)
@@ -206,6 +205,6 @@ def _off_manifold(skill: Skill, latent: np.ndarray) -> float:
     return float(np.max(rms_sigma(sigma)) > skill.sigma_limit)
 
 
-def _left_support(plan: Plan) -> float:
+def _left_support(refusal: Verdict) -> float:
     """1 or 0 where a path was found and refused, NaN where there was none to judge."""
-    return float(not plan.verdict.in_support) if math.isfinite(plan.verdict.energy_per_edge) else math.nan
+    return float(not refusal.in_support) if math.isfinite(refusal.energy_per_edge) else math.nan

@@ -44,8 +44,8 @@ from geodesic_motion_ros.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.graph.encoder import JointSpaceEncoder
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice, JointQueryBuilder
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal, ConfigurationQueryBuilder
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -252,10 +252,10 @@ class _Judge:
 
     def _planned(self, row: str, skill: Skill, indices: Sequence[int], seed: int) -> Iterator[JointMeasurement]:
         """The planner's way for every demonstration, and beside geodesic the row of the latent line."""
-        planner = JointSpacePlanner(skill)
-        queries = JointQueryBuilder(skill, planner.graph, planner.settings, planner.collision)
+        planner = ReactivePlanner(skill)
+        queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, planner.collision)
         for index in indices:
-            start, goal = self.curves[index, 0], GoalChoice(self.curves[index, -1:], "that of the demonstration")
+            start, goal = self.curves[index, 0], ConfigurationGoal(self.curves[index, -1:], "that of the demonstration")
             plan = planner.plan_configurations(start, goal)
             if plan.reference is None:
                 refusal = f"demonstration {index}: {plan.verdict.code.name}: {plan.verdict.reason}"

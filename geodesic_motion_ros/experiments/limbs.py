@@ -31,13 +31,12 @@ from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.grid import LatentGrid
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.planner import ReactivePlanner
-from geodesic_motion_ros.planner_settings import JointPlannerSettings, PlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
-from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, link_frames
 from geodesic_motion_ros.robot.panda_solutions import MOST, panda_solutions, solutions_at, wrist_frames
@@ -45,6 +44,7 @@ from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.manifold.training import TrainingSettings
@@ -72,7 +72,7 @@ class LimbsSettings:
     shown: int = 8
     seed: int = 0
     planner: PlannerSettings = field(default_factory=PlannerSettings)
-    joint_planner: JointPlannerSettings = field(default_factory=JointPlannerSettings)
+    joint_planner: PlannerSettings = field(default_factory=PlannerSettings)
 
     def __post_init__(self) -> None:
         if min(*self.shape, self.solutions) < 2:
@@ -114,14 +114,14 @@ class LimbsReport:
 
     settings: LimbsSettings
     skill: Skill
-    joint_planner: JointSpacePlanner
+    joint_planner: ReactivePlanner
     centre: np.ndarray
     radius: float
     grid: LatentGrid
     supported: np.ndarray
     nodes: Solutions
-    free: TaskSpaceReference
-    way: TaskSpaceReference
+    free: PosePath
+    way: PosePath
     along: Solutions
     tool_clearance: float
     worst_centre: np.ndarray
@@ -198,14 +198,14 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
     ------
     ParameterError : the skills are not of task space and of joint space with families; one of them finds no way.
     """
-    ways, arm = mean_ways(joint_skill), JointSpacePlanner(joint_skill, settings.joint_planner)
+    ways, arm = mean_ways(joint_skill), ReactivePlanner(joint_skill, settings.joint_planner)
     start, goal = ways[:, 0].mean(axis=0), ways[:, -1].mean(axis=0)
-    asked = start, GoalChoice(goal[None], "that of all demonstrations")
+    asked = start, ConfigurationGoal(goal[None], "that of all demonstrations")
     nominal = arm.plan_configurations(*asked).reference
-    tool = ReactivePlanner(skill, settings.planner)
+    tool = PosePathPlanner(skill, settings.planner)
     poses = *arm.robot.forward(start), *arm.robot.forward(goal)
-    free = tool.plan(*poses).reference
-    if nominal is None or free is None:
+    free = tool.plan(*poses)
+    if nominal is None or isinstance(free, Verdict):
         raise ParameterError("nothing is in the way, and still there is none: the skills are not of one task")
     arm_way = every(CHECK_PERIOD, nominal)
     family = int(np.argmin([np.linalg.norm(way[len(way) // 2] - arm_way[len(arm_way) // 2]) for way in ways]))
@@ -216,15 +216,15 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
     arm.set_obstacles(centres, radii)
     avoiding = arm.plan_configurations(*asked).reference
     tool.set_obstacles(centres, radii)
-    plan = tool.plan(*poses)
-    if plan.reference is None:
-        raise ParameterError(f"the sphere was to leave the tool's way free, but: {plan.verdict.reason}")
-    along = plan.reference.positions, plan.reference.quaternions
+    path = tool.plan(*poses)
+    if isinstance(path, Verdict):
+        raise ParameterError(f"the sphere was to leave the tool's path free, but: {path.reason}")
+    along = path.positions, path.quaternions
     worst_centre = worst_sphere(*(part[np.linspace(0, len(part) - 1, _POSES).astype(int)] for part in along))
     grid = LatentGrid(skill.latent_lower, skill.latent_upper, settings.shape)
     decoded = skill.decoder.decode(grid.nodes())
     geometry = CollisionGeometry.panda()
-    hand = JointSpacePlanner(joint_skill, settings.joint_planner, hand_alone(arm.collision))
+    hand = ReactivePlanner(joint_skill, settings.joint_planner, collision=hand_alone(arm.collision))
     evaded = math.nan if avoiding is None else arm_clearance(geometry, every(CHECK_PERIOD, avoiding), centres, radii)
     return LimbsReport(
         settings=settings,
@@ -236,9 +236,9 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
         supported=rms_sigma(decoded.sigma) <= skill.sigma_limit,
         nodes=solved(decoded.positions, decoded.quaternions, centres, radii, settings.solutions),
         free=free,
-        way=plan.reference,
+        way=path,
         along=solved(*along, centres, radii, settings.solutions),
-        tool_clearance=plan.verdict.clearance,
+        tool_clearance=path.verdict.clearance,
         worst_centre=worst_centre,
         worst=solved(*along, worst_centre[None], radii, settings.solutions),
         nominal=nominal,

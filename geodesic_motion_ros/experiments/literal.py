@@ -36,12 +36,12 @@ from geodesic_motion_ros.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.experiments.trained import trained_once
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.manifold.training import TrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -172,10 +172,10 @@ def _literal(skill: Skill) -> Predict:
 
 def _ours(skill: Skill) -> Predict:
     if skill.space == "joint":
-        arm = JointSpacePlanner(skill)
+        arm = ReactivePlanner(skill)
 
         def predict_joints(item: Any) -> PoseCurve | None:
-            goal = GoalChoice(item.configurations[-1:], "that of the demonstration")
+            goal = ConfigurationGoal(item.configurations[-1:], "that of the demonstration")
             reference = arm.plan_configurations(item.configurations[0], goal).reference
             if reference is None:
                 return None
@@ -183,11 +183,11 @@ def _ours(skill: Skill) -> Predict:
             return tool_curve(reference.samples(times)[0], arm.robot)
 
         return predict_joints
-    tool = ReactivePlanner(skill, EVERY_END)
+    tool = PosePathPlanner(skill, EVERY_END)
 
     def predict(item: Any) -> PoseCurve | None:
-        reference = tool.plan(*item.curve.start, *item.curve.goal).reference
-        return None if reference is None else PoseCurve(reference.positions, reference.quaternions)
+        path = tool.plan(*item.curve.start, *item.curve.goal)
+        return path if isinstance(path, PosePath) else None
 
     return predict
 

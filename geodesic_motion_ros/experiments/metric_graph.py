@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.graph.grid import LatentGrid
 from geodesic_motion_ros.manifold.metric import Metric, curve_length
-from geodesic_motion_ros.reference import resample_latent
+from geodesic_motion_ros.planning.path_smoothing import resample_latent
 
 _BLOCK = 4096
 

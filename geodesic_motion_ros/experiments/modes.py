@@ -34,11 +34,12 @@ from geodesic_motion_ros.experiments.baselines import mean_demonstration
 from geodesic_motion_ros.experiments.trained import check_seeds, trained_once
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.manifold.training import TrainingSettings
-from geodesic_motion_ros.planner import Plan, ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.simulation.teacher import PILLAR, SIDES, draw_passing_query, two_mode_demonstrations
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.verdict import Verdict
 
 TASK = "past_a_pillar"
 #: A path follows a way within this share of the distance between the ways; half would be in between.
@@ -253,7 +254,7 @@ def measure_modes(
 
 def cases_of(skill: Skill, shown: Demonstrations, seed: int, settings: ModesSettings) -> list[Drawn]:
     """The cases of one skill; of what was shown, the first half is on the left of the pillar."""
-    planner = ReactivePlanner(skill, settings.planner)
+    planner = PosePathPlanner(skill, settings.planner)
     sides = [replace(shown, items=shown.items[: settings.shown]), replace(shown, items=shown.items[settings.shown :])]
     random = np.random.default_rng([seed, settings.cases])
     return [
@@ -262,7 +263,7 @@ def cases_of(skill: Skill, shown: Demonstrations, seed: int, settings: ModesSett
 
 
 def _case(
-    planner: ReactivePlanner,
+    planner: PosePathPlanner,
     sides: Sequence[Demonstrations],
     seed: int,
     number: int,
@@ -275,25 +276,25 @@ def _case(
     together = Demonstrations(tuple(item for side in sides for item in side))
     mean = mean_demonstration(together, start, goal).corrected
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
-    plan = planner.plan(*start, *goal)
-    free = _answer(plan, ways, planner.settings)
+    path = planner.plan(*start, *goal)
+    free = _answer(path, ways, planner.settings)
     blocked, second = None, None
-    if plan.reference is not None:
-        path = _curve(plan)
-        centre = interpolate(arc_length_fractions(path.positions), *_arrays(path), np.array([fraction]))[0][0]
+    if isinstance(path, PosePath):
+        at = arc_length_fractions(path.positions)
+        centre = interpolate(at, path.positions, path.quaternions, np.array([fraction]))[0][0]
         planner.set_obstacles(centre[None], np.array([radius]))
         second = planner.plan(*start, *goal)
         shares = [_free_share(side, start, goal, centre, radius, planner.settings) for side in sides]
         own = SIDES.index(free.side)
         clearance = math.nan
-        if second.reference is not None:
-            clearance = measured_clearance(_curve(second), centre, radius, planner.settings)
+        if isinstance(second, PosePath):
+            clearance = measured_clearance(second, centre, radius, planner.settings)
         blocked = Blocked(
             tuple(centre.tolist()), radius, shares[own], shares[1 - own],
             _answer(second, ways, planner.settings), clearance,
         )  # fmt: skip
     case = Case(seed, number, free, blocked, judged(mean, ways, planner.settings))
-    return Drawn(case, _positions(plan), None if second is None else _positions(second), mean.positions)
+    return Drawn(case, _positions(path), _positions(second), mean.positions)
 
 
 def pillar_clearance(curve: PoseCurve, settings: PlannerSettings) -> float:
@@ -309,11 +310,10 @@ def pillar_clearance(curve: PoseCurve, settings: PlannerSettings) -> float:
     return float(np.min(distances))
 
 
-def _answer(plan: Plan, ways: Sequence[PoseCurve], settings: PlannerSettings) -> Answer:
-    code, reason = plan.verdict.code.name, plan.verdict.reason
-    if plan.reference is None:
-        return Answer(code, reason, False)
-    return judged(_curve(plan), ways, settings, code, reason)
+def _answer(path: PosePath | Verdict, ways: Sequence[PoseCurve], settings: PlannerSettings) -> Answer:
+    if isinstance(path, Verdict):
+        return Answer(path.code.name, path.reason, False)
+    return judged(path, ways, settings, path.verdict.code.name, path.verdict.reason)
 
 
 def judged(
@@ -342,17 +342,8 @@ def _free_share(
     return float(np.mean([measured_clearance(curve, centre, radius, settings) > 0.0 for curve in carried]))
 
 
-def _curve(plan: Plan) -> PoseCurve:
-    assert plan.reference is not None
-    return PoseCurve(plan.reference.positions, plan.reference.quaternions)
-
-
-def _arrays(curve: PoseCurve) -> tuple[np.ndarray, np.ndarray]:
-    return curve.positions, curve.quaternions
-
-
-def _positions(plan: Plan) -> np.ndarray | None:
-    return None if plan.reference is None else plan.reference.positions
+def _positions(path: PosePath | Verdict | None) -> np.ndarray | None:
+    return path.positions if isinstance(path, PosePath) else None
 
 
 def _percent(values: Sequence[bool]) -> float | None:

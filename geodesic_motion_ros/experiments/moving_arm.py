@@ -29,10 +29,10 @@ from geodesic_motion_ros.experiments.moving_spheres import (
     draw_spheres,
     needed_room,
 )
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference
 from geodesic_motion_ros.joint_stop import stopping_reference
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
@@ -60,7 +60,7 @@ class MovingArmScene(MovingScene):
     excess: int
 
 
-def nominal_arm(planner: JointSpacePlanner, nominal: JointReference) -> NominalMotion:
+def nominal_arm(planner: ReactivePlanner, nominal: JointReference) -> NominalMotion:
     """The collision spheres of an arm that plays a reference; its elbow is chased."""
     return NominalMotion(
         nominal.duration,
@@ -75,7 +75,7 @@ class MovingArmRun:
 
     def __init__(
         self,
-        planner: JointSpacePlanner,
+        planner: ReactivePlanner,
         world: PandaWorld,
         geometry: CollisionGeometry,
         query: ArmQuery,
@@ -175,9 +175,9 @@ class MovingArmRun:
 class MovingArmStage:
     """What all scenes of one process are played with; `seed` is of the scenes."""
 
-    def __init__(self, skill: Skill, settings: JointPlannerSettings, seed: int) -> None:
-        self.planner, self.seed = JointSpacePlanner(skill, settings), seed
-        self._blind = JointSpacePlanner(skill, replace(settings, avoidance=False))
+    def __init__(self, skill: Skill, settings: PlannerSettings, seed: int) -> None:
+        self.planner, self.seed = ReactivePlanner(skill, settings), seed
+        self._blind = ReactivePlanner(skill, replace(settings, avoidance=False))
         self.world, self.geometry = PandaWorld(rate_hz=STEP_HZ), CollisionGeometry.panda()
 
     def scene(self, number: int) -> MovingArmScene:

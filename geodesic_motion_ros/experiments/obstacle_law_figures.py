@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from geodesic_motion_ros.experiments.obstacle_laws import STRENGTHS, WIDTHS, Kind, LawsReport
 from geodesic_motion_ros.graph.ambient import ambient_factor
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, VERMILION, write_figure
 
 #: The sphere and the strength for which the picture shows the laws [m].
@@ -50,7 +50,7 @@ def draw_laws(report: LawsReport, path: Path) -> None:
 def _draw_factors(axes: Axes) -> None:
     """The ambient factor of a body point over its distance from a sphere's surface."""
     away = np.linspace(0.002, 0.25, 300)
-    body = JointPlannerSettings().body_radius
+    body = PlannerSettings().body_radius
     centres, radii = np.zeros((1, 3)), np.array([_SHOWN_RADIUS])
     for kind in ("soft and hard", "completed"):
         for width, style in _STYLES.items():

@@ -10,8 +10,8 @@ import numpy as np
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_queries import ArmQuery, body_spheres, distances, draw_query
 from geodesic_motion_ros.experiments.blocked_arm import every
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 
 #: Radii of spheres [m], and how far their centres are from a place in the arm [m], as a standard deviation.
 RADII, OFF = (0.02, 0.06), 0.08
@@ -40,7 +40,7 @@ class LawScene:
     radius: float
 
 
-def draw_scene(planner: JointSpacePlanner, random: np.random.Generator, number: int) -> LawScene:
+def draw_scene(planner: ReactivePlanner, random: np.random.Generator, number: int) -> LawScene:
     """Scene number `number`.
 
     Raises
@@ -59,7 +59,7 @@ def draw_scene(planner: JointSpacePlanner, random: np.random.Generator, number: 
 
 
 def _place(
-    planner: JointSpacePlanner,
+    planner: ReactivePlanner,
     way: np.ndarray,
     others: Sequence[np.ndarray],
     ends: np.ndarray,

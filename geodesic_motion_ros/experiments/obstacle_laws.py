@@ -17,7 +17,7 @@ obstacle and body together. Columns of the table:
 
 infeasible  share of the scenes in which no way was found
 hits        ways found on which the arm (its meshes, by PyBullet) touches the sphere, of all that were found
-capped      both again where ways that cost too much count as none: more than `SearchSettings.cost_cap` times what a
+capped      both again where ways that cost too much count as none: more than `PlannerSettings.cost_cap` times what a
             demonstration costs without obstacles. The planner always does that; the paper tells blocked ways by it
 least       the least distance of the arm's collision spheres from that sphere on any of them [mm], negative inside
 clearance   the same distance: mean of the ways [mm]
@@ -47,11 +47,15 @@ from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.blocked_arm import arm_clearance, every
 from geodesic_motion_ros.experiments.obstacle_law_scenes import CHECK_PERIOD, LawScene, draw_scene
 from geodesic_motion_ros.graph.ambient_law import AmbientLaw
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice, JointQuery, JointQueryBuilder
-from geodesic_motion_ros.joint_solver import JointSolver, MotionState
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.configuration_query import (
+    ConfigurationGoal,
+    ConfigurationQuery,
+    ConfigurationQueryBuilder,
+)
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.solver import MotionState, Solver
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.skill import Skill
@@ -67,7 +71,7 @@ _COMPARED = 100
 
 @dataclass(frozen=True)
 class Law:
-    """One way to plan among obstacles: strength (zeta) and width as of `SearchSettings`; None where there is none."""
+    """One way to plan among obstacles: strength (zeta) and width as of `PlannerSettings`; None where there is none."""
 
     kind: Kind
     strength: float | None = None
@@ -78,7 +82,7 @@ class Law:
         """Whether nodes in obstacles are removed and references certified."""
         return self.kind != "soft alone"
 
-    def settings(self, base: JointPlannerSettings) -> JointPlannerSettings:
+    def settings(self, base: PlannerSettings) -> PlannerSettings:
         """The planner's settings under this law."""
         if self.strength is None or self.width is None:
             return replace(base, ambient_law="hard")
@@ -201,7 +205,7 @@ def compare_laws(
     scenes: int = 120,
     seed: int = 0,
     laws: Sequence[Law] = LAWS,
-    settings: JointPlannerSettings | None = None,
+    settings: PlannerSettings | None = None,
 ) -> LawsReport:
     """Plan so many scenes under each law; a scene depends on the seed and its number alone.
 
@@ -213,7 +217,7 @@ def compare_laws(
         raise ParameterError(f"scenes is {scenes}; at least 1 is needed")
     if skill.space != "joint":
         raise ParameterError(f"skill '{skill.name}' is of task space: the laws are compared with the whole arm")
-    compared = _Compared(skill, laws, settings or JointPlannerSettings())
+    compared = _Compared(skill, laws, settings or PlannerSettings())
     answers = [answer for number in range(scenes) for answer in compared.answers(number, seed)]
     return LawsReport(skill.name, tuple(answers), tuple(laws))
 
@@ -221,15 +225,15 @@ def compare_laws(
 class _Compared:
     """Draws scenes on a skill's ways, plans them under every law on one graph, and judges what is found."""
 
-    def __init__(self, skill: Skill, laws: Sequence[Law], settings: JointPlannerSettings) -> None:
-        self._planner = planner = JointSpacePlanner(skill, settings)
+    def __init__(self, skill: Skill, laws: Sequence[Law], settings: PlannerSettings) -> None:
+        self._planner = planner = ReactivePlanner(skill, settings)
         self._geometry = CollisionGeometry.panda()
         bodies = {True: planner.collision, False: no_body(planner.robot)}
         self._queries = {
-            hard: JointQueryBuilder(skill, planner.graph, settings, body) for hard, body in bodies.items()
+            hard: ConfigurationQueryBuilder(skill, planner.graph, settings, body) for hard, body in bodies.items()
         }  # fmt: skip
         self._solvers = {
-            law: JointSolver(
+            law: Solver(
                 skill, planner.graph, law.settings(settings), planner.robot, bodies[law.is_hard], planner.limits
             )
             for law in laws
@@ -238,7 +242,7 @@ class _Compared:
     def answers(self, number: int, seed: int) -> list[LawAnswer]:
         """Of one scene, the control's first."""
         scene = draw_scene(self._planner, np.random.default_rng([seed, number]), number)
-        nominal, goal = every(CHECK_PERIOD, scene.nominal), GoalChoice(scene.query.goal[None], "drawn")
+        nominal, goal = every(CHECK_PERIOD, scene.nominal), ConfigurationGoal(scene.query.goal[None], "drawn")
         built = {hard: builder.build(scene.query.start, goal) for hard, builder in self._queries.items()}
         obstacles = Obstacles.of_spheres(scene.centre[None], np.array([scene.radius]))
         control = LawAnswer(CONTROL, number, scene.sphere, True, True, math.nan)
@@ -280,7 +284,7 @@ class _Compared:
 
 
 def _way(
-    solver: JointSolver, query: JointQuery | Verdict, obstacles: Obstacles, capped: bool = True
+    solver: Solver, query: ConfigurationQuery | Verdict, obstacles: Obstacles, capped: bool = True
 ) -> np.ndarray | None:
     """Configurations (n, eta) on the way from rest at the start to the goal; None where there is none.
 

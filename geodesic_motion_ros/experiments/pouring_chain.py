@@ -9,19 +9,24 @@ from itertools import pairwise
 
 import numpy as np
 
+from geodesic_motion_ros.demonstrations.curves import interpolate, pose_arc_length
 from geodesic_motion_ros.experiments.held_bottle import bottle_mouth
 from geodesic_motion_ros.experiments.pouring_places import PLACES, at_bottle, at_cup, standing_there
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.quaternions import continuous_signs
-from geodesic_motion_ros.reference import TaskSpaceReference
-from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE
+from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE, smooth_step
 from geodesic_motion_ros.simulation.joint_teacher import CUP_PLACES
 from geodesic_motion_ros.simulation.tabletop import Cylinder, TabletopWorld
 from geodesic_motion_ros.simulation.teacher import CUP_REGION, Motion, bottle_in_hand, perform
+from geodesic_motion_ros.verdict import Verdict
 
 #: The arm waits so long over each cup [s].
 _PAUSE = 0.5
+#: Largest speed of the tool [m/s]; a rotation of one radian counts as so much of its path [m].
+_SPEED, _ROTATION_LENGTH = 0.2, 0.25
+#: Largest over mean speed of `smooth_step`.
+_PEAK = 1.875
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +43,7 @@ class Chain:
     """
 
     seed: int
-    parts: tuple[TaskSpaceReference, ...]
+    parts: tuple[PosePath, ...]
     reason: str = ""
     mouth_off: tuple[float, ...] = ()
     behind: float = math.nan
@@ -46,16 +51,16 @@ class Chain:
     joints: np.ndarray = field(default_factory=lambda: np.empty((0, 7)))
 
 
-def pour_all_cups(planner: ReactivePlanner, seed: int, bottle: int = 0) -> Chain:
+def pour_all_cups(planner: PosePathPlanner, seed: int, bottle: int = 0) -> Chain:
     """Plan and play the chain of one bottle."""
     planner.take_obstacles(Obstacles.none())
     stops = [at_bottle(bottle), *(at_cup(cup) for cup in PLACES)]
-    parts: list[TaskSpaceReference] = []
+    parts: list[PosePath] = []
     for begin, end in pairwise(stops):
-        plan = planner.plan(*begin, *end)
-        if plan.reference is None:
-            return Chain(seed, tuple(parts), f"part {len(parts)}: {plan.verdict.reason}")
-        parts.append(plan.reference)
+        path = planner.plan(*begin, *end)
+        if isinstance(path, Verdict):
+            return Chain(seed, tuple(parts), f"part {len(parts)}: {path.reason}")
+        parts.append(path)
     motion, poured = _played(parts, standing_there(bottle))
     with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE) as world:
         done = perform(world, motion)
@@ -67,13 +72,17 @@ def pour_all_cups(planner: ReactivePlanner, seed: int, bottle: int = 0) -> Chain
     return Chain(seed, tuple(parts), "", off, behind, done.clearance, done.joint_positions)
 
 
-def _played(parts: Sequence[TaskSpaceReference], solid: Sequence[Cylinder]) -> tuple[Motion, list[int]]:
-    """References one after the other with a pause after each, and the last samples of the pauses."""
-    poses: list[tuple[np.ndarray, np.ndarray]] = []
-    poured = []
+def _played(parts: Sequence[PosePath], solid: Sequence[Cylinder]) -> tuple[Motion, list[int]]:
+    """Paths one after the other, each from rest to rest with a pause after it, and the last samples of the pauses."""
+    poses, poured, count = [], [], 0
     for part in parts:
-        poses += [part.sample(time) for time in np.arange(0.0, part.duration + _PAUSE, 1.0 / RATE_HZ)]
-        poured.append(len(poses) - 1)
-    positions, quaternions = map(np.array, zip(*poses, strict=True))
-    times = np.arange(len(poses)) / RATE_HZ
+        length = pose_arc_length(part.positions, part.quaternions, _ROTATION_LENGTH)
+        seconds = _PEAK * length[-1] / _SPEED
+        # `smooth_step` stays at 1 in the pause.
+        phase = smooth_step(np.arange(0.0, seconds + _PAUSE, 1.0 / RATE_HZ) / seconds)
+        poses.append(interpolate(length, part.positions, part.quaternions, length[-1] * phase))
+        count += len(phase)
+        poured.append(count - 1)
+    positions, quaternions = (np.concatenate(arrays) for arrays in zip(*poses, strict=True))
+    times = np.arange(count) / RATE_HZ
     return Motion("chain", times, positions, continuous_signs(quaternions), tuple(solid), bottle_in_hand()), poured

@@ -31,9 +31,9 @@ from geodesic_motion_ros.experiments.execution import Execution, play
 from geodesic_motion_ros.experiments.grasp_joint_scenes import passed_in_turn
 from geodesic_motion_ros.experiments.pouring_places import pouring_strip, standing_there
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, Way, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE
@@ -58,7 +58,7 @@ class PouringJointSettings:
 
     shown: int = 3
     seeds: tuple[int, ...] = (0, 1, 2)
-    planner: JointPlannerSettings = field(default_factory=JointPlannerSettings)
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
     literal: PaperSettings = field(default_factory=PaperSettings)
 
     def __post_init__(self) -> None:
@@ -130,7 +130,7 @@ class PouringJointReport:
     pourings: tuple[Pouring, ...]
     made: str
     shown: Demonstrations = field(repr=False)
-    drawn: JointSpacePlanner = field(repr=False)
+    drawn: ReactivePlanner = field(repr=False)
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` writes."""
@@ -190,7 +190,7 @@ def measure_pouring_joint(
     for training, seed in tqdm(asked, desc="pouring-joint", unit="skill", disable=not show_progress):
         skill = trained_once(TASK, shown, replace(training, seed=seed), skills)
         if training is ours:
-            players.append(OurArm(JointSpacePlanner(skill, settings.planner), families))
+            players.append(OurArm(ReactivePlanner(skill, settings.planner), families))
         else:
             players.append(LiteralArm(PaperPlanner(skill, settings.literal), families))
         pourings += pour_all(players[-1], families, tools, seed)

@@ -14,10 +14,10 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.held_bottle import SIDES, SPHERE_RADIUS, bottle_distance, sphere_beside
 from geodesic_motion_ros.experiments.pouring_places import at_bottle, at_cup
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 from geodesic_motion_ros.quaternions import to_rotation
-from geodesic_motion_ros.reference import ReferenceFollower
+from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
 from geodesic_motion_ros.simulation.tabletop import fixed_to
 from geodesic_motion_ros.simulation.teacher import bottle_in_hand
@@ -61,50 +61,57 @@ class Stream:
 
 
 def past_a_moving_sphere(planner: ReactivePlanner, bottle: int = 0, cup: int = 2) -> Stream:
-    """Follow the stream while a sphere crosses under the bottle where it would be half way, just then."""
+    """Follow the stream while a sphere crosses under the bottle where it would be half way, just then.
+
+    planner : of which only the tool, and what it holds, avoids obstacles.
+    """
     start, goal = at_bottle(bottle), at_cup(cup)
     planner.take_obstacles(Obstacles.none())
-    nominal = planner.plan(*start, *goal).reference
-    if nominal is None:
+    planned = planner.plan(*start, *goal).reference
+    if planned is None:
         raise ParameterError(f"there is no way from bottle {bottle} to cup {cup} even without the sphere")
-    half = 0.5 * nominal.duration
-    point = sphere_beside(*nominal.sample(half), np.array(SIDES[0]))
-    sphere = crossing(point, np.array([-1.0, 0.0, 0.0]), half, _SPEED, SPHERE_RADIUS)
-    follower = ReferenceFollower(planner.settings.speed)
-    follower.reset(*start)
+    half = 0.5 * planned.duration
+    middle = planner.robot.forward(planned.sample(half)[0])
+    beside = sphere_beside(*middle, np.array(SIDES[0]))
+    sphere = crossing(beside, np.array([-1.0, 0.0, 0.0]), half, _SPEED, SPHERE_RADIUS)
     planner.clear_goal()
+    planner.stand_at(planned.positions[0], 0.0)
     planner.set_goal(*goal)
-    gone, centres, ahead = [follower.position], [sphere.position(0.0)], [nominal.positions]
-    turned = [follower.quaternion]
-    while len(gone) * _TICK < _LONGEST and np.linalg.norm(gone[-1] - goal[0]) > _ARRIVED:
-        now = (len(gone) - 1) * _TICK
+    configurations, centres = [planned.positions[0]], [sphere.position(0.0)]
+    ahead = [planned.positions]
+    while len(configurations) * _TICK < _LONGEST and not _arrived(planner, configurations[-1], goal[0]):
+        now = (len(configurations) - 1) * _TICK
         centre, velocity = sphere.position(now), _velocity(sphere, now)
         planner.take_obstacles(Obstacles.of_spheres(centre[None], np.array([SPHERE_RADIUS]), velocity[None], now))
-        plan = planner.tick(follower.position, follower.quaternion, follower.speed, now=now)
-        if plan.reference is None:
-            follower.hold()
-        else:
-            follower.accept(plan.reference)
-            ahead[-1] = plan.reference.positions
-        position, quaternion = follower.advance(_TICK)
-        gone.append(position)
-        turned.append(quaternion)
+        planner.tick(now)
+        path, commanded = planner.way(), planner.commanded(now + _TICK)
+        assert commanded is not None
+        configurations.append(commanded[0])
         centres.append(sphere.position(now + _TICK))
-        ahead.append(ahead[-1])
-    gone_by, times = np.array(gone), _TICK * np.arange(len(gone))
-    unaware = [nominal.sample(time) for time in times]
-    positions, quaternions = map(np.array, zip(*unaware, strict=True))
+        ahead.append(ahead[-1] if path is None else path[0].positions)
+    times = _TICK * np.arange(len(configurations))
+    gone_by, turned = _tool(planner, np.array(configurations))
+    unaware = _tool(planner, planned.samples(times)[0])
     nearest = int(np.argmin(np.linalg.norm(gone_by - centres, axis=1)))
     moments = tuple(
-        Moment(float(times[at]), centres[at], turned[at], gone_by[: at + 1], ahead[at])
+        Moment(float(times[at]), centres[at], turned[at], gone_by[: at + 1], _tool(planner, ahead[at])[0])
         for at in (nearest // 3, nearest)
     )
-    reached = bool(np.linalg.norm(gone_by[-1] - goal[0]) <= _ARRIVED)
     return Stream(
-        (moments[0], moments[1]), nominal.positions, reached,
-        bottle_distance(gone_by, np.array(turned), np.array(centres), SPHERE_RADIUS),
-        bottle_distance(positions, quaternions, np.array(centres), SPHERE_RADIUS),
+        (moments[0], moments[1]), _tool(planner, planned.positions)[0],
+        _arrived(planner, configurations[-1], goal[0]),
+        bottle_distance(gone_by, turned, np.array(centres), SPHERE_RADIUS),
+        bottle_distance(*unaware, np.array(centres), SPHERE_RADIUS),
     )  # fmt: skip
+
+
+def _tool(planner: ReactivePlanner, configurations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Tool positions (n, 3) [m] and quaternions (n, 4) in configurations (n, eta) [rad]."""
+    return end_effector_poses(np.ascontiguousarray(configurations), planner.robot.chain)
+
+
+def _arrived(planner: ReactivePlanner, configuration: np.ndarray, goal: np.ndarray) -> bool:
+    return bool(np.linalg.norm(planner.robot.forward(configuration)[0] - goal) <= _ARRIVED)
 
 
 def _velocity(sphere: LineObstacle, now: float) -> np.ndarray:

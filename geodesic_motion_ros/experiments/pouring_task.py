@@ -28,6 +28,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
+from geodesic_motion_ros.demonstrations.curves import interpolate
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.held_bottle import (
@@ -43,7 +44,8 @@ from geodesic_motion_ros.experiments.pouring_stream import Stream, draw_moment, 
 from geodesic_motion_ros.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.plots import (
     BLUE,
     GREY,
@@ -53,18 +55,20 @@ from geodesic_motion_ros.plots import (
     latent_background,
     write_figure,
 )
-from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.manifold.training import TrainingSettings
 
 TASK = "pouring_places"
 SHEETS = ("raw", "canonical")
+#: Poses between two samples of a path where the bottle's clearance is measured.
+_CHECKS = 10
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,7 @@ class Pair:
 
     Attributes
     ----------
-    reference : None where the planner refused, for a reason.
+    path : None where the planner refused, for a reason.
     off : largest distance of the path from any demonstrated position [m].
     """
 
@@ -94,7 +98,7 @@ class Pair:
     seed: int
     bottle: int
     cup: int
-    reference: TaskSpaceReference | None
+    path: PosePath | None
     reason: str = ""
     off: float = math.nan
 
@@ -133,14 +137,13 @@ class PouringTaskReport:
             "settings": asdict(self.settings),
             "pairs": [
                 {"sheet": item.sheet, "seed": item.seed, "bottle": item.bottle, "cup": item.cup,
-                 "reached": item.reference is not None, "reason": item.reason, "off": item.off}
+                 "reached": item.path is not None, "reason": item.reason, "off": item.off}
                 for item in self.pairs
             ],
             "blocked": [asdict(item) for item in self.blocked],
             "chains": [
                 {"seed": item.seed, "parts": len(item.parts), "reason": item.reason, "mouth_off": item.mouth_off,
-                 "behind": item.behind, "clearance": item.clearance,
-                 "seconds": sum(part.duration for part in item.parts)}
+                 "behind": item.behind, "clearance": item.clearance}
                 for item in self.chains
             ],
             "moving": {"reached": self.stream.reached, "clearance": self.stream.clearance,
@@ -154,7 +157,7 @@ class PouringTaskReport:
         for sheet in SHEETS:
             for seed in self.settings.seeds:
                 of = [item for item in self.pairs if (item.sheet, item.seed) == (sheet, seed)]
-                reached = [item for item in of if item.reference is not None]
+                reached = [item for item in of if item.path is not None]
                 off = {
                     shown: max((1e3 * item.off for item in reached if (item.bottle == item.cup) == shown), default=None)
                     for shown in (True, False)
@@ -221,15 +224,15 @@ def measure_pouring_task(
             for sheet in SHEETS
         )
         planners = {
-            sheet: ReactivePlanner(skill, bottle_settings())
+            sheet: PosePathPlanner(skill, bottle_settings())
             for sheet, skill in zip(SHEETS, (raw, canonical), strict=True)
         }
         for sheet, planner in planners.items():
             pairs += all_pairs(planner, shown, sheet, seed)
-            blocked += blocked_pairs(planner, ReactivePlanner(planner.skill), sheet, seed)
+            blocked += blocked_pairs(planner, PosePathPlanner(planner.skill), sheet, seed)
         chains.append(pour_all_cups(planners["raw"], seed))
         if not streams:
-            streams.append(past_a_moving_sphere(planners["raw"]))
+            streams.append(past_a_moving_sphere(ReactivePlanner(raw, replace(bottle_settings(), avoid="tool"))))
             raw_skills.append(raw)
     return PouringTaskReport(
         settings, tuple(pairs), tuple(blocked), tuple(chains), streams[0], reshape_metric(raw_skills[0]), shown,
@@ -237,24 +240,24 @@ def measure_pouring_task(
     )  # fmt: skip
 
 
-def all_pairs(planner: ReactivePlanner, shown: Demonstrations, sheet: str, seed: int) -> list[Pair]:
+def all_pairs(planner: PosePathPlanner, shown: Demonstrations, sheet: str, seed: int) -> list[Pair]:
     """Every bottle to every cup, nothing in the way."""
     planner.take_obstacles(Obstacles.none())
     tree = cKDTree(np.concatenate([item.positions for item in shown]))
     found = []
     for bottle in PLACES:
         for cup in PLACES:
-            plan = planner.plan(*at_bottle(bottle), *at_cup(cup))
-            if plan.reference is None:
-                found.append(Pair(sheet, seed, bottle, cup, None, plan.verdict.reason))
+            path = planner.plan(*at_bottle(bottle), *at_cup(cup))
+            if isinstance(path, Verdict):
+                found.append(Pair(sheet, seed, bottle, cup, None, path.reason))
                 continue
-            off = float(tree.query(plan.reference.positions)[0].max())
-            found.append(Pair(sheet, seed, bottle, cup, plan.reference, "", off))
+            off = float(tree.query(path.positions)[0].max())
+            found.append(Pair(sheet, seed, bottle, cup, path, "", off))
     return found
 
 
 def blocked_pairs(
-    planner: ReactivePlanner, unaware: ReactivePlanner, sheet: str, seed: int, sides: Sequence[int] = range(len(SIDES))
+    planner: PosePathPlanner, unaware: PosePathPlanner, sheet: str, seed: int, sides: Sequence[int] = range(len(SIDES))
 ) -> list[Blocked]:
     """Spheres in the bottle's way half way of every pair; `unaware` knows nothing of the bottle."""
     found = []
@@ -262,24 +265,26 @@ def blocked_pairs(
         for cup in PLACES:
             ends = *at_bottle(bottle), *at_cup(cup)
             planner.take_obstacles(Obstacles.none())
-            free = planner.plan(*ends).reference
-            if free is None:
+            free = planner.plan(*ends)
+            if isinstance(free, Verdict):
                 continue
+            middle = free.resampled(3)
             for side in sides:
-                centre = sphere_beside(*free.sample(0.5 * free.duration), np.array(SIDES[side]))
+                centre = sphere_beside(middle.positions[1], middle.quaternions[1], np.array(SIDES[side]))
                 clearances = []
                 for asked in (planner, unaware):
                     asked.set_obstacles(centre[None], np.array([SPHERE_RADIUS]))
-                    way = asked.plan(*ends).reference
-                    clearances.append(math.nan if way is None else _clearance(way, centre))
+                    path = asked.plan(*ends)
+                    clearances.append(_clearance(path, centre) if isinstance(path, PosePath) else math.nan)
                 found.append(Blocked(sheet, seed, side, bottle, cup, *clearances))
     return found
 
 
-def _clearance(way: TaskSpaceReference, centre: np.ndarray) -> float:
-    """Exact distance [m] of the bottle from a standing sphere along a reference, every 5 ms."""
-    poses = [way.sample(time) for time in np.arange(0.0, way.duration + 0.005, 0.005)]
-    positions, quaternions = map(np.array, zip(*poses, strict=True))
+def _clearance(path: PosePath, centre: np.ndarray) -> float:
+    """Exact distance [m] of the bottle from a standing sphere along a path, at `_CHECKS` poses between two samples."""
+    samples = np.arange(float(len(path.positions)))
+    at = np.linspace(0.0, samples[-1], _CHECKS * (len(samples) - 1) + 1)
+    positions, quaternions = interpolate(samples, path.positions, path.quaternions, at)
     return bottle_distance(positions, quaternions, np.broadcast_to(centre, positions.shape), SPHERE_RADIUS)
 
 
@@ -292,9 +297,9 @@ def draw_pouring_task(report: PouringTaskReport, path: Path) -> None:
     seed = report.settings.seeds[0]
     figure = Figure(figsize=(13.0, 9.6), layout="constrained")
     grid = figure.add_gridspec(3, 2, height_ratios=(5.2, 2.4, 2.2), width_ratios=(1.0, 1.0))
-    pairs = [item for item in report.pairs if (item.sheet, item.seed) == ("raw", seed) and item.reference is not None]
+    pairs = [item for item in report.pairs if (item.sheet, item.seed) == ("raw", seed) and item.path is not None]
     names = {True: ("geodesic of a pair that was shown", BLUE), False: ("geodesic of another pair", VERMILION)}
-    ways = [Way(item.reference.latent, item.reference.positions, *names[item.bottle == item.cup]) for item in pairs]
+    ways = [Way(item.path.latent, item.path.positions, *names[item.bottle == item.cup]) for item in pairs]
     ways.sort(key=lambda way: way.colour == BLUE)
     axes = figure.add_subplot(grid[0, 0])
     handles = latent_background(figure, axes, report.raw)

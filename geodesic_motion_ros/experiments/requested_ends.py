@@ -20,8 +20,8 @@ from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.similarity import distance_to_closest
 from geodesic_motion_ros.experiments.baselines import SAMPLES, Prediction
-from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill import Skill
@@ -135,20 +135,14 @@ def answers_to(
     usual = PlannerSettings()
     unlimited = replace(usual, maximum_offset=10.0, maximum_offset_angle=math.pi)
     planners = {
-        method: (ReactivePlanner(skill, usual), ReactivePlanner(skill, unlimited)) for method, skill in skills.items()
+        method: (PosePathPlanner(skill, usual), PosePathPlanner(skill, unlimited)) for method, skill in skills.items()
     }
     found = []
     for ends in requested:
-        for method, (limited, free) in planners.items():
-            paths, reason = [], ""
-            for planner in (limited, free):
-                plan = planner.plan(*ends.start, *ends.goal)
-                path = None
-                if plan.reference is not None:
-                    path = PoseCurve(plan.reference.positions, plan.reference.quaternions)
-                elif planner is limited:
-                    reason = plan.verdict.reason
-                paths.append(path)
+        for method, pair in planners.items():
+            answers = [planner.plan(*ends.start, *ends.goal) for planner in pair]
+            reason = "" if isinstance(answers[0], PosePath) else answers[0].reason
+            paths = [answer if isinstance(answer, PosePath) else None for answer in answers]
             found.append(_answer(ends, method, seed, reason, *paths))
         control = nearest_piece(shown, ends.start, ends.goal)
         found.append(_answer(ends, NEAREST, seed, "", control, control))

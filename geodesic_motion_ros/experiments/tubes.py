@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.joint_query import GoalChoice
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class TubeWay:
     reason: str = ""
 
 
-def tube_way(planner: JointSpacePlanner, number: int, seed: int) -> TubeWay:
+def tube_way(planner: ReactivePlanner, number: int, seed: int) -> TubeWay:
     """Draw and plan pair number `number`; it depends on nothing else but the seed.
 
     Raises
@@ -50,7 +50,7 @@ def tube_way(planner: JointSpacePlanner, number: int, seed: int) -> TubeWay:
     start = sheet.start_poles[sheet.start_groups[shown[0]]] + weights[0] @ sheet.start_offsets[shown]
     goal = sheet.goal_poles[sheet.goal_groups[shown[0]]] + weights[1] @ sheet.goal_offsets[shown]
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
-    plan = planner.plan_configurations(start, GoalChoice(goal[None], "drawn"))
+    plan = planner.plan_configurations(start, ConfigurationGoal(goal[None], "drawn"))
     if plan.reference is None:
         return TubeWay(number, family, False, False, plan.verdict.reason)
     _, shares = planner.graph.progress_map(plan.reference.latent)

@@ -19,8 +19,8 @@ from geodesic_motion_ros.experiments.moving_arm import MovingArmScene, MovingArm
 from geodesic_motion_ros.experiments.moving_spheres import draw_clearances, moving_figures, play_scenes
 from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.tubes import TubeWay, tube_way
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import write_figure
 from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -45,7 +45,7 @@ class WholeArmSettings:
     moving_scenes: int = 40
     seed: int = 0
     processes: int = 1
-    planner: JointPlannerSettings = field(default_factory=JointPlannerSettings)
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
 
     def __post_init__(self) -> None:
         unknown = [part for part in self.parts if part not in PARTS]
@@ -154,7 +154,7 @@ def measure_whole_arm(
         raise ParameterError(f"'{skill.name}' is a skill of {skill.space} space: this experiment is of joint space")
     tubes = []
     if "tubes" in settings.parts:
-        planner = JointSpacePlanner(skill, settings.planner)
+        planner = ReactivePlanner(skill, settings.planner)
         pairs = tqdm(range(settings.blocked_scenes), desc="tubes", unit="pair", disable=not show_progress)
         tubes = [tube_way(planner, number, settings.seed) for number in pairs]
     blocked: dict[Kind, list[BlockedScene]] = {}

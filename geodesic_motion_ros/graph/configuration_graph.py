@@ -27,7 +27,7 @@ from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.graph.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
-from geodesic_motion_ros.graph.metric_field import MetricField, packed_tensors
+from geodesic_motion_ros.graph.metric_field import NUDGE, MetricField, packed_tensors, pulled_back
 from geodesic_motion_ros.graph.progress import ProgressMap
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
@@ -40,9 +40,6 @@ from geodesic_motion_ros.robot.body_points import (
     tool_orientation_jacobians,
 )
 from geodesic_motion_ros.robot.kinematics import Robot
-
-#: Derivatives of the decoder are differences over this share of a grid step to either side.
-_NUDGE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -121,18 +118,23 @@ class ConfigurationGraph(LatentGraph):
         """Metric tensors of the nodes (n, 1 + K, T), in units of the spacing, as of `MetricField`."""
         turned, spread = [], []
         for axis in np.diag(self.grid.spacing):
-            ahead, behind = self.latent + _NUDGE * axis, self.latent - _NUDGE * axis
+            ahead, behind = self.latent + NUDGE * axis, self.latent - NUDGE * axis
             turned.append(self.decoder.configurations(ahead) - self.decoder.configurations(behind))
             spread.append(self.decoder.uncertainty(ahead) - self.decoder.uncertainty(behind))
-        slopes = np.stack([*turned, *spread], axis=2) / (2.0 * _NUDGE)
+        slopes = np.stack([*turned, *spread], axis=2) / (2.0 * NUDGE)
         slopes[:, :, len(turned) :] *= self.metric.sigma_weight
         jacobians = body_point_jacobians(self.configurations, self.body.frames, self.body.offsets, self.robot.chain)
         shares = np.stack(
-            [_pulled_back(jacobians[:, k] @ slopes) / len(self.body) for k in range(len(self.body))], axis=1
+            [_both_pulled_back(jacobians[:, k] @ slopes) / len(self.body) for k in range(len(self.body))], axis=1
         )
         tool = tool_orientation_jacobians(self.configurations, self.robot) @ slopes
-        alone = self.metric.joint_weight**2 * _pulled_back(slopes) + self._orientation_scale * _pulled_back(tool)
+        alone = self.metric.joint_weight**2 * _both_pulled_back(slopes)
+        alone += self._orientation_scale * _both_pulled_back(tool)
         return packed_tensors(shares, alone)
+
+    def sigma_at(self, latent: np.ndarray) -> np.ndarray:
+        """Sigma (n, eta) [rad] at latent points (n, d)."""
+        return self.decoder.uncertainty(latent)
 
     def nearest_node(self, configuration: np.ndarray, component: int, sigma_limit: float) -> int | None:
         """Node of a connected piece closest to a configuration (eta,); None where none is trusted.
@@ -256,10 +258,10 @@ def _tool_chords(edges: np.ndarray, configurations: np.ndarray, robot: Robot) ->
     return np.sum((second - sign[:, None] * first) ** 2, axis=1)
 
 
-def _pulled_back(slopes: np.ndarray) -> np.ndarray:
+def _both_pulled_back(slopes: np.ndarray) -> np.ndarray:
     """J^T J + S^T S (n, d, d) of derivatives (n, r, 2 d) of what is decoded, J, and of its sigma, S."""
     d = slopes.shape[2] // 2
-    return sum(part.transpose(0, 2, 1) @ part for part in (slopes[:, :, :d], slopes[:, :, d:]))
+    return pulled_back(slopes[:, :, :d]) + pulled_back(slopes[:, :, d:])
 
 
 @numba.njit(cache=True, nogil=True)

@@ -25,6 +25,8 @@ from geodesic_motion_ros.graph.ridge import LARGEST_EXPONENT, Ridges
 _STRIDE = 5
 #: Of coordinates, in steps of the grid.
 _ROUNDING = 1e-9
+#: Derivatives of decoders are differences over this share of a grid step to either side.
+NUDGE = 1e-3
 
 
 class MetricField(NamedTuple):
@@ -88,6 +90,11 @@ class MetricField(NamedTuple):
     def latent(self, coordinates: np.ndarray) -> np.ndarray:
         """Latent points of their coordinates (m, d)."""
         return self.lower + coordinates * self.spacing
+
+
+def pulled_back(slopes: np.ndarray) -> np.ndarray:
+    """J^T J (n, d, d) of derivatives J (n, r, d) of what is decoded by the d latent coordinates."""
+    return slopes.transpose(0, 2, 1) @ slopes
 
 
 def packed_tensors(shares: np.ndarray, rest: np.ndarray) -> np.ndarray:

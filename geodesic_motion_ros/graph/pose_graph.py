@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from geodesic_motion_ros.graph.decoder import Decoded, TaskSpaceDecoder, rms_sigma
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
+from geodesic_motion_ros.graph.metric_field import NUDGE, MetricField, packed_tensors, pulled_back
 from geodesic_motion_ros.graph.progress import ProgressMap
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.tool_points import tool_points
@@ -90,6 +91,45 @@ class PoseGraph(LatentGraph):
             positions=positions,
             quaternions=quaternions,
         )
+
+    def tensors(self, points: np.ndarray) -> np.ndarray:
+        """Metric tensors of the nodes (n, 1 + K, T) for tool points (K, 3) in the tool frame [m], as of `MetricField`:
+        those of `transported`'s edges, in the limit of short ones.
+        """
+        columns = []
+        for axis in np.diag(self.grid.spacing):
+            ahead, behind = (self.decoder.decode(self.latent + side * NUDGE * axis) for side in (1.0, -1.0))
+            sign = np.where(np.sum(ahead.quaternions * behind.quaternions, axis=1) < 0.0, -1.0, 1.0)[:, None]
+            parts = [
+                np.concatenate(
+                    [
+                        tool_points(decoded.positions, decoded.quaternions, points).reshape(len(self.latent), -1),
+                        self.metric.sigma_weight * decoded.sigma,
+                        quaternions,
+                        self.metric.orientation_feature(decoded)[:, None],
+                    ],
+                    axis=1,
+                )
+                for decoded, quaternions in ((ahead, ahead.quaternions), (behind, sign * behind.quaternions))
+            ]
+            columns.append((parts[0] - parts[1]) / (2.0 * NUDGE))
+        slopes, moved = np.stack(columns, axis=2), 3 * len(points)
+        spread = pulled_back(slopes[:, moved : moved + 3])
+        shares = [
+            (pulled_back(slopes[:, 3 * k : 3 * k + 3]) + spread) / len(points) for k in range(len(points))
+        ]
+        return packed_tensors(np.stack(shares, axis=1), pulled_back(slopes[:, moved + 3 :]))
+
+    def field(self, tensors: np.ndarray, ridges: Ridges | None, strength: float) -> MetricField:
+        """The metric between the nodes, with the conformal factor of ridges, None for 1; tensors : of `tensors`.
+
+        They are those of the nodes where they are: transport moves neighbours by nearly the same.
+        """
+        return MetricField.of(self.grid, self._number, tensors, ridges, strength)
+
+    def sigma_at(self, latent: np.ndarray) -> np.ndarray:
+        """Sigma (n, 3) [m] of the position at latent points (n, d)."""
+        return self.decoder.uncertainty(latent)[0]
 
     def nearest_node(
         self, position: np.ndarray, quaternion: np.ndarray, component: int, sigma_limit: float

@@ -6,13 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.demo_run import DemoError, Recording
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import Value
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.simulation.scenes import LineObstacle
 
 #: Parameters of the planner node as they are by default.
@@ -32,7 +31,7 @@ class DemoScene(ABC):
 
     patience: Mapping[str, Value] = MappingProxyType({})
 
-    def __init__(self, planner: ReactivePlanner | JointSpacePlanner) -> None:
+    def __init__(self, planner: ReactivePlanner) -> None:
         """planner : as the planner node makes it of the skill.
 
         Raises
@@ -44,7 +43,7 @@ class DemoScene(ABC):
         plan = planner.plan(start[:3], start[3:], self.goal[:3], self.goal[3:])
         if plan.reference is None:
             raise DemoError(f"skill {self.skill.name} has no way from its own start to its goal: {plan.verdict.reason}")
-        self.nominal: Any = plan.reference
+        self.nominal: JointReference = plan.reference
         self.obstacle = self._obstacle()
 
     @abstractmethod

@@ -12,15 +12,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_plots import draw_tubes
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.demo_pictures import AROUND_RGB, FREE_RGB, Curve, Film, draw_films, met
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
-from geodesic_motion_ros.nodes.skill_kinds import joint_settings
+from geodesic_motion_ros.nodes.skill_kinds import planner_settings
+from geodesic_motion_ros.planning.path_smoothing import smooth_latent
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, draw_in_space, legend_below, write_figure
-from geodesic_motion_ros.reference import smooth_latent
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
 from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
@@ -52,7 +52,7 @@ class ElbowScene(DemoScene):
     patience = MappingProxyType({"latency": 0.1, "tracking_tolerance_joint": 0.3})
 
     def __init__(self, skill: Skill) -> None:
-        self.planner = JointSpacePlanner(skill, joint_settings(DEFAULTS | self.patience))
+        self.planner = ReactivePlanner(skill, planner_settings(DEFAULTS | self.patience))
         super().__init__(self.planner)
 
     def _obstacle(self) -> LineObstacle:

@@ -1,9 +1,10 @@
-"""One cycle of the planner node on a joint-space skill: the stream of joint trajectories. Knows nothing of ROS."""
+"""One cycle of the planner node: the stream of configurations that the arm is to pass. Knows nothing of ROS."""
 
 from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor
 from functools import partial
@@ -13,25 +14,29 @@ import numpy as np
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.horizon import Horizon
-from geodesic_motion_ros.joint_planner import JointSpacePlanner, PreparedGoal
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_solver import JointPlan
-from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved
-from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle
-from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
+from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
+from geodesic_motion_ros.planning.planner import PreparedGoal, ReactivePlanner
+from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: From the planner's answer to the arm that plays it, at most [s].
 TRANSIT = 0.005
+#: How far the arm is from where it was sent counts for so long [s].
+TRACKED = 1.0
+#: Two stops because of the posture have no progress between them where the tool is within this distance [m].
+_NO_PROGRESS = 0.01
 
 
 class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
-    """The stream of joint trajectories of one arm.
+    """The stream of configurations of one arm: as trajectories, and as where it is to be now.
 
     Parameters
     ----------
-    state_timeout, resume_timeout, clock, background : as of `StreamCycle`.
+    command_topic, state_timeout, resume_timeout, clock, background : as of `StreamCycle`.
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
+    tool_tolerance : [m], [rad] largest distance of the tool from where it was sent, where poses command the arm.
     horizon : [s] what is sent leads so far ahead, and then to rest (`horizon.py`).
 
     Raises
@@ -41,27 +46,36 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
 
     def __init__(
         self,
-        planner: JointSpacePlanner,
+        planner: ReactivePlanner,
         state_timeout: float,
         resume_timeout: float,
         tracking_tolerance: float,
         horizon: float,
+        command_topic: str = "joint_trajectory",
         clock: Callable[[], float] = time.monotonic,
         background: Executor | None = None,
+        tool_tolerance: tuple[float, float] = (0.05, 0.35),
     ) -> None:
-        super().__init__("joint_trajectory", state_timeout, resume_timeout, clock, background)
+        super().__init__(command_topic, state_timeout, resume_timeout, clock, background)
         if horizon < planner.settings.prediction:
             raise ParameterError(
                 f"parameter horizon = {horizon:g}: must not be less than prediction, {planner.settings.prediction:g} s"
             )
         self.planner = planner
         self._horizon = Horizon(horizon, planner.limits)
-        self.tracking_tolerance = tracking_tolerance
+        self.tracking_tolerance, self.tool_tolerance = tracking_tolerance, tool_tolerance
+        # An arm that does not hold the posture it was sent, and where its tool was when it last did not (3,) [m].
+        self._astray: Unsettled | None = None
+        self._astray_at: np.ndarray | None = None
         self._now = 0.0
         self._stood = False
-        self._standing: JointPlan | None = None
+        self._standing: Plan | None = None
+        # Times [s] of the newest joint states, and how far the arm was from where it was sent [m].
+        self._errors: deque[tuple[float, float]] = deque()
         self._task_frame: Pose | None = None
-        self._displaced = False
+        self._frame_verdict = Verdict(VerdictCode.OK)
+        # Whether the goal that is being prepared is the old one, in a task frame that has moved.
+        self._again = False
 
     def run(self, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
         """See `StreamCycle.run`; after a cycle that came too late, the arm brakes already."""
@@ -84,9 +98,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     ) -> CycleOutput:
         # Taking a goal may have cost time, and what is planned begins a moment from now.
         self._now = inputs.now + (0.0 if inputs.simulated else self._clock() - self._began)
-        if verdict.ok and self._displaced:
-            reason = "a skill of joint space cannot follow a task frame that is not the base frame"
-            verdict = Verdict(VerdictCode.BAD_INPUT, reason)
+        verdict = self._frame_verdict if verdict.ok else verdict
         if not verdict.ok:
             return self._output(self.planner.stop(self._now, verdict, self._late()))
         began = self._clock()
@@ -97,7 +109,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             plan = self.planner.stop(self._now, plan.verdict, self._late())
         return self._output(plan)
 
-    def _output(self, plan: JointPlan) -> CycleOutput:
+    def _output(self, plan: Plan) -> CycleOutput:
         trajectory = self._to_send(plan)
         commanded = self.planner.commanded(self._now)
         way = self.planner.way() if plan.verdict.ok else None
@@ -107,11 +119,12 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             trajectory=trajectory,
             reference=None if way is None else way[0],
             time_to_goal=math.nan if way is None else max(0.0, way[1] + way[0].duration - self._now),
-            configuration=None if commanded is None else commanded[0],
+            configuration=None if commanded is None or self._lost or self._missing else commanded[0],
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
+            mode=plan.mode.value,
         )
 
-    def _to_send(self, plan: JointPlan) -> tuple[JointReference, float] | None:
+    def _to_send(self, plan: Plan) -> tuple[JointReference, float] | None:
         """The trajectory that this cycle sends, and when it begins [s]."""
         standing, self._standing = self._standing, None
         if self._lost is not None and standing is not None and standing.reference is not None:
@@ -132,11 +145,16 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         return sent.reference, sent.begin
 
     def _preparation(self, inputs: CycleInputs[np.ndarray]) -> Callable[[], PreparedGoal | Verdict]:
+        self._again = False
         if isinstance(inputs.goal, np.ndarray):
             return partial(self.planner.prepared_configuration, inputs.goal)
-        return partial(self.planner.prepared_goal, *inputs.goal)
+        return partial(self.planner.prepared_goal, *inputs.goal, inputs.goal_in_task_frame)
 
     def _take_prepared(self, prepared: PreparedGoal | Verdict) -> Verdict:
+        if self._again and isinstance(prepared, Verdict):
+            self._has_goal = False
+            self.planner.clear_goal()
+        self._astray_at = None
         return self.planner.take_goal(prepared)
 
     def _clear_goal(self) -> None:
@@ -151,19 +169,71 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         if frame is None or frame is self._task_frame:
             return
         self._task_frame = frame
-        self._displaced = not TaskFrame(*frame).is_identity
+        self._frame_verdict = self.planner.move_task_frame(*frame)
+        if self._has_goal and self._frame_verdict.ok and not self._goals.busy:
+            self._again = True
+            self._goals.ask(self.planner.prepared_again)
 
     def _knows_where(self) -> bool:
         return self._stood
 
     def _stand_at(self, measured: np.ndarray, now: float) -> None:
+        self._errors.clear()
         self._standing = self.planner.stand_at(measured, now)
         self._stood = self._stood or self._standing.verdict.ok
 
     def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
         commanded = self.planner.commanded(taken)
         assert commanded is not None  # _knows_where came first
-        return joint_deviation(measured, commanded[0], self.planner.robot.joint_names, self.tracking_tolerance)
+        self._track(measured, commanded[0], taken)
+        robot = self.planner.robot
+        if self._command_topic == "target_pose":
+            return pose_deviation(robot.forward(measured), robot.forward(commanded[0]), *self.tool_tolerance)
+        return joint_deviation(measured, commanded[0], robot.joint_names, self.tracking_tolerance)
+
+    def _follow_measured(self, inputs: CycleInputs[np.ndarray], advance: float) -> Verdict | None:
+        """Besides: an arm whose tool is where it was sent, but not its posture, stops; from where it rests it goes on.
+
+        The certificate is of the posture that was sent.
+        """
+        judged = super()._follow_measured(inputs, advance)
+        measured = inputs.measured
+        if judged is not None or self._command_topic == "joint_trajectory" or measured is None:
+            self._astray = None
+            return judged
+        if self._astray is None:
+            commanded = self.planner.commanded(inputs.now - inputs.state_age)
+            assert commanded is not None  # otherwise the arm would just have begun
+            names = self.planner.robot.joint_names
+            deviation = joint_deviation(measured, commanded[0], names, self.tracking_tolerance)
+            if deviation is None:
+                return None
+            self._astray = Unsettled(self._stray(measured, *deviation), measured)
+        elif self._rests(self._astray, measured, advance):
+            self._begin_at(measured, inputs.now)
+            self._astray = None
+            return None
+        return self._astray.verdict
+
+    def _stray(self, measured: np.ndarray, where: str, limit: str) -> Verdict:
+        """Why an arm stops that does not hold its posture; the second time at one place the goal is dropped."""
+        tool, before = self.planner.robot.forward(measured)[0], self._astray_at
+        self._astray_at = tool
+        said = f"the arm was {where} from target_posture (allowed by tracking_tolerance_joint: {limit})"
+        if before is not None and np.linalg.norm(tool - before) < _NO_PROGRESS:
+            said = f"the controller does not follow the posture: {said}"
+            self._drop_goal(said)
+            return Verdict(VerdictCode.BAD_INPUT, said)
+        return Verdict(VerdictCode.BAD_INPUT, f"{said}: it stops, and plans again from where it rests")
+
+    def _track(self, measured: np.ndarray, commanded: np.ndarray, taken: float) -> None:
+        """Count how far any part of the arm was from where it was sent in the last second."""
+        both = np.stack([measured, commanded])
+        places = self.planner.collision.positions(self.planner.robot, both)
+        self._errors.append((taken, float(np.max(np.linalg.norm(places[0] - places[1], axis=1)))))
+        while self._errors[0][0] < taken - TRACKED:
+            self._errors.popleft()
+        self.planner.set_tracking_error(max(error for _, error in self._errors))
 
     def _moved(self, measured: np.ndarray, before: np.ndarray) -> bool:
         return joints_moved(measured, before)

@@ -16,11 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.nodes.planner_stream import Cloud, PlannerStream, Spheres, no_spheres
 from geodesic_motion_ros.nodes.stolen_time import StolenTime
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
-from geodesic_motion_ros.planner import ReactivePlanner
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
@@ -72,17 +71,13 @@ class _Way:
     def of(cls, skill: Skill) -> _Way:
         """Between the skill's own ends."""
         ends = *np.split(skill.start_pose, [3]), *np.split(skill.goal_pose, [3])
-        if skill.space == "joint":
-            arm = JointSpacePlanner(skill)
-            motion = arm.plan(*ends).reference
-            assert motion is not None
-            moving = arm.collision.moving
-            balls = arm.collision.positions(arm.robot, motion.positions)[:, moving]
-            radii = np.tile(arm.collision.radii[moving], len(balls))
-            return cls(end_effector_poses(motion.positions, arm.robot.chain)[0], balls.reshape(-1, 3), radii)
-        path = ReactivePlanner(skill).plan(*ends).reference
-        assert path is not None
-        return cls(path.positions, path.positions, np.full(len(path.positions), HAND))
+        arm = ReactivePlanner(skill)
+        motion = arm.plan(*ends).reference
+        assert motion is not None
+        moving = arm.collision.moving
+        balls = arm.collision.positions(arm.robot, motion.positions)[:, moving]
+        radii = np.tile(arm.collision.radii[moving], len(balls))
+        return cls(end_effector_poses(motion.positions, arm.robot.chain)[0], balls.reshape(-1, 3), radii)
 
 
 def measure_rates(

@@ -30,6 +30,19 @@ PLANNER = (
         "Frame of all poses; messages in other frames go through tf2 where it is installed, and are refused otherwise",
     ),
     Parameter("rate", 100.0, "Planning cycles per second", "Hz", 10.0, 1000.0),
+    Parameter(
+        "output",
+        "joint_trajectory",
+        "What commands the arm: joint_trajectory, or target_pose, a stream of tool poses, with target_posture, the "
+        "configurations that hold them; only an arm that follows these too is guarded as a whole",
+        choices=("joint_trajectory", "target_pose"),
+    ),
+    Parameter(
+        "avoid",
+        "arm",
+        "What is kept away from obstacles: the whole arm, or the tool's spheres alone",
+        choices=("arm", "tool"),
+    ),
     Parameter("avoidance", True, "false ignores all obstacles: for control experiments only"),
     Parameter(
         "tool_spheres",
@@ -39,6 +52,15 @@ PLANNER = (
         -2.0,
         2.0,
         row=4,
+    ),
+    Parameter(
+        "obstacle_position_error",
+        0.0,
+        "How far obstacles may be from where their source says: so much more clearance is asked, besides how far the "
+        "arm was from where it was sent in the last second",
+        "m",
+        0.0,
+        0.5,
     ),
     Parameter("obstacle_margin", 0.005, "Clearance the search keeps from obstacles", "m", 0.0, 0.5),
     Parameter(
@@ -109,15 +131,22 @@ PLANNER = (
         0.001,
         3.2,
     ),
-    Parameter("speed", 0.2, "Largest speed of the tool", "m/s", 0.001, 2.0),
-    Parameter("angular_speed", 0.8, "Largest angular speed of the tool", "rad/s", 0.001, 6.0),
+    Parameter(
+        "speed",
+        -1.0,
+        "Largest speed of the tool; 0.0: not limited; -1.0: 0.2 with skills of tool poses, not limited with others",
+        "m/s",
+        -1.0,
+        2.0,
+    ),
+    Parameter("angular_speed", -1.0, "Largest angular speed of the tool; likewise, 0.8", "rad/s", -1.0, 6.0),
     Parameter(
         "acceleration",
-        1.5,
-        "Largest acceleration of the tool, along and across its path together; its angular acceleration is kept in "
-        "proportion, acceleration * angular_speed / speed",
+        -1.0,
+        "Largest acceleration of the tool, along and across its path together; likewise, 1.5; its angular acceleration "
+        "is kept in proportion, acceleration * angular_speed / speed",
         "m/s^2",
-        0.01,
+        -1.0,
         20.0,
     ),
     Parameter(
@@ -128,11 +157,11 @@ PLANNER = (
         0.001,
         6.0,
     ),
-    Parameter("speed_scale", 0.3, "Joint-space skills: share of the joints' velocity limits", "", 0.01, 1.0),
+    Parameter("speed_scale", 0.3, "Share of the joints' velocity limits", "", 0.01, 1.0),
     Parameter(
         "acceleration_scale",
         0.2,
-        "Joint-space skills: share of the joints' acceleration and jerk limits",
+        "Share of the joints' acceleration and jerk limits",
         "",
         0.01,
         1.0,
@@ -140,7 +169,7 @@ PLANNER = (
     Parameter(
         "latency",
         0.03,
-        "Joint-space skills: a new trajectory takes over so long after its planning began",
+        "A new trajectory takes over so long after its planning began",
         "s",
         0.005,
         0.5,
@@ -156,7 +185,7 @@ PLANNER = (
     Parameter(
         "horizon",
         1.6,
-        "Joint-space skills: a trajectory leads so far ahead, then to rest, and is sent again in time: without the "
+        "A trajectory leads so far ahead, then to rest, and is sent again in time: without the "
         "planner the arm stops by itself; not less than prediction",
         "s",
         0.1,
@@ -173,7 +202,7 @@ PLANNER = (
     Parameter(
         "refine",
         True,
-        "Joint-space skills: make paths on the latent grid continuous ones, which know no directions of a grid",
+        "Make paths on the latent grid continuous ones, which know no directions of a grid",
     ),
     Parameter(
         "state_timeout",
@@ -197,7 +226,8 @@ PLANNER = (
     Parameter(
         "tracking_tolerance",
         0.05,
-        "An arm further than this from where it was sent is lost: the goal is dropped, and the arm must come to rest",
+        "An arm whose tool is further than this from where target_pose sent it is lost: the goal is dropped, and the "
+        "arm must come to rest",
         "m",
         0.001,
         1.0,
@@ -207,7 +237,8 @@ PLANNER = (
     Parameter(
         "tracking_tolerance_joint",
         0.1,
-        "Joint-space skills: the same for each joint",
+        "The same for each joint that joint_trajectory sent; with target_posture the arm stops, and plans again from "
+        "where it rests; the goal is dropped where that has brought no progress",
         "rad",
         0.005,
         1.0,
@@ -324,6 +355,11 @@ TWIN = (
         -4.0,
         4.0,
         read_only=False,
+    ),
+    Parameter(
+        "follow_posture",
+        True,
+        "Whether the arm holds a target pose as `target_posture` says; false: in a posture of its own",
     ),
     Parameter(
         "command_timeout",

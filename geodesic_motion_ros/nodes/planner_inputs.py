@@ -94,6 +94,7 @@ class PlannerInputs:
         self._task_frame_taken: float | None = None
         self._hold = False
         self._publishers: tuple[str, ...] = ()
+        self._subscribers: tuple[str, ...] | None = None
         self._load = ObstacleLoad()
         self._cloud_figures = CloudFigures()
         self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
@@ -126,7 +127,8 @@ class PlannerInputs:
         with self._lock:
             joints, taken = self._joints, self._joints_taken
             goal, number, hold = self._goal, self._goal_number, self._hold
-            task_frame, relative, publishers = self._task_frame, self._goal_in_task_frame, self._publishers
+            task_frame, relative = self._task_frame, self._goal_in_task_frame
+            publishers, subscribers = self._publishers, self._subscribers
             obstacles = self._tracker.current(now)
             timeout = self._parameters["obstacle_timeout"]
             silent, late = self._tracker.silent(now, timeout), self._tracker.late(now, timeout)
@@ -147,6 +149,7 @@ class PlannerInputs:
             task_frame=task_frame,
             goal_in_task_frame=relative,
             publishers=publishers,
+            subscribers=subscribers,
             now=moment.now,
             heard=now,
             simulated=moment.simulated,
@@ -186,10 +189,10 @@ class PlannerInputs:
         with self._lock:
             self._hold = hold
 
-    def set_publishers(self, names: tuple[str, ...]) -> None:
-        """Say which nodes publish the commands."""
+    def set_nodes_on_commands(self, publishers: tuple[str, ...], subscribers: tuple[str, ...]) -> None:
+        """Say which nodes publish the commands, and which receive them."""
         with self._lock:
-            self._publishers = names
+            self._publishers, self._subscribers = publishers, subscribers
 
     def clear_obstacles(self) -> int:
         """Forget all obstacles and what was expected of their topics; returns how many there were."""

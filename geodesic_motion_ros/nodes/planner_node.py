@@ -1,9 +1,9 @@
 """Node `planner`: hears goal, obstacles and joint states, and commands the arm a hundred times a second.
 
-On a task-space skill it streams `target_pose`, on a joint-space skill it sends `joint_trajectory` (`skill_kinds`).
+It sends `joint_trajectory`, or streams `target_pose` with `target_posture` (parameter `output`).
 
 The control loop has a thread of its own on the steady clock. Callbacks only check and store
-(`planner_inputs`), the loop plans and commands (`planning_cycle`), pictures are drawn by a third thread, and a fourth
+(`planner_inputs`), the loop plans and commands (`joint_cycle`), pictures are drawn by a third thread, and a fourth
 answers the service `plan`.
 """
 
@@ -27,7 +27,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
-from geodesic_motion_ros.nodes.skill_kinds import joint_settings, kind_of, task_settings
+from geodesic_motion_ros.nodes.skill_kinds import kind_of, planner_settings
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.view_thread import ViewThread
@@ -68,7 +68,9 @@ class PlannerNode(LoopingNode):
         self._cycle = self._kind.cycle
         self._cycle.state_topic = self.resolve_topic_name("joint_states")
         self._inputs = PlannerInputs(self, values, robot, self._kind.place, self._obstacles_changed)
-        self._outputs = PlannerOutputs(self, values["base_frame"], skill.robot, self._kind.command_topic)
+        self._outputs = PlannerOutputs(
+            self, values["base_frame"], skill.robot, self._kind.command_topic, self._kind.guarded, robot.joint_names
+        )
         self._said: dict[str, float] = {}
         self._newest_plan = ""
         self._newest: tuple[CycleInputs, CycleOutput] | None = None
@@ -77,7 +79,7 @@ class PlannerNode(LoopingNode):
         self._view_thread = self._make_view(skill)
         self._every(1.0 / values["path_rate"], self._show_path, "path and ~/markers")
         self._every(1.0, self._show_health, "/diagnostics")
-        self._every(1.0, self._look_for_rivals, "the search for other commanders")
+        self._every(1.0, self._look_at_commands, "the search for other commanders")
         self._every(1.0, self._inputs.look_for_other_types, "the search for obstacles of other types")
         # A plan takes longer than a joint state may be old.
         self._plans = BackgroundService(self, GetPlan, "plan", self._on_plan)
@@ -120,7 +122,8 @@ class PlannerNode(LoopingNode):
             verdict = Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}")
             output = self._cycle.stop(verdict)
         self._kind.send(self._outputs, output)
-        self._outputs.status(output, self._inputs.refusals, self._loop, self._newest_plan)
+        margins = self._kind.margins()
+        self._outputs.status(output, self._inputs.refusals, self._loop, self._newest_plan, margins)
         if inputs is None:
             return
         previous, self._newest = self._newest, (inputs, output)
@@ -212,8 +215,8 @@ class PlannerNode(LoopingNode):
             *self._inputs.obstacle_load(),
         )
 
-    def _look_for_rivals(self) -> None:
-        self._inputs.set_publishers(self._outputs.publishers_of_commands())
+    def _look_at_commands(self) -> None:
+        self._inputs.set_nodes_on_commands(*self._outputs.nodes_on_commands())
 
     # ---------------------------------------------------------------- services
 
@@ -271,8 +274,7 @@ def _check_settings(values: Mapping[str, Value]) -> None:
             "true where no real arm hears the commands, or leave method at 'certified'"
         )
     try:
-        task_settings(values)
-        joint_settings(values)
+        planner_settings(values)
     except PlanningError as error:
         raise ParameterError(f"parameters do not go together: {error}") from error
 

@@ -16,7 +16,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import Image, JointState
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -38,7 +38,7 @@ from geodesic_motion_ros.nodes.messages import (
 )
 from geodesic_motion_ros.nodes.obstacle_load import Load, advice
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
-from geodesic_motion_ros.nodes.publishers import publishers_of
+from geodesic_motion_ros.nodes.publishers import publishers_of, subscribers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
@@ -70,11 +70,21 @@ _TOOL_COLOUR = (0.25, 0.55, 0.85, 0.45)
 class PlannerOutputs:
     """The publishers of the planner. Stamps are taken when a message leaves."""
 
-    def __init__(self, node: Node, frame: str, hardware: str, command_topic: str) -> None:
-        """command_topic : "target_pose" or "joint_trajectory"; nothing is published on the other."""
+    def __init__(
+        self, node: Node, frame: str, hardware: str, command_topic: str, guarded: str, joint_names: Sequence[str]
+    ) -> None:
+        """command_topic : "target_pose" or "joint_trajectory"; nothing is published on the other.
+
+        guarded : what is kept away from obstacles, as the status says it.
+        """
+        self._guarded = guarded
         self._node, self._frame, self._hardware = node, frame, hardware
         kind = PoseStamped if command_topic == "target_pose" else JointTrajectory
         self._commands = node.create_publisher(kind, command_topic, QoSProfile(depth=1))
+        if kind is PoseStamped:
+            self._postures = node.create_publisher(JointState, "target_posture", QoSProfile(depth=1))
+            self._posture_message = JointState(name=list(joint_names))
+            self._posture_message.header.frame_id = frame
         self._path = node.create_publisher(Path, "path", QoSProfile(depth=1))
         self._status = node.create_publisher(DiagnosticArray, "~/status", QoSProfile(depth=10))
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
@@ -83,16 +93,26 @@ class PlannerOutputs:
         self._scene = MarkerScene(frame)
         self._target_message = PoseStamped()
         self._target_message.header.frame_id = frame
+        self._facing = np.zeros(4)
+        self._received_by: tuple[str, ...] = ()
 
     @property
     def command_topic(self) -> str:
         """The full name of the topic of the commands."""
         return self._commands.topic_name
 
-    def target(self, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """The pose to be at now; only the control loop calls this."""
-        self._target_message.header.stamp = self._now()
-        fill_pose(self._target_message.pose, position, quaternion)
+    def target(self, position: np.ndarray, quaternion: np.ndarray, posture: np.ndarray | None = None) -> None:
+        """The pose to be at now, and the configuration (eta,) [rad] that holds it; only the control loop calls this."""
+        stamp = self._now()
+        self._target_message.header.stamp = stamp
+        # Both signs are one orientation, between which a controller may turn the long way round.
+        self._facing = -quaternion if quaternion @ self._facing < 0.0 else quaternion
+        fill_pose(self._target_message.pose, position, self._facing)
+        if posture is not None:
+            # First the posture: with the pose both are known.
+            self._posture_message.header.stamp = stamp
+            self._posture_message.position = posture.tolist()
+            self._postures.publish(self._posture_message)
         self._commands.publish(self._target_message)
 
     def trajectory(self, joint_names: Sequence[str], reference: JointReference, begin: float) -> None:
@@ -103,12 +123,19 @@ class PlannerOutputs:
             )
         )
 
-    def publishers_of_commands(self) -> tuple[str, ...]:
-        """Names of all nodes that publish on the topic of the commands, this one among them."""
-        return publishers_of(self._node, self.command_topic)
+    def nodes_on_commands(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of all nodes that publish on the topic of the commands, this one among them, and of those that receive
+        it.
+        """
+        self._received_by = subscribers_of(self._node, self.command_topic)
+        return publishers_of(self._node, self.command_topic), self._received_by
 
-    def status(self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop, plan: str) -> None:
+    def status(
+        self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop, plan: str, margins: Mapping[str, float]
+    ) -> None:
         """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it.
+
+        margins : what the certificate counts [m], by name.
 
         plan : the newest answer of the service `plan`, `CODE: reason`; empty before the first.
         """
@@ -121,7 +148,10 @@ class PlannerOutputs:
         values = {
             "code": verdict.code.name,
             "reason": verdict.reason,
+            "mode": output.mode,
+            "guarded": self._guarded,
             "clearance": verdict.clearance,
+            **margins,
             "energy_per_edge": verdict.energy_per_edge,
             "cost_gap": verdict.cost_gap,
             "in_support": verdict.in_support,
@@ -136,6 +166,7 @@ class PlannerOutputs:
             "tick": loop.ticks,
             "last_tick_ms": 1e3 * loop.last_duration,
             "deadline_misses": loop.misses,
+            "commands_received_by": " ".join(self._received_by),
         }
         self._publish_status(self._status, level, "verdict", message, values)
 

@@ -1,4 +1,4 @@
-"""What the planner node does differently with skills of poses and of configurations; all the rest is the same."""
+"""What the planner node does differently with the paper's planner; all the rest is the same."""
 
 from __future__ import annotations
 
@@ -10,31 +10,30 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.arm_view import ArmView
-from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
-from geodesic_motion_ros.nodes.planning_cycle import PlanningCycle
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
-from geodesic_motion_ros.planner import PlannerSettings, ReactivePlanner
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-_SEARCH = (
-    "avoidance", "obstacle_margin", "ambient_strength", "ambient_width_ratio", "ambient_law", "cost_cap",
-    "ridge_strength", "query_conditioning", "prediction",
+_SETTINGS = (
+    "avoidance", "avoid", "obstacle_margin", "obstacle_position_error", "ambient_strength", "ambient_width_ratio",
+    "ambient_law", "cost_cap", "ridge_strength", "query_conditioning", "prediction", "maximum_offset",
+    "maximum_offset_angle", "maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius",
+    "refine",
 )  # fmt: skip
-_TASK = ("maximum_offset", "maximum_offset_angle", "speed", "angular_speed", "acceleration")
-_PAPER = ("speed", "angular_speed", "speed_scale")
-_JOINT = ("maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius", "refine")
+#: Negative: what belongs to the kind of skill.
+_TOOL_LIMITS = ("speed", "angular_speed", "acceleration")
 
 
 class SkillKind(ABC):
@@ -42,7 +41,8 @@ class SkillKind(ABC):
 
     Attributes
     ----------
-    robot : that the skill is of. cycle : the stream of its commands. subject : what moves, for a person.
+    robot : that the skill is of. guarded : "arm", "tool" or "nothing" of it is certified to stay off obstacles.
+    cycle : the stream of its commands. subject : what moves, for a person.
     command_topic, command_type : where commands go: "target_pose", or "joint_trajectory".
     may_be_early : whether a cycle need not wait for its time where obstacles have changed: what it sends says itself
         when it begins, and not that it is to be followed at once.
@@ -50,6 +50,7 @@ class SkillKind(ABC):
 
     robot: Robot
     cycle: StreamCycle
+    guarded: str
     command_topic: str
     subject: str
     may_be_early: bool
@@ -68,6 +69,10 @@ class SkillKind(ABC):
     @abstractmethod
     def tool_poses(self, reference: Any) -> Pose:
         """Tool positions (n, 3) [m] and quaternions (n, 4) along a reference."""
+
+    def margins(self) -> dict[str, float]:
+        """What the certificate counts [m], for the status."""
+        return {}
 
     @abstractmethod
     def body(self, output: CycleOutput) -> np.ndarray:
@@ -90,82 +95,31 @@ class SkillKind(ABC):
         self._goals.shutdown(wait=True, cancel_futures=True)
 
 
-class TaskSpaceKind(SkillKind):
-    """Poses of the tool, streamed as `target_pose`."""
-
-    command_topic = "target_pose"
-    subject = "the tool"
-    may_be_early = False
+class CertifiedKind(SkillKind):
+    """Configurations of the whole arm, as `joint_trajectory`, or as `target_pose` with `target_posture`."""
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()
-        self._points, self._radii = _tool(values)
-        self.planner = ReactivePlanner(skill, task_settings(values))
+        self.planner = ReactivePlanner(skill, planner_settings(values))
         self.robot = self.planner.robot
-        self.cycle: PlanningCycle = PlanningCycle(
-            self.planner,
-            values["state_timeout"],
-            values["resume_timeout"],
-            values["tracking_tolerance"],
-            values["tracking_tolerance_angle"],
-            background=self._goals,
-        )
-
-    def place(self, joints: np.ndarray) -> Pose:
-        return self.robot.forward(joints)
-
-    def send(self, outputs: PlannerOutputs, output: CycleOutput) -> None:
-        if output.commanded is not None:
-            outputs.target(*output.commanded)
-
-    def tool_poses(self, reference: Any) -> Pose:
-        return reference.positions, reference.quaternions
-
-    def body(self, output: CycleOutput) -> np.ndarray:
-        if output.commanded is None:
-            return np.zeros((0, 4))
-        position, quaternion = output.commanded
-        centres = tool_points(position[None], quaternion[None], self._points)[0]
-        return np.concatenate([centres, self._radii[:, None]], axis=1)
-
-    def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
-        plan = self.planner.plan(*start, *goal)
-        return None if plan.reference is None else self.tool_poses(plan.reference), plan.verdict
-
-    def view(self, skill: Skill, size: int) -> LatentPicture | None:
-        if skill.decoder.latent_dimension != 2:
-            return None
-        return LatentView(skill, self.planner.graph, self._points, self._radii, size)
-
-    def update(self, values: Mapping[str, Value]) -> None:
-        self.cycle.state_timeout = values["state_timeout"]
-        self.cycle.resume_timeout = values["resume_timeout"]
-        self.cycle.tracking_tolerance = values["tracking_tolerance"]
-        self.cycle.tracking_tolerance_angle = values["tracking_tolerance_angle"]
-
-
-class JointSpaceKind(SkillKind):
-    """Configurations of the whole arm, sent as `joint_trajectory`."""
-
-    command_topic = "joint_trajectory"
-    subject = "the whole arm"
-    may_be_early = True
-
-    def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
-        super().__init__()
-        self.planner = JointSpacePlanner(skill, joint_settings(values))
-        self.robot = self.planner.robot
+        self.command_topic = values["output"]
+        self.may_be_early = self.command_topic == "joint_trajectory"
+        self.guarded = self.planner.settings.avoid
+        self.subject = "the whole arm" if self.guarded == "arm" else "the whole arm, of which the tool avoids obstacles"
         self.cycle: JointCycle = JointCycle(
             self.planner, values["state_timeout"], values["resume_timeout"], values["tracking_tolerance_joint"],
-            values["horizon"], background=self._goals,
+            values["horizon"], self.command_topic, background=self._goals, tool_tolerance=_tool_tolerance(values),
         )  # fmt: skip
 
     def place(self, joints: np.ndarray) -> np.ndarray:
         return joints
 
     def send(self, outputs: PlannerOutputs, output: CycleOutput) -> None:
-        if output.trajectory is not None:
-            outputs.trajectory(self.robot.joint_names, *output.trajectory)
+        if self.command_topic == "joint_trajectory":
+            if output.trajectory is not None:
+                outputs.trajectory(self.robot.joint_names, *output.trajectory)
+        elif output.configuration is not None:
+            outputs.target(*self.robot.forward(output.configuration), output.configuration)
 
     def tool_poses(self, reference: Any) -> Pose:
         positions, quaternions = end_effector_poses(np.ascontiguousarray(reference.positions), self.robot.chain)
@@ -178,30 +132,42 @@ class JointSpaceKind(SkillKind):
         centres = model.positions(self.robot, output.configuration[None])[0]
         return np.concatenate([centres, model.radii[:, None]], axis=1)[model.moving]
 
+    def margins(self) -> dict[str, float]:
+        error = self.planner.settings.obstacle_position_error
+        return {"obstacle_position_error": error, "tracking_error": self.planner.allowance - error}
+
     def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
         plan = self.planner.plan(*start, *goal)
         return None if plan.reference is None else self.tool_poses(plan.reference), plan.verdict
 
     def view(self, skill: Skill, size: int) -> LatentPicture | None:
-        if skill.decoder.latent_dimension != 3:
-            return None
-        return ArmView(skill, self.planner.graph, self.planner.collision, size)
+        graph = self.planner.graph
+        if isinstance(graph, PoseGraph) and skill.decoder.latent_dimension == 2:
+            settings = self.planner.settings
+            return LatentView(skill, graph, np.array(settings.tool_points), np.array(settings.tool_radii), size)
+        if not isinstance(graph, PoseGraph) and skill.decoder.latent_dimension == 3:
+            return ArmView(skill, graph, self.planner.collision, size)
+        return None
 
     def update(self, values: Mapping[str, Value]) -> None:
         self.cycle.state_timeout = values["state_timeout"]
         self.cycle.resume_timeout = values["resume_timeout"]
         self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
+        self.cycle.tool_tolerance = _tool_tolerance(values)
 
 
 class PaperKind(SkillKind):
     """The paper's planner, for skills of either space."""
 
     may_be_early = False
+    guarded = "nothing"
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()
         strength = values["ambient_strength"] if values["avoidance"] else 0.0
-        self.planner = PaperPlanner(skill, PaperSettings(strength, *(values[name] for name in _PAPER)))
+        tool = planner_settings(values).tool_limits(of_tool_poses=True)
+        settings = PaperSettings(strength, tool.speed, tool.angular_speed, values["speed_scale"])
+        self.planner = PaperPlanner(skill, settings)
         self.robot = self.planner.robot
         common = self.planner, values["state_timeout"], values["resume_timeout"]
         offsets = values["maximum_offset"], values["maximum_offset_angle"]
@@ -251,29 +217,22 @@ class PaperKind(SkillKind):
             self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
 
 
+def _tool_tolerance(values: Mapping[str, Value]) -> tuple[float, float]:
+    return values["tracking_tolerance"], values["tracking_tolerance_angle"]
+
+
 def kind_of(skill: Skill, values: Mapping[str, Value]) -> SkillKind:
     """How the node treats a skill, with the values of its parameters."""
-    if values["method"] == "paper":
-        return PaperKind(skill, values)
-    return (JointSpaceKind if skill.space == "joint" else TaskSpaceKind)(skill, values)
+    return PaperKind(skill, values) if values["method"] == "paper" else CertifiedKind(skill, values)
 
 
-def task_settings(values: Mapping[str, Value]) -> PlannerSettings:
-    """The planner's settings on a task-space skill; PlanningError where parameters do not go together."""
-    points, radii = _tool(values)
-    return PlannerSettings(
-        tool_points=tuple(tuple(point) for point in points.tolist()),
-        tool_radii=tuple(radii.tolist()),
-        **{name: values[name] for name in (*_SEARCH, *_TASK)},
-    )
-
-
-def joint_settings(values: Mapping[str, Value]) -> JointPlannerSettings:
-    """The planner's settings on a joint-space skill; PlanningError where parameters do not go together."""
-    return JointPlannerSettings(**{name: values[name] for name in (*_SEARCH, *_JOINT)})
-
-
-def _tool(values: Mapping[str, Value]) -> tuple[np.ndarray, np.ndarray]:
-    """Tool spheres as points (K, 3) and radii (K,) [m]."""
+def planner_settings(values: Mapping[str, Value]) -> PlannerSettings:
+    """The planner's settings; PlanningError where parameters do not go together."""
     spheres = np.array(values["tool_spheres"]).reshape(-1, 4)
-    return spheres[:, :3], spheres[:, 3]
+    limits = {name: None if values[name] < 0.0 else values[name] for name in _TOOL_LIMITS}
+    return PlannerSettings(
+        tool_points=tuple(map(tuple, spheres[:, :3].tolist())),
+        tool_radii=tuple(spheres[:, 3].tolist()),
+        **limits,
+        **{name: values[name] for name in _SETTINGS},
+    )

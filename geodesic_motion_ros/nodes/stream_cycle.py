@@ -21,7 +21,6 @@ from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.goal_preparation import GoalPreparation, Prepared
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
-from geodesic_motion_ros.reference import TaskSpaceReference
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 Pose = tuple[np.ndarray, np.ndarray]
@@ -62,6 +61,7 @@ class CycleInputs(Generic[Place]):
     task_frame : where the frame that the skill was shown in stands now, position (3,) [m] and quaternion (4,).
     goal_in_task_frame : whether the goal was given in that frame.
     publishers : names of the nodes that publish the commands; more than one and the arm must not move.
+    subscribers : names of the nodes that receive them; None: that is not known yet.
     now : time of the clock that trajectories are stamped with [s].
     heard : time of the clock that obstacles are heard by [s], which is never set.
     simulated : whether both are of a simulation, which may stand, run slowly or fast.
@@ -80,6 +80,7 @@ class CycleInputs(Generic[Place]):
     task_frame: Pose | None = None
     goal_in_task_frame: bool = False
     publishers: tuple[str, ...] = ()
+    subscribers: tuple[str, ...] | None = None
     now: float = 0.0
     heard: float = 0.0
     simulated: bool = False
@@ -101,16 +102,18 @@ class CycleOutput:
     reference : the way to the goal, with an OK verdict only. time_to_goal : until it ends [s], nan without.
     configuration : commanded (eta,) [rad] in joint space.
     speed : of the commanded tool [m/s], in joint space of the fastest joint [rad/s].
+    mode : what the arm does (`planning.mode`); "" with the paper's planner.
     """
 
     verdict: Verdict
     goal_verdict: Verdict
     commanded: Pose | None = None
     trajectory: tuple[JointReference, float] | None = None
-    reference: TaskSpaceReference | JointReference | None = None
+    reference: Any = None
     time_to_goal: float = np.nan
     configuration: np.ndarray | None = None
     speed: float = 0.0
+    mode: str = ""
 
     @property
     def goal_refused(self) -> bool:
@@ -119,8 +122,8 @@ class CycleOutput:
 
 
 @dataclass
-class _Lost:
-    """An arm that was found elsewhere than commanded: why, and since when [s] it has rested near which place."""
+class Unsettled:
+    """An arm that is to rest before it is commanded again: why, and since when [s] it rests near which place."""
 
     verdict: Verdict
     near: Any
@@ -165,7 +168,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._set_by = 0.0
         self._began = self._heard = 0.0
         self._step = 0.0  # by which what is commanded moves on in the newest cycle whose inputs are known [s]
-        self._lost: _Lost | None = None
+        self._lost: Unsettled | None = None
         self._obstacles_version = -1
 
     def run(self, inputs: CycleInputs[Place], period: float) -> CycleOutput:
@@ -284,6 +287,9 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             return Verdict(VerdictCode.STALE_OBSTACLES, stale)
         if not self._has_goal:
             return self._goal_verdict
+        if inputs.subscribers == ():
+            reason = f"no node receives {self._command_topic}: start the controller of the arm, or remap the topic"
+            return Verdict(VerdictCode.BAD_INPUT, reason)
         return Verdict(VerdictCode.OK)
 
     def _stale_state(self, inputs: CycleInputs[Place]) -> Verdict | None:
@@ -308,7 +314,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         if not self._knows_where():
             self._begin_at(measured, inputs.now)
         elif self._lost is not None:
-            if not self._rests(measured, advance):
+            if not self._rests(self._lost, measured, advance):
                 return self._lost.verdict
             self._begin_at(measured, inputs.now)
         else:
@@ -322,16 +328,15 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._stand_at(measured, now)
         self._lost, self._missing, self._jump = None, False, 0.0
 
-    def _rests(self, measured: Place, advance: float) -> bool:
-        """Look at a lost arm again after a time [s]; whether it has rested for long enough."""
-        assert self._lost is not None
-        if self._moved(measured, self._lost.near):
-            self._lost.near, self._lost.rested = measured, 0.0
+    def _rests(self, arm: Unsettled, measured: Place, advance: float) -> bool:
+        """Look at an unsettled arm again after a time [s]; whether it has rested for long enough."""
+        if self._moved(measured, arm.near):
+            arm.near, arm.rested = measured, 0.0
         else:
-            self._lost.rested += advance
-        return self._lost.rested >= REST_TIME
+            arm.rested += advance
+        return arm.rested >= REST_TIME
 
-    def _loss(self, measured: Place, taken: float) -> _Lost | None:
+    def _loss(self, measured: Place, taken: float) -> Unsettled | None:
         """Why what is commanded is no longer to be trusted, and drop the goal; None while the arm follows."""
         # What was commanded when is not known of a time that another clock has told.
         deviation = None if self._jump else self._deviation(measured, taken)
@@ -346,7 +351,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         else:
             return None
         reason = f"{said}: nothing is commanded until the arm has rested for {REST_TIME:g} s"
-        return _Lost(Verdict(VerdictCode.BAD_INPUT, reason), measured)
+        return Unsettled(Verdict(VerdictCode.BAD_INPUT, reason), measured)
 
     def _rivals(self, inputs: CycleInputs[Place]) -> Verdict | None:
         """More than one node that commands the arm: which of them it followed would be chance."""

@@ -35,6 +35,7 @@ from geodesic_motion_ros.nodes.messages import (
     joint_state_message,
     point_message,
     pose_message,
+    read_joint_positions,
     read_joint_trajectory,
     read_pose,
     seconds,
@@ -61,7 +62,9 @@ _PATIENCE = 2.0
 _DEAF = 0.3
 # Changes of the topic that commands are told at most once in this time [s]: two streams at once would fill the log.
 _QUIET = 0.2
-_POSES, _TRAJECTORIES = "target_pose", "joint_trajectory"
+_POSES, _TRAJECTORIES, _POSTURES = "target_pose", "joint_trajectory", "target_posture"
+# A posture belongs to the poses with stamps that are no farther from its own [s].
+_SAME_TIME = 0.1
 _OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
 _IMAGE_SIZE = (320, 240)
 # What `initial_joint_positions` holds where nobody has said otherwise, a parameter file with all defaults included.
@@ -79,7 +82,8 @@ class _Command:
 class TwinNode(LoopingNode):
     """The digital twin as a ROS 2 node.
 
-    The arm follows `target_pose`, a stream that must not pause, or `joint_trajectory`, whichever spoke last. Stamps of
+    The arm follows `target_pose`, a stream that must not pause, in the posture of `target_posture` with the same stamp,
+    if there is one, or `joint_trajectory`, whichever spoke last. Stamps of
     trajectories are of the node's clock; their rules are those of joint_trajectory_controller
     (`simulation/trajectory_player.py`). When the clock is set the arm brakes and holds.
 
@@ -107,6 +111,8 @@ class TwinNode(LoopingNode):
         self._refusals = Refusals(self.get_logger().warning)
         self._mailbox: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = queue.SimpleQueue()
         self._command: _Command | None = None
+        # The newest target posture, and its stamp [s].
+        self._posture: tuple[np.ndarray | None, float] = None, 0.0
         self._command_lock = threading.Lock()
         self._commander = ""
         self._commanded_at = self._deaf_until = -np.inf
@@ -145,6 +151,7 @@ class TwinNode(LoopingNode):
             self.create_subscription(PoseStamped, _POSES, self._on_target, qos),
             self.create_subscription(JointTrajectory, _TRAJECTORIES, self._on_trajectory, qos),
         )
+        self.create_subscription(JointState, _POSTURES, self._on_posture, qos)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/spawn_obstacles", self._on_spawn)
         self.create_timer(1.0, self._look_for_rivals, clock=STEADY)
@@ -269,7 +276,18 @@ class TwinNode(LoopingNode):
     def _on_target(self, message: PoseStamped) -> None:
         with self._refusals.guard(_POSES):
             position, quaternion = read_pose(message, self._frame)
-            self._ask(_Command(_POSES, partial(self._world.set_target_pose, position, quaternion)))
+            posture, stamp = self._posture
+            known = posture is not None and abs(seconds(message.header.stamp) - stamp) <= _SAME_TIME
+            held = posture if known and self._options["follow_posture"] else None
+            self._ask(_Command(_POSES, partial(self._world.set_target_pose, position, quaternion, held)))
+
+    def _on_posture(self, message: JointState) -> None:
+        with self._refusals.guard(_POSTURES):
+            posture = read_joint_positions(message, self._world.robot.joint_names)
+            try:
+                self._posture = self._world.robot.checked(posture), seconds(message.header.stamp)
+            except RobotError as error:
+                raise MessageRefused(str(error)) from error
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         with self._refusals.guard(_TRAJECTORIES):

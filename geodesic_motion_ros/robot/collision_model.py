@@ -7,6 +7,7 @@ simulation/sphere_cover.py makes it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,8 +35,8 @@ class CollisionModel:
     ----------
     points : their centres, named after their links.
     radii : (S,) [m].
-    moving : (S,) bool, whether any joint moves them. The others, those of the base, matter to self-collision alone: no
-        motion keeps them from an obstacle.
+    moving : (S,) bool, which of them are kept away from obstacles: those that joints move. The others, those of the
+        base, matter to self-collision alone: no motion keeps them from an obstacle.
     self_pairs : (P, 2) int64, the spheres that must not overlap: of links that can meet, one of these pairs overlaps
         wherever they touch. Spheres of other pairs may overlap in any configuration.
     """
@@ -103,6 +104,21 @@ class CollisionModel:
             raise RobotError(f"the link '{link}' has no spheres; there are spheres of {names}")
         points = BodyPoints((link,) * int(np.sum(own)), self.points.frames[own], self.points.offsets[own])
         return CollisionModel(points, self.radii[own], self.moving[own], np.empty((0, 2), dtype=np.int64))
+
+    def guarding_tool(
+        self, robot: Robot, points: Sequence[Sequence[float]], radii: Sequence[float]
+    ) -> CollisionModel:
+        """Of which only spheres (K, 3), (K,) [m] fixed to the robot's tool are kept away from obstacles; all of the
+        arm's are still kept away from each other.
+        """
+        tool, count = robot.tool_link, len(radii)
+        frame = np.full(count, robot.link_names.index(tool), dtype=np.int64)
+        joined = BodyPoints(
+            (*self.points.names, *(tool,) * count), np.concatenate([self.points.frames, frame]),
+            np.concatenate([self.points.offsets, link_points(robot, tool, points)]),
+        )  # fmt: skip
+        moving = np.repeat([False, True], [len(self), count])
+        return CollisionModel(joined, np.concatenate([self.radii, radii]), moving, self.self_pairs)
 
     def link_of(self, sphere: int) -> str:
         """The link that a sphere is fixed to."""

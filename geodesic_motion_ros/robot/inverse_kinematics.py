@@ -37,7 +37,7 @@ def pose_error(
     position: np.ndarray, quaternion: np.ndarray, target_position: np.ndarray, target_quaternion: np.ndarray
 ) -> np.ndarray:
     """Error (6,) from a pose to a target, base frame: position [m], shortest rotation vector [rad]."""
-    return _pose_error(
+    return pose_difference(
         contiguous(position),
         contiguous(quaternion),
         contiguous(target_position),
@@ -170,7 +170,7 @@ def _length(vector, begin):
 
 
 @numba.njit((VECTOR, VECTOR, VECTOR, VECTOR), cache=True, nogil=True)
-def _pose_error(position, quaternion, target_position, target_quaternion):
+def pose_difference(position, quaternion, target_position, target_quaternion):
     w, x, y, z = target_quaternion[0], target_quaternion[1], target_quaternion[2], target_quaternion[3]
     a, b, c, d = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     # target * conjugate(present): the rotation that is left, in the base frame
@@ -285,7 +285,7 @@ def _iterate(start, posture, position, quaternion, lower, upper, chain, position
     error, task, pull = np.empty(6), np.empty(6), np.empty(len(q))
     for iteration in range(150):
         reached_position, reached_quaternion = forward(q, chain)
-        error = _pose_error(reached_position, reached_quaternion, position, quaternion)
+        error = pose_difference(reached_position, reached_quaternion, position, quaternion)
         distance, angle = _length(error, 0), _length(error, 3)
         if distance <= position_tolerance and angle <= angle_tolerance and iteration >= 30:
             break

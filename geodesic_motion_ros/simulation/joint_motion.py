@@ -13,9 +13,12 @@ from geodesic_motion_ros.robot.kinematics import Robot
 
 @dataclass(frozen=True)
 class CatchUp:
-    """How an error to the target is closed: gain [1/s], and how hard tool or joints may brake and run doing so."""
+    """How an error to the target is closed: gain [1/s], that of the posture, and how hard tool or joints may brake and
+    run doing so.
+    """
 
     gain: float = 25.0
+    posture_gain: float = 20.0
     linear_deceleration: float = 1.5
     linear_speed: float = 0.6
     angular_deceleration: float = 4.0
@@ -43,8 +46,18 @@ class JointMotion:
         self.positions = robot.checked(positions)
         self.velocities = np.zeros(len(positions))
 
-    def follow(self, position: np.ndarray, quaternion: np.ndarray, twist: np.ndarray, dt: float) -> None:
-        """Advance by `dt` [s] towards a tool pose that itself moves with `twist` (6,) [m/s, rad/s]."""
+    def follow(
+        self,
+        position: np.ndarray,
+        quaternion: np.ndarray,
+        twist: np.ndarray,
+        dt: float,
+        posture: np.ndarray | None = None,
+    ) -> None:
+        """Advance by `dt` [s] towards a tool pose that itself moves with `twist` (6,) [m/s, rad/s].
+
+        posture : (n,) [rad] that the null space follows; None: it is drawn gently to `Robot.ready`.
+        """
         error = pose_error(*self.robot.forward(self.positions), position, quaternion)
         settings = self.catch_up
         correction = np.concatenate(
@@ -53,7 +66,8 @@ class JointMotion:
                 _approach(error[3:], settings.gain, settings.angular_deceleration, settings.angular_speed),
             ]
         )
-        self._advance(twist_step(self.robot, self.positions, twist + correction, dt), dt)
+        redundancy = {} if posture is None else {"posture": posture, "posture_gain": settings.posture_gain}
+        self._advance(twist_step(self.robot, self.positions, twist + correction, dt, **redundancy), dt)
 
     def follow_joints(self, present: np.ndarray, ahead: np.ndarray, dt: float) -> None:
         """Advance by `dt` [s] along with joint positions (n,) [rad] that are `present` now and `ahead` then.

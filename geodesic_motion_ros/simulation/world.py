@@ -88,19 +88,26 @@ class PandaWorld:
         self.time = self.clock_offset = 0.0
         self._motion = JointMotion(self.robot, start)
         self._target: TargetStream | TrajectoryPlayer | None = None
+        self._posture: np.ndarray | None = None
         self._drive(start, np.zeros(len(start)))
         self._client.performCollisionDetection()
 
-    def set_target_pose(self, position: np.ndarray, quaternion: np.ndarray) -> None:
+    def set_target_pose(
+        self, position: np.ndarray, quaternion: np.ndarray, posture: np.ndarray | None = None
+    ) -> None:
         """Follow a tool pose from now on: (3,) [m] and unit quaternion (4,), scalar first, base frame.
+
+        posture : (7,) [rad] the configuration that is to hold it; None: one that is drawn gently to `Robot.ready`.
 
         To be called at a steady rate, as 100 Hz: in between the target moves on with the stream's velocity.
 
         Raises
         ------
-        RobotError : the pose is not finite or beyond the arm's reach; the target stays what it was.
+        RobotError : the pose is not finite or beyond the arm's reach, or the posture is outside the joints' limits; the
+            target stays what it was.
         """
         position, quaternion = checked_pose(position, quaternion)
+        posture = None if posture is None else self.robot.checked(posture)
         if not self.robot.within_reach(position):
             raise RobotError(
                 f"target {np.round(position, 3).tolist()} m is out of reach: "
@@ -109,6 +116,7 @@ class PandaWorld:
         if not isinstance(self._target, TargetStream):
             self._target = TargetStream(*self.robot.forward(self._motion.positions))
         self._target.accept(position, quaternion, self.time)
+        self._posture = posture
 
     def set_joint_trajectory(self, waypoints: JointWaypoints, begin: float | None = None) -> None:
         """Follow a joint trajectory from now on, by the rules of joint_trajectory_controller (`trajectory_player.py`).
@@ -155,7 +163,7 @@ class PandaWorld:
         if self._target is None:
             self._motion.stop(self.dt)
         elif isinstance(self._target, TargetStream):
-            self._motion.follow(*self._target.sample(self.time + self.dt), self.dt)
+            self._motion.follow(*self._target.sample(self.time + self.dt), self.dt, self._posture)
         else:
             now = self.time + self.clock_offset
             present, ahead = self._target.sample(now)[0], self._target.sample(now + self.dt)[0]

@@ -71,5 +71,5 @@ def test_seeds_of_all_begin_where_one_asks(ran, seeds, tmp_path: Path) -> None:
     assert main(["experiment", "all", "--out", str(tmp_path)]) == 2
     by_default = dict(seeds)
     assert main(["experiment", "all", "--out", str(tmp_path), "--seeds-from", "10000"]) == 2
-    assert {"goals", "whole-arm", "moving-tool"} < set(by_default)
+    assert {"goals", "whole-arm"} < set(by_default)
     assert seeds == {name: tuple(seed + 10_000 for seed in own) for name, own in by_default.items()}

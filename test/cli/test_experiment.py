@@ -58,7 +58,6 @@ def test_modes_leave_table_figures_and_picture(tmp_path, capsys, monkeypatch) ->
         (["goals", "--shown", "1"], "at least 2"),
         (["modes", "--cases", "0"], "at least 1"),
         (["goals", "--seeds", "-1"], "none negative"),
-        (["moving-tool", "--tools", "fork"], "choose from hand, slim"),
         (["modes", "--shown", "2", "--save", "{tmp}/two_ways.npy"], "written to .npz files"),
     ],
 )

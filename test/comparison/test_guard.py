@@ -11,8 +11,8 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.families import FAMILIES, families_of
 from geodesic_motion_ros.comparison.guard import guard_of
+from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
 from geodesic_motion_ros.comparison.methods.replay import Replay
-from geodesic_motion_ros.comparison.methods.tool_geodesics import ToolGeodesics
 from geodesic_motion_ros.comparison.results import Results
 from geodesic_motion_ros.comparison.run import Bench, BenchmarkSettings
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
@@ -78,13 +78,13 @@ def test_a_contact_of_the_elbow_ends_the_scene_and_with_the_tool_guarded_it_does
     assert (same.contact, same.arm_touched) == ("", True)
 
 
-def test_ours_guards_the_hand_alone_whatever_is_guarded(arm, tool) -> None:
-    assert ToolGeodesics(arm).settings == ToolGeodesics(tool).settings
+def test_ours_avoids_with_what_is_guarded(arm, tool) -> None:
+    assert [Geodesics(arena).settings["avoid"] for arena in (arm, tool)] == ["arm", "tool"]
 
 
 def test_success_is_by_the_pose_of_the_tool(arm) -> None:
     scene = draw_scene(arm, "none", 0, 0)
-    outcome, postures = Stage(arm).play(scene, ToolGeodesics(arm))
+    outcome, postures = Stage(arm).play(scene, Geodesics(arm))
     assert outcome.success
     np.testing.assert_allclose(arm.robot.forward(postures[-1])[0], scene.goal_pose[0], atol=0.01)
 

@@ -11,16 +11,15 @@ import pytest
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.execution import RESTING, Stage
 from geodesic_motion_ros.comparison.families import families_of
-from geodesic_motion_ros.comparison.method import TICK, Answer
+from geodesic_motion_ros.comparison.method import Answer
+from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
 from geodesic_motion_ros.comparison.methods.replay import Replay
-from geodesic_motion_ros.comparison.methods.tool_geodesics import ToolGeodesics
 from geodesic_motion_ros.comparison.run import BenchmarkSettings, play_benchmark
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.comparison.tool_demonstrations import followed
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.pose_stream import PoseStream
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle
 from geodesic_motion_ros.skill import Skill
@@ -37,8 +36,8 @@ def stage(arena: Arena) -> Stage:
 
 
 @pytest.fixture(scope="module")
-def ours(arena: Arena) -> ToolGeodesics:
-    return ToolGeodesics(arena)
+def ours(arena: Arena) -> Geodesics:
+    return Geodesics(arena)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +97,7 @@ def test_there_is_no_elbow_to_be_guarded(arena, tmp_path) -> None:
         next(play_benchmark(arena.skill, BenchmarkSettings(("replay",), families=("elbow",)), tmp_path))
 
 
-def test_the_arm_follows_our_poses_to_the_goal(arena, stage, ours) -> None:
+def test_the_tool_reaches_the_goal(arena, stage, ours) -> None:
     scene = draw_scene(arena, "none", 0, 0)
     outcome, postures = stage.play(scene, ours)
     assert outcome.success
@@ -153,41 +152,15 @@ def test_a_hand_that_rests_while_the_elbow_swings_is_touched_as_it_stands(arena,
     assert outcome.contact == "standing"
 
 
-def test_a_tool_without_another_way_goes_on_past_what_comes_to_where_it_would_stop(monkeypatch) -> None:
-    """The control stops, and is touched as it stands."""
-    shelf = Arena.of(Skill.load("panda_bottle2shelf"))
-    chased, stage, ours = draw_scene(shelf, "chasing", 12, 0), Stage(shelf), ToolGeodesics(shelf)
-    outcome, _ = stage.play(chased, ours)
-    assert outcome.success
-    monkeypatch.setattr(PoseStream, "gone_past", lambda *_: None)
-    assert stage.play(chased, ours)[0].contact == "standing"
-
-
 def test_without_the_hard_part_ours_goes_into_what_it_cannot_avoid(arena, stage, ours, blocked) -> None:
     ahead = blocked.demonstrations[0].sample(0.5 * blocked.demonstrations[0].duration)[0]
     wall = among(blocked, standing(arena.robot.forward(ahead)[0], 0.15))
     assert stage.play(wall, ours)[0].refused
-    assert stage.play(wall, ToolGeodesics(arena, "soft"))[0].contact == "moving"
-
-
-def test_of_a_stream_what_is_new_is_told_from_what_goes_on(arena, ours, blocked) -> None:
-    """Of the whole of a motion, and of a stop for what comes onto the goal."""
-    covering = Obstacles.of_spheres(blocked.goal_pose[0][None], np.array([0.1]))
-    ours.reset(blocked)
-    seen = [Obstacles.none()] * 100 + [covering] * 100
-    answers = [ours.tick(tick * TICK, obstacles) for tick, obstacles in enumerate(seen)]
-    assert all(answer.pose is not None for answer in answers)
-    new = [tick for tick, answer in enumerate(answers) if answer.planned]
-    assert new == [0, 100]
-    assert not answers[99].refusal
-    assert answers[100].refusal
-    # A new scene is one of its own.
-    ours.reset(blocked)
-    assert ours.tick(0.0, Obstacles.none()).planned
+    assert stage.play(wall, Geodesics(arena, "soft"))[0].contact == "moving"
 
 
 def test_parts_say_which_they_are(arena, ours) -> None:
-    parts = [method.settings for method in (ours, ToolGeodesics(arena, "hard"))]
+    parts = [method.settings for method in (ours, Geodesics(arena, "hard"))]
     assert [part["part"] for part in parts] == ["whole", "hard"]
     assert [part["ambient_law"] for part in parts] == ["gaussian", "hard"]
     assert len(parts[0]["tool_points"]) == len(arena.collision)

@@ -22,14 +22,14 @@ from geodesic_motion_ros.experiments.grasp_joint import (
     family_energies,
 )
 from geodesic_motion_ros.experiments.grasp_joint_scenes import Stage
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.tables import write_json
 
-COARSE = JointPlannerSettings(grid_shape=(30, 30, 30))
+COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 SMALL = JointTrainingSettings(
     steps=700, hidden=(64, 32), samples=80, kernels=100, batch=128, precision_samples=2, precision_iterations=60
 )
@@ -45,7 +45,7 @@ def report(stored, separated_demonstrations, reach_demonstrations, reach_skill) 
     for kind, (skill, shown) in sets.items():
         families = Families.of(shown, 2)
         # Families of the second skill meet at both ends alone.
-        stage, planner = Stage(families, connected=kind == "meeting"), JointSpacePlanner(skill, COARSE)
+        stage, planner = Stage(families, connected=kind == "meeting"), ReactivePlanner(skill, COARSE)
         scenes, again[kind] = all_scenes(stage, 3), stage.again
         ours, literal = OurArm(planner, families), LiteralArm(PaperPlanner(skill, shape=BOX), families)
         blocked = among_blocking(literal, stage, planner)

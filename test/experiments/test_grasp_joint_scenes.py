@@ -11,8 +11,8 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_players import Families
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.grasp_joint_scenes import RADIUS, Stage, mean_ways, passed_in_turn, sphere_on
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
 
 
@@ -23,7 +23,7 @@ def test_stays_are_told_from_brushes() -> None:
 
 
 def test_a_sphere_is_put_into_one_way_and_leaves_the_other_free(reach_skill: Skill) -> None:
-    planner = JointSpacePlanner(reach_skill, JointPlannerSettings(grid_shape=(20, 20, 20)))
+    planner = ReactivePlanner(reach_skill, PlannerSettings(grid_shape=(20, 20, 20)))
     blocked, free = mean_ways(reach_skill)
     centre = sphere_on(planner, blocked, free)
     on_blocked, on_free = (distances(planner, body_spheres(planner, way), centre, RADIUS) for way in (blocked, free))

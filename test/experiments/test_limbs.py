@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.blocked_arm import hand_alone
 from geodesic_motion_ros.experiments.limbs import LimbsReport, LimbsSettings, compare_limbs, draw_limbs, solved
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.tables import write_json
@@ -21,7 +21,7 @@ ROBOT, MODEL = Robot.panda(), CollisionModel.panda()
 
 @pytest.fixture(scope="module")
 def report(reach_pose_skill, reach_skill) -> LimbsReport:
-    settings = LimbsSettings((15, 15), 20, joint_planner=JointPlannerSettings(grid_shape=(30, 30, 30)))
+    settings = LimbsSettings((15, 15), 20, joint_planner=PlannerSettings(grid_shape=(30, 30, 30)))
     return compare_limbs(reach_pose_skill, reach_skill, settings)
 
 

@@ -7,15 +7,15 @@ import numpy as np
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.blocked_arm import every
 from geodesic_motion_ros.experiments.obstacle_law_scenes import BETWEEN, CHECK_PERIOD, FREE_END, FREE_WAY, draw_scene
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
 
-COARSE = JointPlannerSettings(grid_shape=(30, 30, 30))
+COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 
 
 def test_spheres_do_what_their_kind_says(reach_skill: Skill) -> None:
-    planner = JointSpacePlanner(reach_skill, COARSE)
+    planner = ReactivePlanner(reach_skill, COARSE)
     for number, kind in enumerate(BETWEEN):
         scene = draw_scene(planner, np.random.default_rng([0, number]), number)
         assert scene.sphere == kind

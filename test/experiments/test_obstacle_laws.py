@@ -11,10 +11,10 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.obstacle_law_figures import draw_laws
 from geodesic_motion_ros.experiments.obstacle_law_scenes import BETWEEN
 from geodesic_motion_ros.experiments.obstacle_laws import CONTROL, LAWS, Law, LawAnswer, LawsReport, compare_laws
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 
-COARSE = JointPlannerSettings(grid_shape=(30, 30, 30))
+COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 SOFT, HARD = Law("soft alone", 100.0, 0.5), Law("hard alone")
 FEW = (SOFT, HARD, Law("soft and hard", 1000.0, 0.5), Law("completed", 1000.0, 0.5))
 SCENES = 12

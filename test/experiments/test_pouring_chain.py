@@ -8,13 +8,13 @@ import numpy as np
 
 from geodesic_motion_ros.experiments.held_bottle import bottle_settings
 from geodesic_motion_ros.experiments.pouring_chain import pour_all_cups
-from geodesic_motion_ros.planner import ReactivePlanner
 from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.skill import Skill
 
 
 def test_the_chain_pours_every_cup(pouring_pose_skill: Skill) -> None:
-    chain = pour_all_cups(ReactivePlanner(pouring_pose_skill, bottle_settings()), 0)
+    chain = pour_all_cups(PosePathPlanner(pouring_pose_skill, bottle_settings()), 0)
     assert chain.reason == ""
     assert len(chain.parts) == len(chain.mouth_off) == 3
     assert max(chain.mouth_off) < 1e-3
@@ -26,7 +26,7 @@ def test_the_chain_pours_every_cup(pouring_pose_skill: Skill) -> None:
 
 def test_a_part_that_is_refused_ends_the_chain_and_is_named(pouring_pose_skill: Skill) -> None:
     strict = PlannerSettings(maximum_offset=1e-4)
-    chain = pour_all_cups(ReactivePlanner(pouring_pose_skill, strict), 0)
+    chain = pour_all_cups(PosePathPlanner(pouring_pose_skill, strict), 0)
     assert chain.parts == ()
     assert chain.reason.startswith("part 0: ")
     assert len(chain.joints) == 0

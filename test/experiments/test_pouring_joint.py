@@ -17,10 +17,10 @@ from geodesic_motion_ros.experiments.pouring_joint import (
     draw_pouring_joint,
     pour_all,
 )
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import Guidance, configurations, pouring_guidances
 from geodesic_motion_ros.tables import write_json
@@ -28,7 +28,7 @@ from geodesic_motion_ros.tables import write_json
 SMALL = JointTrainingSettings(
     steps=600, hidden=(64, 32), samples=60, kernels=100, batch=128, precision_samples=2, precision_iterations=60
 )
-COARSE = JointPlannerSettings(grid_shape=(25, 25, 25))
+COARSE = PlannerSettings(grid_shape=(25, 25, 25))
 ROBOT = Robot.panda()
 
 
@@ -45,7 +45,7 @@ def report(stored) -> PouringJointReport:
     items = [JointDemonstration(configurations(ROBOT, g), g.motion.times, g.motion.name) for g in told]
     shown = JointDemonstrations(tuple(items), ROBOT.joint_names, "panda")
     skill = stored("pouring", lambda: train_joint_space_skill(shown, ROBOT, SMALL, name="pouring"))
-    planner = JointSpacePlanner(skill, COARSE)
+    planner = ReactivePlanner(skill, COARSE)
     families, tools = Families.of(shown, 3), shown.tool_demonstrations(ROBOT)
     players = OurArm(planner, families), LiteralArm(PaperPlanner(skill, shape=(20, 20, 20)), families)
     pourings = [item for player in players for item in pour_all(player, families, tools, 0, [(1, 1), (0, 2)])]

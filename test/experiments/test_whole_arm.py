@@ -21,14 +21,14 @@ from geodesic_motion_ros.experiments.whole_arm import (
     measure_whole_arm,
     switch_strip,
 )
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json
 
-COARSE = JointPlannerSettings(grid_shape=(30, 30, 30))
+COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 
 
 @pytest.fixture(scope="module")

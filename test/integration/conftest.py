@@ -68,6 +68,8 @@ class Bench:
         self._nodes: list[Any] = []
         self._processes: list[subprocess.Popen] = []
         self._publishers: dict[str, Any] = {}
+        #: Where the arm is (7,) [rad], once its joint states are sent.
+        self.arm: np.ndarray | None = None
         self._thread = threading.Thread(target=self._spin, name="bench")
         self._thread.start()
 
@@ -172,6 +174,9 @@ class Bench:
     def at_rest(self) -> bool:
         return float(self.status()["speed"]) == 0.0
 
+    def at_goal(self) -> bool:
+        return self.at_rest() and float(self.status()["time_to_goal"]) < 0.01
+
     def health(self) -> dict[str, str]:
         """The newest figures among the diagnostics, by key; they are to be listened to."""
         heard = self.heard["/diagnostics"]
@@ -181,15 +186,26 @@ class Bench:
         """Publish a goal (7,): position [m], quaternion (w, x, y, z)."""
         self.publisher(PoseStamped, "goal_pose").publish(pose_of(pose, frame))
 
-    def send_joint_states(self, positions: np.ndarray, names: Sequence[str] | None = None) -> Any:
-        """Publish a resting arm fifty times a second; returns the timer that does it."""
+    def send_joint_states(
+        self, positions: np.ndarray, names: Sequence[str] | None = None, follows: bool = True
+    ) -> Any:
+        """Publish an arm fifty times a second, which is at once where `target_posture` says; returns the timer.
+
+        names : of joints of an arm that rests, whatever it is told; so too where it does not follow.
+        """
         publisher = self.publisher(JointState, "joint_states")
-        names = names or Robot.panda().joint_names
+        self.arm = arm = np.array(positions)
 
         def send() -> None:
             stamp = self.probe.get_clock().now().to_msg()
-            publisher.publish(messages.joint_state_message(names, positions, np.zeros(len(positions)), stamp))
+            shown = names or Robot.panda().joint_names
+            publisher.publish(messages.joint_state_message(shown, arm, np.zeros(len(arm)), stamp))
 
+        def follow(message: JointState) -> None:
+            arm[:] = message.position
+
+        if follows and names is None:
+            self.probe.create_subscription(JointState, "target_posture", follow, 10)
         return self.repeat(0.02, send)
 
     def send_spheres(self, *spheres: tuple[Sequence[float], float], frame: str = BASE, late: float = 0.0) -> None:
@@ -253,13 +269,15 @@ def make_pose() -> Callable[..., PoseStamped]:
 
 @pytest.fixture
 def planner_options(skill_folder: Path) -> dict[str, Any]:
-    """Parameters for a planner whose arm does not move, on a machine that may be busy."""
+    """Parameters for a planner of postures, on a machine that may be busy."""
     return {
         "skill": str(skill_folder),
+        "output": "target_pose",
         # a small tool, which stands free where a whole hand would touch the scenes' obstacles
+        "avoid": "tool",
         "tool_spheres": [0.0, 0.0, 0.0, 0.04],
-        "tracking_tolerance": 1.0,
-        "tracking_tolerance_angle": 3.2,
+        "tracking_tolerance_joint": 1.0,
+        "latency": 0.1,
         "state_timeout": 2.0,
         "resume_timeout": 60.0,
         "obstacle_timeout": 3600.0,

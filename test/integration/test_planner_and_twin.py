@@ -28,8 +28,6 @@ ENDED = 5.0
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 # A ball in the middle of every demonstration, small enough to be passed on either side.
 BALL = "{ball: {kind: static, centre: [0.465, -0.01, 0.34], radius: 0.03}}"
-# Spheres (x, y, z, radius) that cover fingers and hand of the Panda, seen from between the finger tips.
-HAND = [0.0, 0.0, 0.0, 0.03, 0.0, 0.0, -0.08, 0.07, 0.0, 0.06, -0.08, 0.05, 0.0, -0.06, -0.08, 0.05]
 
 
 @pytest.fixture
@@ -40,9 +38,8 @@ def options(skill_folder):
         "state_timeout": 5.0,
         "resume_timeout": 60.0,
         "obstacle_timeout": 30.0,
-        "tracking_tolerance": 0.3,
-        "tracking_tolerance_angle": 1.0,
-        "tool_spheres": HAND,
+        "tracking_tolerance_joint": 0.3,
+        "latency": 0.1,
         "latent_view_rate": 0.0,
     }
 
@@ -190,7 +187,7 @@ def test_a_signal_while_starting_ends_cleanly(bench, options, node):
 def test_parameter_files_are_read_in_any_namespace(bench, tmp_path, namespace):
     shipped = CONFIG / "planner.yaml"
     changed = tmp_path / "planner.yaml"
-    changed.write_text(shipped.read_text().replace("\n    speed: 0.2\n", "\n    speed: 9.0\n"))
+    changed.write_text(shipped.read_text().replace("\n    speed: -1.0\n", "\n    speed: 9.0\n"))
     arguments = ["--ros-args", "-r", f"__ns:={namespace or '/'}", "--params-file"]
     process = bench.launch("planner_node", *arguments, str(changed))
     _, errors = process.communicate(timeout=60.0)

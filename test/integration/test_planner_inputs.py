@@ -13,6 +13,7 @@ from geometry_msgs.msg import PointStamped, PoseStamped, TransformStamped
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import Log
 from rclpy.time import Time
+from scipy.spatial import cKDTree
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
@@ -89,6 +90,7 @@ class TestBadInput:
         ):
             moving.publisher(kind, topic).publish(message)
             moving.wait(lambda topic=topic: topic in moving.planner._inputs.ages(), f"the first message on {topic}")
+        moving.wait(moving.at_goal, "an arm at rest")
         before = moving.planner._inputs.snapshot()
         for name, (kind, topic, message, reason) in REFUSED.items():
             publisher = moving.publisher(kind, topic)
@@ -104,7 +106,7 @@ class TestBadInput:
             assert moving.status()["code"] == "OK", name
         after = moving.planner._inputs.snapshot()
         np.testing.assert_array_equal(after.obstacles.centres, before.obstacles.centres)
-        np.testing.assert_array_equal(after.measured[0], before.measured[0])
+        np.testing.assert_allclose(after.measured[0], before.measured[0], atol=1e-6)
 
     @pytest.mark.parametrize(
         ("pose", "code"),
@@ -133,7 +135,7 @@ class TestBadInput:
         refused = "newest goal refused: GOAL_OUT_OF_SUPPORT: "
         log = moving.heard["/rosout"]
         moving.wait(lambda: any(entry.msg.startswith(refused) for entry in log), "a line of the log")
-        moving.wait(moving.at_rest, "rest at the old goal")
+        moving.wait(moving.at_goal, "rest at the old goal")
         point = moving.heard["target_pose"][-1].pose.position
         np.testing.assert_allclose([point.x, point.y, point.z], skill.goal_pose[:3], atol=1e-3)
 
@@ -160,7 +162,9 @@ class TestTaskFrame:
     def move_frame(self, bench, make_pose) -> None:
         frame = make_pose(np.concatenate([self.FRAME.origin, self.FRAME.quaternion]))
         bench.publisher(PoseStamped, "task_frame").publish(frame)
-        bench.wait(lambda: not bench.planner._kind.planner._scene.frame.is_identity, "the frame in the planner")
+        bench.wait(lambda: bench.planner._inputs.snapshot().task_frame is not None, "the frame")
+        ticks = len(bench.heard["planner/status"])
+        bench.wait(lambda: len(bench.heard["planner/status"]) > ticks + 2, "cycles that have taken it")
 
     def test_a_plan_moves_with_the_frame(self, ready, skill, make_pose):
         def plan(frame: TaskFrame) -> np.ndarray:
@@ -173,7 +177,10 @@ class TestTaskFrame:
         before = plan(TaskFrame.identity())
         assert len(before) > 10
         self.move_frame(ready, make_pose)
-        np.testing.assert_allclose(plan(self.FRAME), self.FRAME.points_to_base(before), atol=1e-6)
+        moved, there = plan(self.FRAME), self.FRAME.points_to_base(before)
+        np.testing.assert_allclose(moved[[0, -1]], there[[0, -1]], atol=1e-6)
+        # The same path in another posture, and so at other times: points are 3 mm apart.
+        assert np.max(cKDTree(there).query(moved)[0]) < 0.003
 
     def test_a_goal_given_in_the_frame_moves_with_it(self, ready, skill, make_pose):
         ready.send_goal(skill.goal_pose, "task_frame")
@@ -233,7 +240,8 @@ class TestOtherFrames:
         start, end = (
             np.concatenate(self.CAMERA.to_task(pose[:3], pose[3:])) for pose in (skill.start_pose, skill.goal_pose)
         )
-        centre = self.CAMERA.points_to_task(np.array([[0.465, 0.8, 0.34]]))[0]
+        upright = np.array([1.0, 0.0, 0.0, 0.0])
+        centre = self.CAMERA.to_task(np.array([0.465, 0.8, 0.34]), upright)[0]
         obstacles = lambda: ready.planner._inputs.snapshot().obstacles  # noqa: E731
         ready.send_spheres((centre, 0.05), frame="camera")
         ready.wait(lambda: "frame 'camera'" in ready.status()["refused_input"], "the refusal of the obstacle")

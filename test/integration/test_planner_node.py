@@ -19,7 +19,9 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.errors import ParameterError, SkillError
+from geodesic_motion_ros.nodes import messages
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
+from geodesic_motion_ros.planner_settings import TOOL_LIMITS
 from geodesic_motion_ros.robot.kinematics import Robot
 
 # What moves in real time does so evenly where it has the machine to itself.
@@ -47,33 +49,35 @@ class TestStates:
         np.testing.assert_allclose([point.x, point.y, point.z], position, atol=1e-9)
 
     def test_stream_reaches_the_goal_without_jumps_or_sign_flips(self, moving, skill):
-        moving.wait(lambda: moving.status()["time_to_goal"] != "nan" and moving.at_rest(), "rest at the goal")
+        moving.wait(moving.at_goal, "rest at the goal")
         poses = [message.pose for message in moving.heard["target_pose"]]
         positions = np.array([[p.position.x, p.position.y, p.position.z] for p in poses])
         quaternions = np.array([[p.orientation.w, p.orientation.x, p.orientation.y, p.orientation.z] for p in poses])
         np.testing.assert_allclose(positions[-1], skill.goal_pose[:3], atol=1e-3)
-        # 0.2 m/s at 100 Hz is 2 mm a message; on a busy machine the listener may lose some messages in a row
-        assert np.linalg.norm(np.diff(positions, axis=0), axis=1).max() < 0.02
+        # On a busy machine the listener may lose some messages in a row.
+        times = np.array([messages.seconds(message.header.stamp) for message in moving.heard["target_pose"]])
+        steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+        assert np.all(steps < TOOL_LIMITS.speed * 1.2 * np.diff(times) + 1e-3)
         assert np.all(np.sum(quaternions[1:] * quaternions[:-1], axis=1) > 0.99)
         np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-9)
 
-    def test_stops_when_joint_states_stop_and_resumes_when_they_return(self, moving, start_joints):
+    def test_stops_when_joint_states_stop_and_resumes_when_they_return(self, moving):
         moving.probe.destroy_timer(moving.joint_states)
         moving.wait_for_code("STALE_STATE", "joint_states: the newest is")
-        moving.send_joint_states(start_joints)
+        moving.send_joint_states(moving.arm)
         moving.wait_for_code("OK")
 
     def test_an_arm_that_was_moved_waits_for_the_goal_to_be_sent_again(
         self, bench, planner_options, start_joints, skill
     ):
         bench.watch_planner()
-        bench.add(PlannerNode, **planner_options | {"tracking_tolerance": 0.05})
-        timer = bench.send_joint_states(start_joints)
+        bench.add(PlannerNode, **planner_options | {"tracking_tolerance_joint": 0.05})
+        timer = bench.send_joint_states(start_joints, follows=False)
         bench.send_goal(skill.goal_pose)
         bench.wait_for_code("BAD_INPUT", "the arm is")  # it stands still, whatever it is sent
         bench.probe.destroy_timer(timer)
         moved = start_joints + np.array([0.03, 0, 0, 0, 0, 0, 0])
-        bench.send_joint_states(moved)
+        bench.send_joint_states(moved, follows=False)
         bench.wait_for_code("NO_GOAL", "goal dropped: the arm was")
         expected, _ = Robot.panda().forward(moved)
         heard = len(bench.heard["target_pose"])
@@ -153,7 +157,6 @@ class TestPlanService:
     def test_is_empty_when_there_is_no_way(self, ready, skill, make_pose, wall):
         ready.send_spheres(wall)
         ready.wait(lambda: len(ready.planner._inputs.snapshot().obstacles.radii), "the obstacle")
-        ready.wait(lambda: len(ready.planner._kind.planner._scene.in_base.radii), "the obstacle in the planner")
         assert not ready.call(GetPlan, "plan", self.request(make_pose, skill.start_pose, skill.goal_pose)).plan.poses
         ready.wait(lambda: ready.status()["plan"].startswith("NO_FEASIBLE_PATH: "), "the reason in the status")
 
@@ -260,7 +263,7 @@ class TestParameters:
     @pytest.mark.parametrize(
         ("name", "value", "hint"),
         [
-            ("speed", 5.0, "from 0.001 to 2"),
+            ("speed", 5.0, "from -1 to 2"),
             ("speed", 1, "write 1.0, not 1"),
             ("rate", math.nan, "from 10 to 1000"),
             ("tool_spheres", [0.0, 0.0, 0.04], "rows of 4"),

@@ -195,10 +195,10 @@ class TestObstacles:
         assert (figures.points, figures.out_of_reach, figures.not_finite) == (2, 1, 1)
 
 
-@pytest.mark.parametrize(("changes", "early"), [({"skill": "panda_reach_to_grasp"}, True), ({}, False)])
-def test_an_obstacle_hurries_the_tick_of_a_whole_arm_skill_alone(bench, planner_options, monkeypatch, changes, early):
+@pytest.mark.parametrize(("output", "early"), [("joint_trajectory", True), ("target_pose", False)])
+def test_an_obstacle_hurries_the_tick_where_trajectories_are_sent(bench, planner_options, monkeypatch, output, early):
     """Poses are to be followed at once: their ticks stay even."""
-    node, hurried = bench.add(PlannerNode, **planner_options | changes), threading.Event()
+    node, hurried = bench.add(PlannerNode, **planner_options | {"output": output}), threading.Event()
     monkeypatch.setattr(node._loop, "hurry", hurried.set)
     bench.watch_planner()
     bench.wait_for_code("STALE_STATE")

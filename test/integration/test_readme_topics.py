@@ -21,13 +21,14 @@ def documented(node: str) -> set[str]:
     return {name for row in table.splitlines() for name in re.findall("`/?(.+?)`", row.split("|")[1])}
 
 
-def interface(node: Node) -> set[str]:
-    """Topics and services of a node, its own with `~/`, the others without a leading slash."""
+def interface(node: Node, namespace: str = "") -> set[str]:
+    """Topics and services of a node in a namespace, its own with `~/`, the others without a leading slash."""
     ends = [(end.topic_name, end.msg_type) for end in (*node.publishers, *node.subscriptions)]
     ends += [(end.srv_name, end.srv_type) for end in node.services]
     names = {name for name, kind in ends if kind.__module__.partition(".")[0] not in EVERY}
-    own = f"/{node.get_name()}/"
-    return {f"~/{name.removeprefix(own)}" if name.startswith(own) else name.removeprefix("/") for name in names}
+    names = {name.removeprefix(f"/{namespace}").removeprefix("/") for name in names}
+    own = f"{node.get_name()}/"
+    return {f"~/{name.removeprefix(own)}" if name.startswith(own) else name for name in names}
 
 
 def test_those_of_the_twin(bench):
@@ -35,5 +36,7 @@ def test_those_of_the_twin(bench):
 
 
 def test_those_of_the_planner(bench):
-    planner = bench.add(PlannerNode, skill="panda_pouring")
-    assert interface(planner) | {"joint_trajectory"} == documented("planner")
+    found = set()
+    for output in ("joint_trajectory", "target_pose"):
+        found |= interface(bench.add(PlannerNode, namespace=output, output=output), output)
+    assert found == documented("planner")

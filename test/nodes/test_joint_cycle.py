@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.robot.inverse_kinematics import solve
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 
@@ -49,12 +51,12 @@ class Arm:
 
 
 @pytest.fixture(scope="module")
-def planner(reach_skill: Skill) -> JointSpacePlanner:
-    return JointSpacePlanner(reach_skill)
+def planner(reach_skill: Skill) -> ReactivePlanner:
+    return ReactivePlanner(reach_skill)
 
 
 @pytest.fixture
-def cycle(planner: JointSpacePlanner) -> JointCycle:
+def cycle(planner: ReactivePlanner) -> JointCycle:
     planner.clear_goal()
     planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
     return JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=HORIZON, clock=lambda: 0.0)
@@ -287,6 +289,56 @@ def test_an_arm_that_is_pushed_away_is_lost_stays_and_needs_a_new_goal(cycle, ar
     np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
 
 
+@dataclass
+class Cartesian:
+    """An arm whose tool is at once where it is sent, in a posture of its own: that in which it stands, or near it."""
+
+    robot: Robot
+    position: np.ndarray
+    stiff: bool
+
+    def follow(self, output: CycleOutput) -> None:
+        if output.configuration is not None:
+            first = self.position + (0.0 if self.stiff else 1.0) * (output.configuration - self.position)
+            self.position = solve(self.robot, *self.robot.forward(output.configuration), start=first)
+
+
+@pytest.mark.parametrize("stiff", [False, True])
+def test_an_arm_that_holds_the_tool_in_another_posture_stops_and_plans_again_from_there(planner, arm, inputs, stiff):
+    """Where it follows the posture it never stops: the control."""
+    planner.clear_goal()
+    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, "target_pose", clock=lambda: 0.0, tool_tolerance=(0.01, 0.05))
+    held, now, codes = Cartesian(planner.robot, arm.position, stiff), 100.0, []
+    for _ in range(3000):
+        output = cycle.run(dataclasses.replace(inputs, measured=held.position, now=now, heard=now), PERIOD)
+        codes.append(output.verdict.code)
+        held.follow(output)
+        now += PERIOD
+    stopped = VerdictCode.BAD_INPUT in codes
+    assert stopped == stiff
+    assert output.verdict.ok or "does not follow the posture" in output.goal_verdict.reason
+    if output.verdict.ok:
+        reached, wanted = (planner.robot.forward(joints)[0] for joints in (held.position, inputs.goal))
+        np.testing.assert_allclose(reached, wanted, atol=1e-3)
+
+
+def test_an_arm_that_never_holds_its_posture_loses_the_goal_after_two_stops(planner, arm, inputs):
+    planner.clear_goal()
+    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, "target_pose", clock=lambda: 0.0, tool_tolerance=(5.0, 3.2))
+    now, stops, before = 100.0, 0, VerdictCode.OK
+    output = None
+    while output is None or "does not follow the posture" not in output.goal_verdict.reason:
+        assert now < 120.0
+        # It moves to and fro, whatever it is sent, and rests in between.
+        measured = arm.position + 0.15 * np.eye(7)[2] * (int((now - 100.0) / 1.5) % 2)
+        output = cycle.run(dataclasses.replace(inputs, measured=measured, now=now, heard=now), PERIOD)
+        stops += output.verdict.code is VerdictCode.BAD_INPUT and before is not VerdictCode.BAD_INPUT
+        before = output.verdict.code
+        now += PERIOD
+    assert stops == 2
+    assert output.verdict.reason.startswith("the controller does not follow the posture: the arm was 0.1")
+
+
 @pytest.mark.parametrize("jump", [5.0, -5.0])
 def test_a_clock_that_was_set_stops_the_arm_where_it_is(cycle, arm, inputs, jump):
     follow(cycle, arm, inputs, 1.5)
@@ -319,6 +371,16 @@ def test_two_commanders_stop_the_arm(cycle, arm, inputs):
     assert outputs[-1].verdict.code is VerdictCode.CONFLICT
     assert "joint_trajectory is published by planner and teleop" in outputs[-1].verdict.reason
     np.testing.assert_array_equal(arm.states[-1][1:], 0.0)
+
+
+def test_an_arm_whose_commands_no_node_receives_stays(cycle, arm, inputs):
+    """What it is sent would not be played, and it would be taken for lost."""
+    unheard = follow(cycle, arm, dataclasses.replace(inputs, subscribers=()), 0.5)
+    assert all(output.verdict.code is VerdictCode.BAD_INPUT for output in unheard)
+    assert "no node receives joint_trajectory" in unheard[-1].verdict.reason
+    assert all(output.trajectory is None or output.speed == 0.0 for output in unheard)
+    assert follow(cycle, arm, dataclasses.replace(inputs, subscribers=("/controller",)), 12.0)[-1].verdict.ok
+    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
 
 
 def test_a_task_frame_elsewhere_is_refused(cycle, arm, inputs):

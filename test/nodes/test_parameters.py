@@ -12,7 +12,7 @@ import yaml
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import Parameter, markdown_table, yaml_document
-from geodesic_motion_ros.planner_settings import JointPlannerSettings, PlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 ALL = [(node, parameter) for node, table in TABLES.items() for parameter in table]
@@ -61,13 +61,15 @@ def test_names_are_unique():
         assert len({parameter.name for parameter in table}) == len(table)
 
 
-@pytest.mark.parametrize("settings", [PlannerSettings, JointPlannerSettings])
-def test_the_node_plans_with_the_defaults_of_the_planner(settings):
+def test_the_node_plans_with_the_defaults_of_the_planner():
     """But for the tool, of which the node knows the hand."""
     known = {parameter.name: parameter.default for parameter in TABLES["planner"]}
-    defaults = {setting.name: setting.default for setting in fields(settings) if setting.name in known}
-    assert {"prediction", "obstacle_margin"} < set(defaults)
-    assert defaults == {name: known[name] for name in defaults}
+    defaults = {setting.name: setting.default for setting in fields(PlannerSettings) if setting.name in known}
+    assert {"prediction", "obstacle_margin", "speed"} < set(defaults)
+    # A parameter has no None.
+    assert {name: -1.0 if value is None else value for name, value in defaults.items()} == {
+        name: known[name] for name in defaults
+    }
 
 
 def test_the_twin_and_the_real_controller_wait_as_long_for_a_new_trajectory():

@@ -114,3 +114,23 @@ def test_a_joint_brakes_before_its_limit() -> None:
         previous = motion.velocities
         assert np.all(motion.positions <= ROBOT.upper)
     assert motion.positions[0] == pytest.approx(ROBOT.upper[0], abs=0.05)
+
+
+def swinging(time: float) -> np.ndarray:
+    """A motion of all joints that swings the elbow: (7,) [rad]."""
+    return ROBOT.ready + np.array([0.3, 0.1, 0.4, 0.1, -0.3, 0.1, 0.3]) * (1.0 - np.cos(0.8 * time))
+
+
+def test_with_a_posture_the_whole_configuration_is_followed_and_without_one_the_pose_alone() -> None:
+    off = {}
+    for with_posture in (True, False):
+        motion, apart = JointMotion(ROBOT, ROBOT.ready), []
+        for step in range(1, 1200):
+            now, later = swinging(step * DT), swinging((step + 1) * DT)
+            twist = ROBOT.jacobian(now) @ (later - now) / DT
+            motion.follow(*ROBOT.forward(now), twist, DT, now if with_posture else None)
+            apart.append(np.max(np.abs(motion.positions - now)))
+            assert np.linalg.norm(pose_error(*ROBOT.forward(motion.positions), *ROBOT.forward(now))) < 5e-3
+        off[with_posture] = np.max(apart)
+    assert off[True] < 0.03
+    assert off[False] > 0.2

@@ -10,9 +10,11 @@ import numpy as np
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.method import Answer
 from geodesic_motion_ros.comparison.scene import Scene
-from geodesic_motion_ros.joint_planner import JointSpacePlanner
+from geodesic_motion_ros.experiments.blocked_arm import HAND
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import JointPlannerSettings
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -29,20 +31,29 @@ class Geodesics:
     the other parts.
     """
 
-    def __init__(self, arena: Arena, part: Part = "whole", planner: JointPlannerSettings | None = None) -> None:
+    def __init__(self, arena: Arena, part: Part = "whole", planner: PlannerSettings | None = None) -> None:
         """planner : settings; the defaults without them."""
-        settings = planner or JointPlannerSettings()
+        settings = planner or PlannerSettings()
         if part == "hard":
             settings = replace(settings, ambient_law="hard")
-        collision = no_body(arena.robot) if part == "soft" else arena.collision
-        self._planner = JointSpacePlanner(arena.skill, settings, collision)
+        if not arena.whole_arm:
+            settings = replace(settings, **tool_of(arena))
+        if part == "soft":
+            self._planner = ReactivePlanner(arena.skill, settings, collision=no_body(arena.robot))
+        else:
+            settings = replace(settings, avoid=arena.guard)
+            self._planner = ReactivePlanner(arena.skill, settings)
+        self._whole_arm = arena.whole_arm
         self.settings = {"part": part, **asdict(settings)}
 
     def reset(self, scene: Scene) -> None:
         """Forget all that was before."""
         self._planner.take_obstacles(Obstacles.none())
         self._planner.stand_at(scene.start, 0.0)
-        self._planner.set_goal_configuration(scene.goal)
+        if self._whole_arm:
+            self._planner.set_goal_configuration(scene.goal)
+        else:
+            self._planner.set_goal(*scene.goal_pose)
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """As the planner node's cycle."""
@@ -59,3 +70,11 @@ def no_body(robot: Robot) -> CollisionModel:
     frame = robot.link_names.index("panda_link1")
     points = BodyPoints(("panda_link1",), np.array([frame], dtype=np.int64), np.zeros((1, 3)))
     return CollisionModel(points, np.array([1e-3]), np.array([True]), np.empty((0, 2), dtype=np.int64))
+
+
+def tool_of(arena: Arena) -> dict[str, tuple]:
+    """The spheres of the hand, fixed to the tool, as settings of the planner."""
+    hand, posture = CollisionModel.named(arena.skill.robot).of_link(HAND), arena.shown[0, 0]
+    position, quaternion = arena.robot.forward(posture)
+    points = to_rotation(quaternion).inv().apply(hand.positions(arena.robot, posture[None])[0] - position)
+    return {"tool_points": tuple(map(tuple, points.tolist())), "tool_radii": tuple(hand.radii.tolist())}

@@ -50,8 +50,16 @@ class Bench:
     seen : what the nodes say. asks : talks to them. commands : what the planner commands.
     """
 
-    def __init__(self, skill: str, folder: Path, domain: int, planner_on: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        skill: str,
+        folder: Path,
+        domain: int,
+        planner_on: Sequence[str] = (),
+        output: str = "joint_trajectory",
+    ) -> None:
         """skill : a folder, or the name of a shipped skill. folder : for parameter files and logs of the nodes.
+        output : what commands the arm, joint_trajectory or target_pose.
         planner_on : a command that runs the planner on another host; none: it runs on this one.
         """
         self.skill_name, self.skill = skill, Skill.load(skill)
@@ -88,7 +96,7 @@ class Bench:
         self.relays = {topic: Relay(self.node, kind, topic, f"relayed/{topic}") for topic, kind in RELAYED.items()}
         self.seen = Record(self.node, self.robot, self.clock)
         self.asks = Asking(self.node, self.skill, self.relays["obstacles"], self.wait)
-        self.commands = Commands(self._context, self.skill, self.robot, self.clock, self.seen)
+        self.commands = Commands(self._context, self.skill, self.robot, output, self.clock, self.seen)
         # Nor for a collection of all libraries' objects.
         gc.collect()
         gc.freeze()
@@ -111,7 +119,9 @@ class Bench:
         given = {"skill": self.skill_name, **parameters}
         if name == "planner":
             remapped = {topic: f"relayed/{topic}" for topic in RELAYED}
-            self.processes.start(name, _PLANNER | given, remapped, self._planner_on)
+            self.processes.start(
+                name, _PLANNER | {"output": self.commands.topic} | given, remapped, self._planner_on
+            )
         else:
             self.processes.start(name, given)
         self._given[name] = dict(parameters)
@@ -169,7 +179,9 @@ class Bench:
     def _wait_for_nodes(self) -> None:
         def ready() -> bool:
             listened = self.asks.is_heard and all(relay.listeners for relay in self.relays.values())
-            return listened and self.seen.status is not None and self.seen.status.code == "NO_GOAL"
+            if not listened or self.seen.status is None or self.seen.status.code != "NO_GOAL":
+                return False
+            return "/twin" in self.seen.status.values["commands_received_by"].split()
 
         self.wait(ready, "planner and twin to start", START_PATIENCE)
 

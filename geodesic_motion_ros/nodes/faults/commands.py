@@ -19,6 +19,7 @@ from geodesic_motion_ros.nodes.faults.judge import LARGEST_STEP, Target, TargetJ
 from geodesic_motion_ros.nodes.faults.record import Record
 from geodesic_motion_ros.nodes.messages import MessageRefused, read_joint_trajectory, read_pose, seconds
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+from geodesic_motion_ros.planner_settings import TOOL_LIMITS
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 
@@ -27,7 +28,9 @@ _TOLD_AFTER = 0.1
 _DEFAULTS = {parameter.name: parameter.default for parameter in PLANNER}
 _SCALES = _DEFAULTS["speed_scale"], _DEFAULTS["acceleration_scale"]
 #: No tool is accelerated by more [m/s^2]: a way entered in motion exceeds the planner's limit by a tenth.
-_MOST_ACCELERATION = 2.0 * _DEFAULTS["acceleration"]
+_MOST_ACCELERATION = 2.0 * TOOL_LIMITS.acceleration
+#: The messages of what commands the arm, by topic, which is what the planner's parameter `output` names.
+KINDS = {"joint_trajectory": JointTrajectory, "target_pose": PoseStamped}
 #: So many sentences on what is wrong are enough.
 _MOST_SENTENCES = 3
 
@@ -40,12 +43,15 @@ class Commands:
     topic, kind : of the messages. limits : that the joints keep, those of the robot where poses are commanded.
     """
 
-    def __init__(self, context: rclpy.Context, skill: Skill, robot: Robot, clock: BenchClock, record: Record) -> None:
-        """clock : that stamps are of. record : of what the nodes have said meanwhile."""
+    def __init__(
+        self, context: rclpy.Context, skill: Skill, robot: Robot, topic: str, clock: BenchClock, record: Record
+    ) -> None:
+        """topic : joint_trajectory or target_pose. clock : that stamps are of. record : of what the nodes have said
+        meanwhile.
+        """
         self._skill, self._robot, self._clock, self._record = skill, robot, clock, record
-        joint = skill.space == "joint"
-        self.topic, self.kind = ("joint_trajectory", JointTrajectory) if joint else ("target_pose", PoseStamped)
-        self.limits = JointLimits.of(robot, *(_SCALES if joint else ()))
+        self.topic, self.kind = topic, KINDS[topic]
+        self.limits = JointLimits.of(robot, *(_SCALES if self.kind is JointTrajectory else ()))
         self._ear = CommandEar(context, self.kind, self.topic)
         self.begin()
 
@@ -55,13 +61,14 @@ class Commands:
 
     def begin(self) -> None:
         """Another run begins: what was heard so far is forgotten."""
-        # By a simulated clock poses move on as it arrives, which is not evenly.
-        most = math.inf if self._clock.simulated else _MOST_ACCELERATION
+        # By a simulated clock poses move on as it arrives, unevenly; a skill of configurations limits no tool.
+        free = self._clock.simulated or self._skill.space == "joint"
+        self._most_acceleration = math.inf if free else _MOST_ACCELERATION
         self._judge: TrajectoryJudge | TargetJudge
         if self.kind is JointTrajectory:
             self._judge = TrajectoryJudge(self.limits)
         else:
-            self._judge = TargetJudge(most, 1.0 / _DEFAULTS["rate"])
+            self._judge = TargetJudge(self._most_acceleration, 1.0 / _DEFAULTS["rate"])
         self._anew: list[float] = []
         self._began = time.monotonic()
         self._ear.take()
@@ -86,8 +93,8 @@ class Commands:
         findings.require(len(wrong) <= _MOST_SENTENCES, f"and {len(wrong) - _MOST_SENTENCES} more")
         findings.note(f"{self._judge.count} commands")
         findings.figure("largest step", self._judge.largest_step, LARGEST_STEP, "rad")
-        if isinstance(self._judge, TargetJudge) and not self._clock.simulated:
-            findings.figure("largest acceleration", self._judge.largest_acceleration, _MOST_ACCELERATION, "m/s^2")
+        if isinstance(self._judge, TargetJudge) and math.isfinite(self._most_acceleration):
+            findings.figure("largest acceleration", self._judge.largest_acceleration, self._most_acceleration, "m/s^2")
 
     def _judged(self, command: Command, anew: bool) -> list[str]:
         message = deserialize_message(command.message, self.kind)

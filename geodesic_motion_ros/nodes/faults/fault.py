@@ -96,7 +96,7 @@ class Fault(ABC):
     Attributes
     ----------
     name : as the command line knows it. criterion : when it passes, one sentence.
-    phases : in which it makes sense. spaces : of skills, likewise.
+    phases : in which it makes sense.
     in_motion : how much of its time a motion still needs in that phase, share of the whole. near_goal : likewise [s].
     long : whether it takes minutes. fresh : whether it needs nodes that have just started, and
         leaves none that another could use.
@@ -106,7 +106,6 @@ class Fault(ABC):
     name: str
     criterion: str
     phases: tuple[str, ...] = PHASES
-    spaces: tuple[str, ...] = ("joint", "task")
     in_motion: tuple[float, float] = (0.4, 0.7)
     near_goal: tuple[float, float] = (0.3, 0.8)
     long: bool = False

@@ -32,15 +32,21 @@ def cases(faults: Sequence[Fault], phases: Sequence[str], seeds: Sequence[int]) 
 
 
 def run_cases(
-    skill: str, folder: Path, domain: int, todo: Sequence[Case], begun: Callable[[Case], None] = lambda case: None
+    skill: str,
+    folder: Path,
+    domain: int,
+    todo: Sequence[Case],
+    begun: Callable[[Case], None] = lambda case: None,
+    output: str = "joint_trajectory",
 ) -> Iterator[Row]:
     """Run cases on the two nodes of a skill; one row each, as soon as it is there.
 
     Parameters
     ----------
     folder : parameter files and logs of the nodes go there. begun : is told of each case before it runs.
+    output : what commands the arm, joint_trajectory or target_pose.
     """
-    with Bench(skill, folder, domain) as bench:
+    with Bench(skill, folder, domain, output=output) as bench:
         for case in todo:
             begun(case)
             yield run_case(bench, case)
@@ -52,8 +58,6 @@ def run_case(bench: Bench, case: Case) -> Row:
     random = np.random.default_rng(case.seed)
     passed: bool | None
     try:
-        if bench.skill.space not in fault.spaces:
-            raise FaultSkipped(f"means nothing for skills of {bench.skill.space} space")
         bench.prepare(fault.planner, fault.twin, fault.fresh)
         bench.reach(case.phase, fault, random)
         fault.run(bench, case.phase, random, findings)

@@ -1,0 +1,27 @@
+"""Mode: what the arm does after a tick, and which modes may follow each other."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class Mode(Enum):
+    """What the arm does."""
+
+    IDLE = "idle"  # it stands, and there is no goal
+    FOLLOWING = "following"  # it is on a certified path to the goal, or there
+    WAITING = "waiting"  # it stands, and there is no path to the goal
+    STOPPING = "stopping"  # it comes to rest along the path that it followed
+    EVADING = "evading"  # it makes room for what comes to where it stood or stopped
+    HOLDING = "holding"  # it stands, as an input is missing or a hold was requested
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the arm stands in this mode; FOLLOWING: it may."""
+        return self in (Mode.IDLE, Mode.WAITING, Mode.HOLDING)
+
+
+#: Which modes may follow each one: what stands has nothing to stop.
+TRANSITIONS: dict[Mode, frozenset[Mode]] = {
+    mode: frozenset(Mode) - ({Mode.STOPPING} if mode.at_rest else set()) for mode in Mode
+}

@@ -1,0 +1,218 @@
+"""PosePathPlanner: start pose, goal pose and obstacles -> path of tool poses with its verdict, without a robot.
+
+The latent graph is carried to start and goal (`query`), reshaped by the obstacles, searched, and the path found is
+smoothed, decoded and certified. A path has no time: obstacles stand where they are. All poses and obstacles are in the
+frame that the skill was demonstrated in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.demonstrations.curves import PoseCurve
+from geodesic_motion_ros.graph.ambient import obstacle_clearances
+from geodesic_motion_ros.graph.pose_graph import PoseGraph
+from geodesic_motion_ros.graph.reshaping import Reshaping
+from geodesic_motion_ros.graph.tool_points import tool_points
+from geodesic_motion_ros.graph.transport import carried
+from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
+from geodesic_motion_ros.obstacles import Obstacles, nearness
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.path_clearance import curve_clearances, rotation_allowance
+from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent, smooth_poses
+from geodesic_motion_ros.quaternions import angle_between, continuous_signs
+from geodesic_motion_ros.query import Pose, Query, QueryBuilder, checked_pose
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+#: Attempts until a path is certified: multiples of the obstacle margin, and for each of them smoothing widths in grid
+#: steps, of the latent path and of the poses decoded from it. The second smooths out kinks of the decoder and of the
+#: corrections along ridges, by a millimetre or two.
+MARGIN_MULTIPLES = (1.0, 2.5)
+SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class PosePath(PoseCurve):
+    """A certified path of m tool poses from the requested start to the requested goal.
+
+    Between samples positions are interpolated linearly and orientations on great circles, as `PoseCurve` does.
+
+    Attributes
+    ----------
+    latent : (m, d) latent points that the poses were decoded from.
+    verdict : OK, with the clearance of the tool's spheres along the path.
+    """
+
+    latent: np.ndarray
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class DecodedPath(PoseCurve):
+    """Tool poses decoded from latent points (m, d) and carried to a query; sigma : (m, D) of the decoder."""
+
+    latent: np.ndarray
+    sigma: np.ndarray
+
+
+class PosePathPlanner:
+    """Plans paths of tool poses on one task-space skill among the obstacles set last."""
+
+    def __init__(self, skill: Skill, settings: PlannerSettings | None = None) -> None:
+        self.skill = skill
+        self.settings = settings or PlannerSettings()
+        self.graph: PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
+        self._queries = QueryBuilder(skill, self.graph, self.settings)
+        self._points = np.array(self.settings.tool_points, dtype=float)
+        self._point_radii = np.array(self.settings.tool_radii, dtype=float)
+        self._obstacles = Obstacles.none()
+
+    def set_obstacles(self, centres: np.ndarray, radii: np.ndarray) -> Verdict:
+        """Replace all obstacles by spheres, centres (o, 3) and radii (o,) [m].
+
+        BAD_INPUT names the first obstacle that is not finite or has no positive radius; then the old ones stay.
+        """
+        spheres = checked_spheres(centres, radii)
+        return spheres if isinstance(spheres, Verdict) else self.take_obstacles(spheres)
+
+    def take_obstacles(self, obstacles: Obstacles) -> Verdict:
+        """Replace all obstacles by others of every kind, at the places where they are now: velocities are ignored.
+
+        BAD_INPUT names the first that is invalid; then the old ones stay.
+        """
+        objection = obstacles.objection()
+        if objection:
+            return Verdict(VerdictCode.BAD_INPUT, objection)
+        self._obstacles = obstacles.swept(0.0, count=1).distinct()
+        return Verdict(VerdictCode.OK)
+
+    def plan(
+        self,
+        start_position: np.ndarray,
+        start_quaternion: np.ndarray,
+        goal_position: np.ndarray,
+        goal_quaternion: np.ndarray,
+    ) -> PosePath | Verdict:
+        """The path between two poses, (3,) [m] and (4,) each, or why there is none.
+
+        BAD_INPUT, START_OUT_OF_SUPPORT, GOAL_OUT_OF_SUPPORT: as of `query`. IN_COLLISION: the tool overlaps an obstacle
+        at the start. NO_FEASIBLE_PATH: an obstacle covers the goal, or no path is certified.
+        """
+        query = self.query(start_position, start_quaternion, goal_position, goal_quaternion)
+        if isinstance(query, Verdict):
+            return query
+        obstacles = self._obstacles if self.settings.avoidance else Obstacles.none()
+        here, there = (self._clearance_at(pose, obstacles) for pose in (query.start, query.goal))
+        if here <= 0.0:
+            reason = f"the tool overlaps an obstacle by {-1000 * here:.0f} mm where it stands"
+            return Verdict(VerdictCode.IN_COLLISION, reason, clearance=here, **query.misfits)
+        if there <= 0.0:
+            reason = f"an obstacle covers the goal by {-1000 * there:.0f} mm"
+            return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
+        return self._searched(query, reshaping_of(query, obstacles, self.settings), min(here, there))
+
+    def query(
+        self,
+        start_position: np.ndarray,
+        start_quaternion: np.ndarray,
+        goal_position: np.ndarray,
+        goal_quaternion: np.ndarray,
+    ) -> Query | Verdict:
+        """The graph carried to a start and a goal, as of `plan`, or why it cannot be.
+
+        BAD_INPUT: numbers that are not finite, or not of a pose. START_OUT_OF_SUPPORT, GOAL_OUT_OF_SUPPORT: a pose too
+        far from what was demonstrated.
+        """
+        start, start_reason = checked_pose("start", start_position, start_quaternion)
+        goal, goal_reason = checked_pose("goal", goal_position, goal_quaternion)
+        if start is None or goal is None:
+            return Verdict(VerdictCode.BAD_INPUT, start_reason or goal_reason)
+        verdict = self._queries.goal_verdict(goal)
+        return self._queries.build(start, goal) if verdict.ok else verdict
+
+    def _clearance_at(self, pose: Pose, obstacles: Obstacles) -> float:
+        """Clearance [m] of the tool's spheres at a pose."""
+        body = tool_points(pose.position[None], pose.quaternion[None], self._points)
+        return float(obstacle_clearances(body, self._point_radii, obstacles, np.inf)[0])
+
+    def _searched(self, query: Query, reshaping: Reshaping, at_ends: float) -> PosePath | Verdict:
+        """Search and smooth until an attempt is certified; at_ends : smaller clearance [m] of start and goal."""
+        refused: Verdict | None = None
+        for multiple in MARGIN_MULTIPLES:
+            # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
+            margin = min(multiple * self.settings.obstacle_margin, 0.5 * at_ends)
+            found = cheapest_way(self.graph, query, query.start_latent, reshaping, margin)
+            if isinstance(found, Verdict):
+                return found
+            for widths in SMOOTHING_WIDTHS:
+                path = self._certified(query, found, widths)
+                if isinstance(path, PosePath):
+                    return path
+                refused = path
+        assert refused is not None
+        return refused
+
+    def _certified(self, query: Query, found: LatentWay, widths: tuple[float, float]) -> PosePath | Verdict:
+        """Smooth and decode a latent path, meet both ends exactly, and judge the poses."""
+        path = smoothed_path(self.graph, query, found.polyline, widths)
+        start, goal = ((pose.position, pose.quaternion) for pose in (query.start, query.goal))
+        correction = max(float(np.linalg.norm(path.positions[at] - end[0])) for at, end in ((0, start), (-1, goal)))
+        curve = PoseCurve(*correct_ends(path.positions, path.quaternions, start, goal))
+        nearest = self._clearance_along(curve)
+        objection = None
+        if self.settings.avoidance and nearest <= 0.0:
+            objection = f"the best path {nearness(nearest)}"
+        verdict = way_verdict(self.skill, self.graph, query, path.sigma, found, nearest, correction, objection)
+        if not verdict.ok:
+            return verdict
+        return PosePath(curve.positions, continuous_signs(curve.quaternions), path.latent, verdict)
+
+    def _clearance_along(self, curve: PoseCurve) -> float:
+        """Guaranteed clearance [m] of the tool's spheres along a curve, between its samples too; inf without any."""
+        points = tool_points(curve.positions, curve.quaternions, self._points)
+        turned = angle_between(curve.quaternions[1:], curve.quaternions[:-1])
+        allowances = rotation_allowance(turned, self._points)
+        return float(np.min(curve_clearances(points, self._point_radii, allowances, self._obstacles)))
+
+
+def checked_spheres(centres: np.ndarray, radii: np.ndarray) -> Obstacles | Verdict:
+    """Spheres, centres (o, 3) and radii (o,) [m], as obstacles; BAD_INPUT where the shapes are others."""
+    centres, radii = np.array(centres, dtype=float), np.array(radii, dtype=float)
+    if centres.size == radii.size == 0:
+        return Obstacles.none()
+    if radii.ndim != 1 or centres.shape != (len(radii), 3):
+        reason = f"obstacle centres have shape {centres.shape} and radii {radii.shape}: expected (o, 3) and (o,)"
+        return Verdict(VerdictCode.BAD_INPUT, reason)
+    return Obstacles.of_spheres(centres, radii)
+
+
+def reshaping_of(query: Query, obstacles: Obstacles, settings: PlannerSettings) -> Reshaping:
+    """The query's graph among obstacles, for searches with any of the margins of `MARGIN_MULTIPLES`."""
+    return Reshaping.of(
+        query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
+        max(MARGIN_MULTIPLES) * settings.obstacle_margin, settings.ambient_law,
+    )  # fmt: skip
+
+
+def decoded_path(graph: PoseGraph, query: Query, latent: np.ndarray) -> DecodedPath:
+    """The poses that latent points (m, d) stand for between the query's ends."""
+    decoded = graph.decoder.decode(latent)
+    displacements = query.offsets.displacements(*graph.progress_map(latent))
+    positions, quaternions = carried(decoded.positions, decoded.quaternions, displacements)
+    return DecodedPath(positions, continuous_signs(quaternions), latent, decoded.sigma)
+
+
+def smoothed_path(graph: PoseGraph, query: Query, polyline: np.ndarray, widths: tuple[float, float]) -> DecodedPath:
+    """A latent polyline (p, d), smoothed, decoded and smoothed again; it begins in the hemisphere of the query's start.
+
+    widths : of both smoothings, in grid steps; the path has a sample for each step.
+    """
+    step = float(np.min(graph.grid.spacing))
+    path = decoded_path(graph, query, smooth_latent(resample_latent(polyline, step), widths[0]))
+    positions, quaternions = smooth_poses(path.positions, path.quaternions, widths[1])
+    if quaternions[0] @ query.start.quaternion < 0.0:
+        quaternions = -quaternions
+    return DecodedPath(positions, quaternions, path.latent, path.sigma)

@@ -1,0 +1,307 @@
+"""The posture in which an arm holds a path of tool poses, and every pose near that path.
+
+Along the base path of a query the configuration q^(tau) follows from the one in which the arm stands, by steps of least
+norm: along a path the posture changes no more than the poses ask for. n(tau) is the unit null vector of the tool's
+Jacobian at q^(tau), with a continuous sign. Any other pose at progress tau is held by the q that solves
+
+    FK(q) = pose,      n(tau) . (q - q^(tau)) = 0,
+
+seven equations for seven joints, by Newton's method from the configuration of a neighbour. With six joints there is no
+null vector, and the first six equations are all. A last joint, or a swivel angle, in the place of the second equation
+would jump where the arm passes a posture in which it tells nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.robot.inverse_kinematics import pose_difference
+from geodesic_motion_ros.robot.kinematics import Robot, contiguous, forward, jacobian
+
+#: Newton's method ends where the pose is this near [m, rad], after so many steps at most; no joint turns farther than
+#: this in one of them [rad], where the linearisation can be trusted.
+_TOLERANCE, _STEPS, _LARGEST_STEP = 1e-6, 8, 0.6
+#: A node is tried from so many of its neighbours.
+_MOST_TRIES = 3
+
+
+@dataclass(frozen=True)
+class Posture:
+    """How an arm of eta joints holds the base path of a query.
+
+    Attributes
+    ----------
+    progress : (m,) tau of the samples, not decreasing. configurations : (m, eta) q^ [rad].
+    nulls : (m, eta) n, zeros for an arm of six joints.
+    """
+
+    progress: np.ndarray
+    configurations: np.ndarray
+    nulls: np.ndarray
+
+    def at(self, progress: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """q^ and n, (k, eta) each, at progress (k,)."""
+        rows = (np.stack([np.interp(progress, self.progress, column) for column in table.T], axis=1)
+                for table in (self.configurations, self.nulls))  # fmt: skip
+        configurations, nulls = map(np.ascontiguousarray, rows)
+        lengths = np.linalg.norm(nulls, axis=1, keepdims=True)
+        return configurations, nulls / np.where(lengths > 0.0, lengths, 1.0)
+
+
+@dataclass(frozen=True)
+class HeldPath:
+    """Configurations (m, eta) that hold a path of poses.
+
+    Attributes
+    ----------
+    nulls : (m, eta) unit null vectors of the tool's Jacobian there; zeros for six joints.
+    held : (m,) whether the pose is held, within the limits of the joints.
+    """
+
+    configurations: np.ndarray
+    nulls: np.ndarray
+    held: np.ndarray
+
+    def objection(self, robot: Robot, name: str = "the path") -> str:
+        """Where and why the arm cannot hold the path; "" where it can."""
+        if np.all(self.held):
+            return ""
+        missed = np.flatnonzero(~self.held)
+        share = 100.0 / max(1, len(self.held) - 1)
+        first, last = missed[0], missed[-1]
+        place = f"from {first * share:.0f} to {last * share:.0f} %" if last > first else f"at {first * share:.0f} %"
+        beyond = np.maximum(robot.lower - self.configurations[missed], self.configurations[missed] - robot.upper)
+        joint = int(np.argmax(np.max(beyond, axis=0)))
+        reason = "it does not reach the poses, or is stretched out"
+        if np.max(beyond) > 0.0:
+            reason = f"limit of joint '{robot.joint_names[joint]}', by {np.max(beyond):.2f} rad"
+        return f"the arm cannot hold {name} {place}: {reason}"
+
+
+def hold_path(
+    robot: Robot, positions: np.ndarray, quaternions: np.ndarray, start: np.ndarray, swivels: np.ndarray | None = None
+) -> HeldPath:
+    """Hold poses (m, 3) [m], (m, 4), one near the other, from a configuration (eta,) [rad] by steps of least norm.
+
+    swivels : (m,) [rad] the steps along the null vector besides; None: none.
+    """
+    steps = np.zeros(len(positions)) if swivels is None else contiguous(swivels)
+    found = _hold_path(
+        contiguous(positions), contiguous(quaternions), contiguous(start), steps, robot.lower, robot.upper, robot.chain
+    )  # fmt: skip
+    return HeldPath(*found)
+
+
+def hold_beside(
+    robot: Robot, positions: np.ndarray, quaternions: np.ndarray, near: np.ndarray, posture: Posture, tau: np.ndarray
+) -> HeldPath:
+    """Hold poses (m, 3), (m, 4), one near the other, at progress tau (m,), as a posture says; the first one from a
+    configuration near it (eta,).
+    """
+    configurations, nulls = posture.at(tau)
+    found, held = _hold_beside(
+        contiguous(positions), contiguous(quaternions), contiguous(near), configurations, nulls, robot.lower,
+        robot.upper, robot.chain,
+    )  # fmt: skip
+    return HeldPath(found, nulls, held)
+
+
+def hold_nodes(
+    robot: Robot,
+    positions: np.ndarray,
+    quaternions: np.ndarray,
+    posture: Posture,
+    tau: np.ndarray,
+    seeds: np.ndarray,
+    first: np.ndarray,
+    neighbour: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Configurations (n, eta) of a graph's nodes, and which of them (n,) hold their pose within the joints' limits.
+
+    Each follows from a neighbour's, along a spanning tree that grows breadth first from the seeds (s,): nodes on the
+    base path, which follow from the posture. Nodes that are not held have the posture's own configuration.
+
+    Parameters
+    ----------
+    positions, quaternions : (n, 3) [m], (n, 4) the nodes' poses; tau : (n,) their progress.
+    first, neighbour : of the graph's `Adjacency`.
+    """
+    configurations, nulls = posture.at(tau)
+    return _hold_nodes(
+        contiguous(positions), contiguous(quaternions), configurations, nulls, np.asarray(seeds, dtype=np.int64),
+        first, neighbour, robot.lower, robot.upper, robot.chain,
+    )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True)
+def _solve(matrix, right):
+    """Solve a square system in place by Gauss's elimination with pivots; False where it is singular."""
+    count = len(right)
+    for k in range(count):
+        pivot = k
+        for i in range(k + 1, count):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        if abs(matrix[pivot, k]) < 1e-9:
+            return False
+        if pivot != k:
+            for j in range(k, count):
+                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+            right[k], right[pivot] = right[pivot], right[k]
+        for i in range(k + 1, count):
+            factor = matrix[i, k] / matrix[k, k]
+            for j in range(k + 1, count):
+                matrix[i, j] -= factor * matrix[k, j]
+            right[i] -= factor * right[k]
+    for i in range(count - 1, -1, -1):
+        for j in range(i + 1, count):
+            right[i] -= matrix[i, j] * right[j]
+        right[i] /= matrix[i, i]
+    return True
+
+
+@numba.njit(cache=True, nogil=True)
+def _newton(position, quaternion, null, posture, offset, q, chain):
+    """Solve FK(q) = pose, null . (q - posture) = offset from q (eta,), in place; whether it was found."""
+    joints = len(q)
+    matrix, right = np.empty((joints, joints)), np.empty(joints)
+    for _ in range(_STEPS):
+        here, turned = forward(q, chain)
+        error = pose_difference(here, turned, position, quaternion)
+        rest = offset
+        for j in range(joints):
+            rest -= null[j] * (q[j] - posture[j])
+        largest = abs(rest) if joints > 6 else 0.0
+        for i in range(6):
+            largest = max(largest, abs(error[i]))
+        if largest < _TOLERANCE:
+            return True
+        slopes = jacobian(q, chain)
+        for i in range(6):
+            right[i] = error[i]
+            for j in range(joints):
+                matrix[i, j] = slopes[i, j]
+        if joints > 6:
+            right[6] = rest
+            for j in range(joints):
+                matrix[6, j] = null[j]
+        if not _solve(matrix, right):
+            return False
+        for j in range(joints):
+            if not abs(right[j]) <= _LARGEST_STEP:
+                return False
+            q[j] += right[j]
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
+def _null_vector(q, before, chain):
+    """Unit null vector (7,) of the tool's Jacobian at q on the side of an earlier one; zeros for six joints.
+
+    It is the solution of J n = 0, m . n = 1, scaled to length 1, with m the earlier one, or where there is none that of
+    the unit vectors which lies nearest to the null space.
+    """
+    joints = len(q)
+    null = np.zeros(joints)
+    if joints < 7:
+        return null
+    slopes = jacobian(q, chain)
+    matrix, right = np.empty((joints, joints)), np.empty(joints)
+    best = 0.0
+    for choice in range(-1, joints):
+        if choice == -1 and not np.any(before):
+            continue
+        for i in range(6):
+            right[i] = 0.0
+            for j in range(joints):
+                matrix[i, j] = slopes[i, j]
+        for j in range(joints):
+            matrix[6, j] = before[j] if choice == -1 else (1.0 if j == choice else 0.0)
+        right[6] = 1.0
+        if not _solve(matrix, right):
+            continue
+        length = 0.0
+        for j in range(joints):
+            length += right[j] ** 2
+        length = np.sqrt(length)
+        # 1 / length is the cosine between m and the null vector.
+        if choice == -1 or 1.0 / length > best:
+            best = 1.0 / length
+            for j in range(joints):
+                null[j] = right[j] / length
+        if choice == -1:
+            break
+    return null
+
+
+@numba.njit(cache=True, nogil=True)
+def _inside(q, lower, upper):
+    return np.all(q >= lower) and np.all(q <= upper)
+
+
+@numba.njit(cache=True, nogil=True)
+def _hold_path(positions, quaternions, start, steps, lower, upper, chain):
+    count, joints = len(positions), len(start)
+    found, nulls, held = np.empty((count, joints)), np.zeros((count, joints)), np.zeros(count, dtype=np.bool_)
+    q, null = start.copy(), np.zeros(joints)
+    for i in range(count):
+        null = _null_vector(q, null, chain)
+        before = q.copy()
+        solved = _newton(positions[i], quaternions[i], null, before, steps[i], q, chain)
+        if not solved:
+            q[:] = before
+        held[i] = solved and _inside(q, lower, upper)
+        found[i] = q
+        nulls[i] = _null_vector(q, null, chain)
+    return found, nulls, held
+
+
+@numba.njit(cache=True, nogil=True)
+def _hold_beside(positions, quaternions, near, postures, nulls, lower, upper, chain):
+    count, joints = postures.shape
+    found, held = np.empty((count, joints)), np.zeros(count, dtype=np.bool_)
+    q = near.copy()
+    for i in range(count):
+        before = q.copy()
+        solved = _newton(positions[i], quaternions[i], nulls[i], postures[i], 0.0, q, chain)
+        if not solved:
+            q[:] = before
+        held[i] = solved and _inside(q, lower, upper)
+        found[i] = q
+    return found, held
+
+
+@numba.njit(cache=True, nogil=True)
+def _hold_nodes(positions, quaternions, postures, nulls, seeds, first, neighbour, lower, upper, chain):
+    count, joints = postures.shape
+    found, held = postures.copy(), np.zeros(count, dtype=np.bool_)
+    tries = np.zeros(count, dtype=np.int64)
+    queue, begin, end = np.empty(count, dtype=np.int64), 0, 0
+    q = np.empty(joints)
+    for seed in seeds:
+        q[:] = postures[seed]
+        if not held[seed] and _newton(positions[seed], quaternions[seed], nulls[seed], postures[seed], 0.0, q, chain):
+            found[seed] = q
+            held[seed] = True
+            queue[end] = seed
+            end += 1
+    while begin < end:
+        parent = queue[begin]
+        begin += 1
+        for slot in range(first[parent], first[parent + 1]):
+            node = neighbour[slot]
+            if held[node] or tries[node] == _MOST_TRIES:
+                continue
+            tries[node] += 1
+            q[:] = found[parent]
+            if _newton(positions[node], quaternions[node], nulls[node], postures[node], 0.0, q, chain):
+                found[node] = q
+                held[node] = True
+                queue[end] = node
+                end += 1
+    for node in range(count):
+        held[node] = held[node] and _inside(found[node], lower, upper)
+    return found, held

@@ -1,0 +1,281 @@
+"""ToolQuery: a start configuration and a goal pose, with the graph of a skill of tool poses held by the whole arm.
+
+The decoded poses are carried to the query (`query.QueryBuilder`); the arm holds those along the cheapest path without
+obstacles, its base path, from the configuration in which it stands; and every other node in the posture of the base
+path at the same progress (`posture.py`). What the metric measures stays what the skill learned: motion of the tool.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.graph.metric_field import MetricField
+from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
+from geodesic_motion_ros.graph.pose_graph import PoseGraph
+from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
+from geodesic_motion_ros.graph.transport import blended
+from geodesic_motion_ros.graph.transported_graph import TransportedGraph
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent
+from geodesic_motion_ros.planning.pose_path import decoded_path
+from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
+from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.query import Pose, Query, QueryBuilder
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.inverse_kinematics import solve
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+#: Edges along which a joint turns farther are none [rad]: the arm would change its posture there.
+_LARGEST_JOINT_STEP = 0.3
+#: The base path is smoothed by so many grid steps, in the latent space.
+_SMOOTHING = 1.5
+#: The arm begins to swivel where it stands, and has done so at this progress.
+_SWIVELLED = 0.4
+#: Steps along the null vectors by which the postures differ that are tried in the place of the first [rad].
+SWIVELS = (0.0, 0.5, -0.5, 1.0, -1.0)
+#: Goals are the same, received again, up to so much [m], [rad]; and hardly elsewhere.
+_SAME, _HARDLY_MOVED = (1e-6, 1e-6), (2e-3, 1e-2)
+
+
+@dataclass(frozen=True)
+class ToolQuery:
+    """A start and a goal with the graph held by the arm.
+
+    Attributes
+    ----------
+    poses : the query of poses that it was made of, in the task frame; frame : where that stands.
+    posture : that of the base path. swivel : which of `SWIVELS` it was made with.
+    start, goal : (eta,) configurations [rad].
+    graph : what edges cost; those that the arm cannot follow cost infinitely much.
+    body : the arm at every node. to_goal, from_start : (n,) as of `Query`.
+    """
+
+    poses: Query
+    frame: TaskFrame
+    posture: Posture
+    swivel: int
+    start: np.ndarray
+    goal: np.ndarray
+    graph: TransportedGraph
+    body: NodeBody
+    to_goal: np.ndarray
+    from_start: np.ndarray
+    robot: Robot
+    decoded: PoseGraph
+
+    @property
+    def start_latent(self) -> np.ndarray:
+        """(d,) latent point that is carried onto the start."""
+        return self.poses.start_latent
+
+    @property
+    def goal_node(self) -> int:
+        """The node that is carried onto the goal."""
+        return self.poses.goal_node
+
+    @property
+    def cost_limit(self) -> float:
+        """Paths that cost more count as blocked."""
+        return self.poses.cost_limit
+
+    @property
+    def misfits(self) -> dict[str, float]:
+        """How far both ends are carried, under their names in a Verdict."""
+        return self.poses.misfits
+
+    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
+        """Configurations (m, eta) that hold a latent curve (m, d), the first of them near a configuration (eta,), and
+        where and why the arm cannot hold it, "" where it can.
+        """
+        positions, quaternions, progress = _poses_along(self.decoded, self.poses, self.frame, latent)
+        path = hold_beside(self.robot, positions, quaternions, start, self.posture, _tau(self.poses, progress))
+        return path.configurations, path.objection(self.robot)
+
+    @property
+    def field(self) -> MetricField:
+        """The metric between the nodes."""
+        return self.poses.field
+
+
+def _poses_along(
+    graph: PoseGraph, query: Query, frame: TaskFrame, latent: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Poses (m, 3), (m, 4) of the base frame that a latent curve (m, d) stands for, and its progress (m,)."""
+    path = decoded_path(graph, query, latent)
+    return *frame.to_base(path.positions, path.quaternions), graph.progress_map(latent)[0]
+
+
+def _tau(query: Query, progress: np.ndarray) -> np.ndarray:
+    """0 at the query's start and 1 at its goal, at progress (n,) of the skill."""
+    return blended(progress, query.offsets.start_progress, query.offsets.goal_progress)
+
+
+@dataclass(frozen=True, eq=False)
+class ToolGoal:
+    """A goal pose of the tool.
+
+    Attributes
+    ----------
+    pose : in the base frame. frame : where the frame that the skill was demonstrated in stands.
+    stated : how it was found, for a person.
+    """
+
+    pose: Pose
+    frame: TaskFrame
+    stated: str = "the requested pose"
+
+    @property
+    def in_task(self) -> Pose:
+        """The goal in the task frame."""
+        return _in_task(self.frame, self.pose)
+
+    def is_same(self, other: ToolGoal) -> bool:
+        """Whether the same is meant, received again."""
+        return self._within(other, _SAME)
+
+    def is_near(self, other: ToolGoal) -> bool:
+        """Whether it is hardly elsewhere, in the base frame and in the task frame, and may wait until the arm rests.
+
+        What tracks an object tells where it is at its rate, moved or not, and each time a little elsewhere: a path that
+        is searched anew for that may turn off the present motion, and the tool would stop.
+        """
+        return self._within(other, _HARDLY_MOVED)
+
+    def _within(self, other: ToolGoal, limits: tuple[float, float]) -> bool:
+        pairs = (self.pose, other.pose), (self.in_task, other.in_task)
+        return all(
+            np.linalg.norm(one.position - two.position) <= limits[0]
+            and angle_between(one.quaternion, two.quaternion) <= limits[1]
+            for one, two in pairs
+        )
+
+
+def _in_task(frame: TaskFrame, pose: Pose) -> Pose:
+    return Pose(*frame.to_task(pose.position, pose.quaternion))
+
+
+class ToolQueryBuilder:
+    """Finds where on the manifold start and goal lie, and holds the graph between them."""
+
+    def __init__(
+        self, skill: Skill, graph: PoseGraph, settings: PlannerSettings, robot: Robot, collision: CollisionModel
+    ) -> None:
+        """graph : decoded from the skill; collision : the spheres that obstacles are kept away from."""
+        self._graph, self._robot, self._collision = graph, robot, collision
+        self._links = LinkBounds.of(collision)
+        self._radii = np.array(settings.tool_radii, dtype=float)
+        self._poses = QueryBuilder(skill, graph, settings)
+        self._step = float(np.min(graph.grid.spacing))
+
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ToolGoal | Verdict:
+        """A goal pose of the base frame, refused where it is too far from what was demonstrated.
+
+        frame : where the frame that the skill was demonstrated in stands.
+        """
+        goal = ToolGoal(pose, frame)
+        verdict = self._poses.goal_verdict(goal.in_task)
+        return goal if verdict.ok else verdict
+
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ToolGoal | Verdict:
+        """The pose of the tool in a configuration (eta,) [rad]; the posture at the goal follows from the start."""
+        return self.goal_by_pose(self._pose(configuration), frame)
+
+    def start_by_pose(self, pose: Pose) -> np.ndarray | Verdict:
+        """The configuration (eta,) nearest to `ready` that holds the tool in a pose."""
+        try:
+            return solve(self._robot, pose.position, pose.quaternion)
+        except RobotError as error:
+            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, str(error))
+
+    def build(self, start: np.ndarray, goal: ToolGoal) -> ToolQuery | Verdict:
+        """Carry the graph to a query that begins in a configuration (eta,), and hold it from there."""
+        query = self._poses.build(_in_task(goal.frame, self._pose(start)), goal.in_task)
+        return query if isinstance(query, Verdict) else self._held(query, goal.frame, start)
+
+    def redirected(
+        self, query: ToolQuery, start: np.ndarray, latent: np.ndarray, goal: ToolGoal
+    ) -> ToolQuery | Verdict | None:
+        """As `QueryBuilder.redirected`: on from a configuration on the path of an older query."""
+        poses = self._poses.redirected(query.poses, _in_task(goal.frame, self._pose(start)), latent, goal.in_task)
+        return poses if poses is None or isinstance(poses, Verdict) else self._held(poses, goal.frame, start)
+
+    def _pose(self, configuration: np.ndarray) -> Pose:
+        return Pose(*self._robot.forward(configuration))
+
+    def other_posture(self, query: ToolQuery) -> ToolQuery | None:
+        """The same query in the next posture in which the arm can hold the base path; None where none is left."""
+        found = self._held(query.poses, query.frame, query.start, query.swivel + 1)
+        return found if isinstance(found, ToolQuery) else None
+
+    def first_posture(self, query: ToolQuery) -> ToolQuery:
+        """The same query in the posture that follows from the start by steps of least norm, or the next that serves."""
+        found = self._held(query.poses, query.frame, query.start) if query.swivel else query
+        assert isinstance(found, ToolQuery)
+        return found
+
+    def _held(self, query: Query, frame: TaskFrame, start: np.ndarray, first: int = 0) -> ToolQuery | Verdict:
+        """A query of poses held by the arm from a configuration (eta,) on, with the first of the swivels from a number
+        on with which it can hold the base path; or why it cannot with that one.
+        """
+        refusal: Verdict | None = None
+        for swivel in range(first, len(SWIVELS)):
+            found = self._held_with(query, frame, start, swivel)
+            if isinstance(found, ToolQuery):
+                return found
+            refusal = refusal or found
+        return refusal or Verdict(VerdictCode.NO_FEASIBLE_PATH, "no other posture is left", **query.misfits)
+
+    def _held_with(self, query: Query, frame: TaskFrame, start: np.ndarray, swivel: int) -> ToolQuery | Verdict:
+        """A query of poses held by the arm in the posture that follows from a configuration (eta,) and a swivel."""
+        source = self._graph.node_near(query.start_latent, np.isfinite(query.to_goal), 3)
+        if source is None:
+            reason = "the start is connected to no part of what was demonstrated"
+            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, reason, **query.misfits)
+        nodes, _, _ = shortest_free_path(
+            self._graph.adjacency, query.graph.base, query.to_goal, source, query.goal_node
+        )
+        posture = self._posture(query, frame, nodes, start, swivel)
+        if isinstance(posture, str):
+            return Verdict(VerdictCode.NO_FEASIBLE_PATH, posture, **query.misfits)
+        graph = query.graph
+        tau = _tau(query, self._graph.progress)
+        positions, quaternions = frame.to_base(graph.positions, graph.quaternions)
+        configurations, held = hold_nodes(
+            self._robot, positions, quaternions, posture, tau, nodes, self._graph.adjacency.first,
+            self._graph.adjacency.node,
+        )  # fmt: skip
+        first, second = graph.edges.T
+        turned = np.max(np.abs(configurations[first] - configurations[second]), axis=1)
+        lost = ~(held[first] & held[second]) | (turned > _LARGEST_JOINT_STEP)
+        to_goal, from_start = query.to_goal, query.from_start
+        if np.any(lost):
+            graph = replace(graph, fixed=np.where(lost, np.inf, graph.fixed), base=np.where(lost, np.inf, graph.base))
+            to_goal = cost_field(self._graph.adjacency, graph.base, query.goal_node)
+            from_start = cost_field(self._graph.adjacency, graph.base, source)
+        points = frame.points_to_base(graph.body_points)
+        body = NodeBody.of_arm(configurations, points, self._radii, self._collision, self._links, self._robot)
+        return ToolQuery(
+            query, frame, posture, swivel, start, posture.configurations[-1], graph, body, to_goal, from_start,
+            self._robot, self._graph,
+        )  # fmt: skip
+
+    def _posture(
+        self, query: Query, frame: TaskFrame, nodes: np.ndarray, start: np.ndarray, swivel: int
+    ) -> Posture | str:
+        """The posture along the base path, or where and why the arm cannot hold it."""
+        polyline = np.concatenate([query.start_latent[None], self._graph.latent[nodes[1:]]])
+        latent = smooth_latent(resample_latent(polyline, self._step), _SMOOTHING)
+        positions, quaternions, progress = _poses_along(self._graph, query, frame, latent)
+        goal = frame.to_base(query.goal.position, query.goal.quaternion)
+        positions, quaternions = correct_ends(positions, quaternions, self._robot.forward(start), goal)
+        tau = np.maximum.accumulate(_tau(query, progress))
+        share = np.clip(np.linspace(0.0, 1.0, len(tau)) / _SWIVELLED, 0.0, 1.0)
+        turned = SWIVELS[swivel] * share**2 * (3.0 - 2.0 * share)
+        path = hold_path(self._robot, positions, quaternions, start, np.diff(turned, prepend=0.0))
+        return path.objection(self._robot) or Posture(tau, path.configurations, path.nulls)

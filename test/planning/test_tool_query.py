@@ -1,0 +1,174 @@
+"""Skills of tool poses, held by the whole arm: nodes, paths, goals, frames, and the planner's promises on them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.tool_query import ToolQuery, ToolQueryBuilder
+from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.query import Pose
+from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.swivel import elbow_position
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+SKILL = Skill.load("panda_pouring")
+START, GOAL = (Pose(pose[:3], pose[3:]) for pose in (SKILL.start_pose, SKILL.goal_pose))
+HOME = TaskFrame.identity()
+TICK = 0.01
+
+
+@pytest.fixture(scope="module")
+def planner() -> ReactivePlanner:
+    return ReactivePlanner(SKILL)
+
+
+@pytest.fixture(scope="module")
+def builder(planner: ReactivePlanner) -> ToolQueryBuilder:
+    return ToolQueryBuilder(SKILL, planner.graph, PlannerSettings(), planner.robot, planner.collision)
+
+
+@pytest.fixture(scope="module")
+def query(builder: ToolQueryBuilder) -> ToolQuery:
+    return built(builder)
+
+
+def built(builder: ToolQueryBuilder, frame: TaskFrame = HOME) -> ToolQuery:
+    """Between the skill's own ends, which move with a frame."""
+    start, goal = (Pose(*frame.to_base(end.position, end.quaternion)) for end in (START, GOAL))
+    found = builder.build(builder.start_by_pose(start), builder.goal_by_pose(goal, frame))
+    assert isinstance(found, ToolQuery)
+    return found
+
+
+def tool(robot: Robot, configurations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return end_effector_poses(np.ascontiguousarray(configurations), robot.chain)
+
+
+def test_a_node_s_spheres_are_those_of_an_arm_that_holds_its_pose(builder, query, planner) -> None:
+    """The hand's spheres tell its pose; the base path is held, and only then may edges be used."""
+    hand = np.array(planner.collision.points.names)[planner.collision.moving] == "panda_hand"
+    usable = np.unique(query.decoded.edges[np.isfinite(query.graph.base)])
+    assert len(usable) > 0.95 * len(query.graph.positions)
+    start = planner.collision.positions(planner.robot, query.start[None])[0][planner.collision.moving][hand]
+    apart = np.linalg.norm(start - planner.robot.forward(query.start)[0], axis=1)
+    for node in usable[::97]:
+        there = np.linalg.norm(query.body.spheres[node, hand] - query.graph.positions[node], axis=1)
+        np.testing.assert_allclose(there, apart, atol=1e-4)
+
+
+def test_the_goal_is_the_requested_pose(query, planner) -> None:
+    position, quaternion = planner.robot.forward(query.goal)
+    np.testing.assert_allclose(position, GOAL.position, atol=1e-6)
+    assert angle_between(quaternion, GOAL.quaternion) < 1e-6
+
+
+def test_paths_are_held_near_the_start_they_go_on_from(query, planner) -> None:
+    latent = np.linspace(query.start_latent, query.decoded.latent[query.goal_node], 80)
+    path, objection = query.configurations_along(latent, query.start)
+    assert objection == ""
+    assert np.max(np.abs(np.diff(path, axis=0))) < 0.2
+    np.testing.assert_allclose(path[0], query.start, atol=0.02)
+
+
+def test_a_frame_moves_all_configurations_tools_with_it(builder, planner) -> None:
+    frame = TaskFrame(np.array([0.02, -0.01, 0.03]), np.array([0.999, 0.0, 0.0, 0.0447101778]))
+    here, there = built(builder), built(builder, frame)
+    latent = here.decoded.latent[:: len(here.decoded.latent) // 20]
+    for query, place in ((here, HOME), (there, frame)):
+        nodes = query.graph.body_points[:, 0]
+        np.testing.assert_allclose(query.body.points[:, 0], place.points_to_base(nodes), atol=1e-12)
+    assert len(latent) > 10
+
+
+def test_another_posture_holds_the_same_poses_and_there_are_not_more_than_five(builder, query, planner) -> None:
+    seen, other = [query], builder.other_posture(query)
+    while other is not None:
+        seen.append(other)
+        np.testing.assert_allclose(planner.robot.forward(other.goal)[0], GOAL.position, atol=1e-6)
+        other = builder.other_posture(other)
+    assert 2 <= len(seen) <= 5
+    assert np.max(np.abs(seen[1].goal - seen[0].goal)) > 0.1
+    assert builder.first_posture(seen[-1]).swivel == 0
+
+
+def test_a_start_from_which_the_path_cannot_be_held_is_refused_with_place_and_reason(builder, planner) -> None:
+    """The hand is turned as far as its joint goes; the demonstrated path turns it farther."""
+    goal, robot = builder.goal_by_pose(GOAL, HOME), planner.robot
+    free = builder.start_by_pose(START)
+    found = [builder.build(robot.checked(np.where(np.arange(7) == 6, limit, free)), goal) for limit in (2.85, -2.85)]
+    assert all(isinstance(one, Verdict) for one in found)
+    assert {one.code for one in found} <= {VerdictCode.START_OUT_OF_SUPPORT, VerdictCode.NO_FEASIBLE_PATH}
+
+
+def played(planner: ReactivePlanner, obstacles: Obstacles, seconds: float = 12.0) -> np.ndarray:
+    """Commanded configurations (n, 7), from the skill's start to its goal."""
+    planner.take_obstacles(Obstacles.none())
+    planner.clear_goal()
+    start = planner.plan(START.position, START.quaternion, GOAL.position, GOAL.quaternion).reference.positions[0]
+    planner.stand_at(start, 0.0)
+    assert planner.set_goal(GOAL.position, GOAL.quaternion).ok
+    assert planner.take_obstacles(obstacles).ok
+    commanded = []
+    for number in range(int(seconds / TICK)):
+        planner.tick(number * TICK)
+        commanded.append(planner.commanded((number + 1) * TICK)[0])
+    return np.array(commanded)
+
+
+def nearest(planner: ReactivePlanner, spheres: CollisionModel, path: np.ndarray, obstacles: Obstacles) -> float:
+    return min(obstacle_clearance(spheres, planner.robot, q, obstacles)[0] for q in path[::4])
+
+
+def test_the_stream_ends_exactly_at_the_goal_and_twice_alike(planner) -> None:
+    first, again = (played(planner, Obstacles.none(), 8.0) for _ in range(2))
+    position, quaternion = planner.robot.forward(first[-1])
+    np.testing.assert_allclose(position, GOAL.position, atol=1e-6)
+    assert angle_between(quaternion, GOAL.quaternion) < 1e-6
+    np.testing.assert_array_equal(first, again)
+
+
+def test_a_sphere_on_the_elbow_s_path_is_not_touched_and_the_tool_alone_would_let_it_be(planner) -> None:
+    undisturbed, model = played(planner, Obstacles.none(), 8.0), CollisionModel.panda()
+    middle = undisturbed[len(undisturbed) // 3]
+    sphere = Obstacles.of_spheres(elbow_position(planner.robot, middle)[None], np.array([0.04]))
+    assert nearest(planner, model.of_link("panda_hand"), undisturbed, sphere) > 0.05
+    blind = ReactivePlanner(SKILL, replace(planner.settings, avoid="tool"))
+    assert nearest(planner, model, played(blind, sphere), sphere) < 0.0
+    arm = played(planner, sphere)
+    if nearest(planner, model, arm[:1], sphere) > 0.0:
+        assert nearest(planner, model, arm, sphere) > 0.0
+    else:
+        np.testing.assert_array_equal(arm[0], arm[-1])
+
+
+def test_the_tool_s_spheres_stay_clear_where_only_they_avoid(planner) -> None:
+    undisturbed = played(planner, Obstacles.none(), 8.0)
+    blind = ReactivePlanner(SKILL, replace(planner.settings, avoid="tool"))
+    place = planner.robot.forward(undisturbed[len(undisturbed) // 2])[0] + [0.0, 0.0, -0.05]
+    sphere = Obstacles.of_spheres(place[None], np.array([0.02]))
+    tool_spheres = blind.collision
+    assert nearest(planner, tool_spheres, undisturbed, sphere) < 0.0
+    assert nearest(planner, tool_spheres, played(blind, sphere), sphere) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("position", "quaternion", "code"),
+    [
+        ([np.nan, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], VerdictCode.BAD_INPUT),
+        ([0.4, 0.0, 0.4], [0.0, 0.0, 0.0, 0.0], VerdictCode.BAD_INPUT),
+        ([3.0, 0.0, 0.4], [1.0, 0.0, 0.0, 0.0], VerdictCode.GOAL_OUT_OF_SUPPORT),
+        ([0.3, 0.5, 0.4], [1.0, 0.0, 0.0, 0.0], VerdictCode.GOAL_OUT_OF_SUPPORT),
+    ],
+)
+def test_goals_that_are_none_are_refused(planner, position, quaternion, code) -> None:
+    assert planner.set_goal(np.array(position), np.array(quaternion)).code is code

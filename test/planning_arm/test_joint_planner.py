@@ -1,0 +1,185 @@
+"""ReactivePlanner: the arm goes another way, by what was asked, in the time that there is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.graph.metric_field import curve_length
+from geodesic_motion_ros.graph.reshaping import Reshaping
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning import solver
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.solids import solid_distances, solid_rows
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+
+def test_the_goal_is_reached_at_rest_and_stays_reached(stream, nominal, goal) -> None:
+    plans = stream.run(nominal.duration + 0.5)
+    assert all(plan.verdict.ok for plan in plans)
+    assert len(stream.handed) == 1
+    assert stream.off(goal) < 1e-9
+    assert nominal.keeps(stream.planner.limits)
+
+
+def test_an_elbow_that_is_in_the_way_goes_on_the_other_side(stream, nominal, on_elbow, least_clearance) -> None:
+    stream.planner.set_obstacles(*on_elbow)
+    plan = stream.planner.tick(0.0)
+    assert plan.verdict.ok
+    assert least_clearance(stream.dense(nominal), on_elbow) < -0.03
+    measured = least_clearance(stream.dense(plan.reference), on_elbow)
+    assert 0.0 < plan.verdict.clearance <= measured + 1e-4
+
+
+@pytest.mark.parametrize("kind", ["box", "capsule", "cloud"])
+def test_obstacles_of_every_kind_are_hit_on_the_old_way_and_passed_on_the_new(stream, nominal, on_elbow, kind) -> None:
+    planner, (centre, _) = stream.planner, on_elbow
+    turn = Rotation.from_rotvec([0.4, 0.3, 0.9]).as_matrix()[None]
+    extents, radius = ([[0.03, 0.02, 0.04]], [0.0]) if kind == "box" else ([[0.0, 0.0, 0.03]], [0.025])
+    solids, seen = solid_rows(centre, turn, np.array(extents), np.array(radius)), centre
+    obstacles = replace(Obstacles.none(), solids=solids, solid_velocities=np.zeros((1, 3)))
+    if kind == "cloud":
+        seen = centre + np.random.default_rng(0).uniform(-0.02, 0.02, (2000, 3))
+        obstacles = replace(Obstacles.none(), cloud=DistanceField.of(seen, 0.01, 0.005, 0.04))
+
+    def least(reference: JointReference) -> float:
+        model = planner.collision
+        centres = model.positions(planner.robot, stream.dense(reference))[:, model.moving].reshape(-1, 3)
+        gaps = cKDTree(seen).query(centres)[0] - 0.005 if kind == "cloud" else solid_distances(centres, solids)
+        return float(np.min(gaps.reshape(-1, np.count_nonzero(model.moving)) - model.radii[model.moving]))
+
+    assert planner.take_obstacles(obstacles).ok
+    plan = planner.tick(0.0)
+    assert plan.verdict.ok
+    assert least(nominal) < -0.03
+    assert 0.0 < plan.verdict.clearance <= least(plan.reference)
+    # A field tells no more than its reach.
+    assert least(plan.reference) < plan.verdict.clearance + 0.03 or kind == "cloud"
+
+
+def test_a_refined_way_is_shorter_and_one_that_is_refused_gives_way_to_the_graphs(
+    reach_skill, planner, start, goal, monkeypatch
+) -> None:
+    planner.take_obstacles(Obstacles.none())
+    choice = planner.prepared_configuration(goal).goal
+    query = planner._queries.build(start, choice)
+    free = Reshaping.of(query.body, Obstacles.none(), 0.0, 0.5, 0.02)
+
+    def length(plan: Plan) -> float:
+        assert plan.verdict.ok, plan.verdict.reason
+        return curve_length(query.field, free, plan.reference.latent)
+
+    plain = ReactivePlanner(reach_skill, replace(planner.settings, refine=False)).plan_configurations(start, choice)
+    assert length(planner.plan_configurations(start, choice)) < length(plain)
+
+    def astray(field, reshaping, margin, path):
+        return path + np.sin(np.linspace(0.0, np.pi, len(path)))[:, None]
+
+    monkeypatch.setattr(solver, "refined", astray)
+    assert length(planner.plan_configurations(start, choice)) == length(plain)
+
+
+def test_a_way_that_is_found_again_while_no_obstacle_is_near_gets_no_second_look(stream, on_elbow, monkeypatch) -> None:
+    """An obstacle that comes from afar is felt by the search all along; the curve is drawn anew when it is near."""
+    looks, certified = [], stream.planner._solver._certified
+
+    def recorded(*arguments):
+        looks.append(stream.now)
+        return certified(*arguments)
+
+    monkeypatch.setattr(stream.planner._solver, "_certified", recorded)
+    (centre,), radius = on_elbow
+    close = None
+    for number in range(100):
+        away = np.array([0.0, 0.0, 1.2 - 0.012 * number])
+        stream.planner.set_obstacles((centre + away)[None], radius)
+        now, (plan,) = stream.now, stream.run(stream.period)
+        if close is None and plan.verdict.clearance < 0.03:
+            close = now
+    assert close > 0.3
+    assert sum(look < close for look in looks) == 1
+    assert any(look >= close for look in looks)
+
+
+def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start, goal, monkeypatch) -> None:
+    """Only the last attempt is let through: with time it is made at once, without it in a later tick."""
+    planner, solver = stream.planner, stream.planner._solver
+    certified = solver._certified
+    monkeypatch.setattr(solver, "attempts", tuple(attempt for attempt in solver.attempts if not attempt.refine))
+
+    def picky(query, state, way, obstacles, margin, width, trusting):
+        plan = certified(query, state, way, obstacles, margin, width, trusting)
+        return plan if width == 1.0 else Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, "not this"))
+
+    monkeypatch.setattr(solver, "_certified", picky)
+    missed, *later = (planner.tick(number * stream.period, Deadline(-np.inf)) for number in range(4))
+    assert missed.verdict.code is VerdictCode.DEADLINE_MISSED
+    assert "out of time after 1 of 3 attempts: not this" in missed.verdict.reason
+    assert missed.reference is None
+    assert VerdictCode.OK in [plan.verdict.code for plan in later]
+
+    stream.stand_at(start)
+    planner.set_goal_configuration(goal)
+    assert planner.tick(0.0, Deadline(np.inf)).verdict.ok
+
+
+def test_without_avoidance_or_with_the_hand_alone_the_elbow_hits(
+    stream, reach_skill, planner, start, goal, on_elbow, least_clearance
+) -> None:
+    from geodesic_motion_ros.experiments.blocked_arm import hand_alone
+
+    blind = ReactivePlanner(reach_skill, replace(planner.settings, avoidance=False))
+    settings = replace(planner.settings, ambient_strength=0.0)
+    for other in (blind, ReactivePlanner(reach_skill, settings, collision=hand_alone(planner.collision))):
+        other.set_obstacles(*on_elbow)
+        other.stand_at(start, 0.0)
+        other.set_goal_configuration(goal)
+        assert least_clearance(stream.dense(other.tick(0.0).reference), on_elbow) < -0.03
+
+
+def test_a_goal_prepared_before_the_arm_was_found_elsewhere_is_planned_from_there(stream, nominal, goal) -> None:
+    elsewhere = nominal.sample(0.4 * nominal.duration)[0]
+    stream.stand_at(elsewhere)
+    stream.planner.set_goal_configuration(goal)
+    expected = stream.run(stream.period)[0].reference
+
+    stream.stand_at(nominal.positions[0])
+    prepared = stream.planner.prepared_configuration(goal)
+    stream.stand_at(elsewhere)
+    stream.planner.take_goal(prepared)
+    reference = stream.run(stream.period)[0].reference
+    np.testing.assert_array_equal(reference.positions, expected.positions)
+
+
+def test_nothing_is_planned_before_there_is_a_state_and_a_goal(reach_skill, planner, start) -> None:
+    fresh = ReactivePlanner(reach_skill, planner.settings)
+    assert fresh.tick(0.0).verdict.code is VerdictCode.STALE_STATE
+    assert fresh.commanded(0.0) is None
+    fresh.stand_at(start, 0.0)
+    assert fresh.tick(0.0).verdict.code is VerdictCode.NO_GOAL
+    np.testing.assert_array_equal(fresh.commanded(0.0)[0], start)
+
+
+@pytest.mark.parametrize(
+    ("centres", "radii", "velocities", "said"),
+    [
+        ([[0.0, 0.0, np.nan]], [0.1], None, "finite"),
+        ([[0.0, 0.0, 1.0]], [0.0], None, "positive"),
+        ([[0.0, 0.0, 1.0]], [0.1], [[np.inf, 0.0, 0.0]], "finite"),
+        ([[0.0, 0.0, 1.0]], [0.1, 0.2], None, "as many of each"),
+    ],
+)
+def test_bad_obstacles_are_refused_and_the_old_ones_stay(stream, on_elbow, centres, radii, velocities, said) -> None:
+    stream.planner.set_obstacles(*on_elbow)
+    verdict = stream.planner.set_obstacles(np.array(centres), np.array(radii), velocities)
+    assert verdict.code is VerdictCode.BAD_INPUT
+    assert said in verdict.reason
+    assert np.isfinite(stream.planner.tick(0.0).verdict.clearance)
