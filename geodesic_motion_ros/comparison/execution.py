@@ -7,11 +7,13 @@ distance of the collision meshes, where they are measured to be, from each spher
 (`guard.py`), the arm, or hand and fingers alone. A scene ends
 
 - at the goal: the tool is measured within `REACHED` and `REACHED_ANGLE` of the goal pose, and rests;
-- at the first contact of what is guarded, while the arm moves or as it stands;
+- at the first contact of what is guarded;
 - after `LONGEST`, or where the arm has stood for `GIVEN_UP` since there were spheres that move or will go.
 
-Success is the first of these. A contact is one *outside braking room* where the arm moved, and had been far enough from
-the sphere when it was first told of it to stop in time.
+Success is the first of these. A contact is one *in motion* where the arm moved within `AFTER_MOTION` before it, and
+*standing* otherwise; of one in motion there was *no room* where the sphere, when it was first there, was too near for
+an arm at rest to be told of it in time. For a standing one the outcome says whether an arm that had waited at the
+start of the scene, for `LONGEST`, would have been touched too.
 """
 
 from __future__ import annotations
@@ -42,6 +44,9 @@ from geodesic_motion_ros.simulation.world import PandaWorld
 REACHED, REACHED_ANGLE, RESTING, TOOL_RESTING = 0.01, 0.1, 0.02, 0.005
 #: A scene ends after so long [s], or where the arm has stood for so long while nothing will change.
 LONGEST, GIVEN_UP = 15.0, 2.0
+#: A contact this soon [s] after the arm moved is one in motion: what a stop a moment before the contact leaves in a
+#: sphere's path was not avoided. Of the order of the longest stop and of a person's reaction.
+AFTER_MOTION = 0.5
 #: Distances are looked for up to this [m].
 LOOKED_FOR = 0.3
 #: Every so many steps the posture is kept for what is said of similarity.
@@ -61,8 +66,12 @@ class Outcome:
     mostly_free : whether at least half of the demonstrations stayed free.
     reached : whether the goal was reached, after `duration` [s]. contact : what ended the scene, where a contact did.
     refusal : why the method was on no way to the goal at the end, where it said so.
-    clearance : least distance [m] of what is guarded from a sphere while the arm moved, no more than LOOKED_FOR.
+    clearance : least distance [m] of what is guarded from a sphere while the arm moved and for AFTER_MOTION after it,
+        no more than LOOKED_FOR.
     arm_touched : whether a part of the arm that is not guarded touched a sphere: that ends no scene.
+    stood : for how long [s] what is guarded had not moved at the end.
+    waiting_avoids : whether an arm that waits at the start is not touched; None where no standing contact was.
+    lag : largest distance [m] of a sphere of what is guarded from where it was to be, where the arm lags (`lag.py`).
     dtw, orientation : of the tool's way from that of the closest demonstration, or of the one held out [m], [rad].
     jerk : root mean square of the command's jerk, over all joints [rad/s^3].
     replans : processor time [s] of the ticks that answered something new (`Answer.planned`).
@@ -82,6 +91,9 @@ class Outcome:
     ticks: int
     in_time: int
     arm_touched: bool = False
+    stood: float = 0.0
+    waiting_avoids: bool | None = None
+    lag: float = 0.0
 
     @property
     def success(self) -> bool:
@@ -104,12 +116,13 @@ class Outcome:
 
 @dataclass
 class Effort:
-    """What a method says of itself while a scene is played; the last three as of `Outcome`."""
+    """What a method says of itself while a scene is played; all but the first as of `Outcome`."""
 
     refusal: str = ""
     replans: list[float] = field(default_factory=list)
     ticks: int = 0
     in_time: int = 0
+    lag: float = 0.0
 
 
 class Motion(Protocol):
@@ -154,7 +167,7 @@ class PlayedMethod:
         self._pending, self.effort = Answer(), Effort()
 
     def tick(self, now: float, obstacles: Obstacles) -> None:
-        self._hand_over(self._pending)
+        self.hand_over(self._pending)
         began = time.thread_time()
         answer = self._method.tick(now, obstacles)
         took = time.thread_time() - began
@@ -181,7 +194,8 @@ class PlayedMethod:
     def commanded_positions(self) -> np.ndarray:
         return self._world.commanded_positions
 
-    def _hand_over(self, answer: Answer) -> None:
+    def hand_over(self, answer: Answer) -> None:
+        """Give the arm what it is to play from now on."""
         try:
             if answer.pose is not None:
                 self._world.set_target_pose(*answer.pose)
@@ -203,6 +217,22 @@ class Judge:
         """What became of the scene, and the postures (n, eta) [rad], 50 a second, the last one at its end."""
         return _Run(self, scene, motion).judged()
 
+    def waiting_is_touched(self, scene: Scene) -> bool:
+        """Whether a sphere touches what is guarded of an arm that stays at the scene's start for LONGEST."""
+        self.geometry.place(scene.start)
+        spheres = SpheresInMotion(scene.spheres, lambda: chased_point(self.arm, scene.tool_chased, scene.start))
+
+        def clearance(centre: np.ndarray, radius: float) -> float:
+            clearances = self.geometry.clearances(centre, radius, LOOKED_FOR)
+            return min((clearances[link] for link in self.guarded.intersection(clearances)), default=np.inf)
+
+        for step in range(1, int(LONGEST * STEP_HZ) + 1):
+            spheres.move(step / STEP_HZ)
+            spheres.judge(step / STEP_HZ, False, clearance)
+            if spheres.contacts:
+                return True
+        return False
+
 
 class Stage(Judge):
     """A judge, and the arm in physics that methods move."""
@@ -220,7 +250,7 @@ class _Run:
     """One scene being judged."""
 
     def __init__(self, judge: Judge, scene: Scene, motion: Motion) -> None:
-        self._arm, self._geometry = judge.arm, judge.geometry
+        self._judge, self._arm, self._geometry = judge, judge.arm, judge.geometry
         self._guarded, self._arm_touched = judge.guarded, False
         self._scene, self._motion = scene, motion
         self._spheres = SpheresInMotion(
@@ -232,29 +262,33 @@ class _Run:
 
     def judged(self) -> tuple[Outcome, np.ndarray]:
         motion = self._motion
-        stood, reached, step, posture = 0.0, False, 0, motion.joint_positions
+        # When the arm last moved, and when it did or something was still to change [s].
+        moved, changed = -math.inf, 0.0
+        reached, step, posture = False, 0, motion.joint_positions
         while step < LONGEST * STEP_HZ:
             now = step / STEP_HZ
             if step % STEPS_PER_TICK == 0:
                 motion.tick(now, Obstacles.of_spheres(*self._spheres.seen(now, self._has_room), now))
             step += 1
             motion.step()
-            self._spheres.move(step / STEP_HZ)
+            now = step / STEP_HZ
+            self._spheres.move(now)
             self._commanded.append(motion.commanded_positions)
             before, posture = posture, motion.joint_positions
             if step % _KEPT == 0:
                 self._postures.append(posture)
             moves = self._moves(before, posture)
+            moved = now if moves else moved
             self._geometry.place(posture)
-            self._spheres.judge(step / STEP_HZ, moves, self._clearance)
+            self._spheres.judge(now, now - moved <= AFTER_MOTION, self._clearance)
             if self._spheres.contacts:
                 break
             reached = not moves and self._at_goal(posture)
-            stood = 0.0 if moves or self._will_change(step / STEP_HZ) else stood + STEP
-            if reached or stood >= GIVEN_UP:
+            changed = now if moves or self._will_change(now) else changed
+            if reached or now - changed >= GIVEN_UP:
                 break
         self._postures.append(posture)
-        return self._outcome(reached, step / STEP_HZ), np.array(self._postures)
+        return self._outcome(reached, now, min(now, now - moved)), np.array(self._postures)
 
     def _moves(self, before: np.ndarray, posture: np.ndarray) -> bool:
         """Whether what is guarded moved in the last step, between two postures (eta,) [rad]: a hand may rest while the
@@ -290,18 +324,21 @@ class _Run:
         near = float(np.linalg.norm(position - goal[0])) <= REACHED
         return near and float(angle_between(quaternion, goal[1])) <= REACHED_ANGLE
 
-    def _outcome(self, reached: bool, duration: float) -> Outcome:
+    def _outcome(self, reached: bool, duration: float, stood: float) -> Outcome:
         contacts, effort = self._spheres.contacts, self._motion.effort
         executed = self._arm.tool_curve(np.array(self._postures))
         dtw, orientation = _to_closest(executed, self._scene.compared)
         jerks = np.diff(self._commanded, 3, axis=0) * STEP_HZ**3
+        waiting_avoids = None
+        if contacts and contacts[0] == "standing":
+            waiting_avoids = not self._judge.waiting_is_touched(self._scene)
         return Outcome(
             mostly_free=self._scene.mostly_free, reached=reached, contact=contacts[0] if contacts else "",
             refusal="" if reached else effort.refusal, duration=duration,
             clearance=float(min(self._spheres.clearance, LOOKED_FOR)), dtw=dtw, orientation=orientation,
             jerk=float(np.sqrt(np.mean(np.sum(jerks**2, axis=1)))) if len(jerks) else 0.0,
             replans=tuple(effort.replans), ticks=effort.ticks, in_time=effort.in_time,
-            arm_touched=self._arm_touched,
+            arm_touched=self._arm_touched, stood=stood, waiting_avoids=waiting_avoids, lag=effort.lag,
         )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -68,6 +68,14 @@ class Method(Protocol):
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """Called every 10 ms of simulated time with true positions and velocities of the obstacles, all that are there.
 
-        Every method knows what it has sent: none is told where the arm is measured to be. What is answered reaches the
-        arm one tick later, however long it was thought about.
+        Every method knows what it has sent: none is told where the arm is measured to be, but those that track an arm
+        that lags. What is answered reaches the arm one tick later, however long it was thought about.
         """
+
+
+@runtime_checkable
+class TracksArm(Protocol):
+    """A method that counts how far an arm that lags is from where it was sent."""
+
+    def track(self, measured: np.ndarray, now: float) -> None:
+        """Called before a tick at `now` [s]: where the joints are measured to be (eta,) [rad]."""

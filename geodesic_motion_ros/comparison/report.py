@@ -67,6 +67,7 @@ def figures(played: Sequence[Played], blind_fails: Set[SceneId] | None = None) -
         "success_high": 100.0 * high,
         "contacts_moving": sum(outcome.touched_moving for outcome in outcomes),
         "contacts_standing": sum(outcome.contact == "standing" for outcome in outcomes),
+        "contacts_standing_where_waiting_avoids": sum(outcome.waiting_avoids is True for outcome in outcomes),
         "arm_touched": sum(outcome.arm_touched for outcome in outcomes),
         "refused": sum(outcome.refused for outcome in outcomes),
         "lost": sum(not (outcome.success or outcome.refused or outcome.contact) for outcome in outcomes),
@@ -153,7 +154,7 @@ class Report:
     Attributes
     ----------
     told : what each row is, in a line. held_out : whether similarity is to a demonstration that was held out.
-    guard : what was guarded; None where that is not said.
+    guard : what was guarded; None where that is not said. lag : of the arm [s].
     """
 
     skill: str
@@ -162,6 +163,7 @@ class Report:
     told: dict[str, str]
     held_out: bool = False
     guard: Guard | None = None
+    lag: float = 0.0
 
     @property
     def similar_to(self) -> str:
@@ -183,6 +185,8 @@ class Report:
             "seed": self.seed,
             "held_out": self.held_out,
             "guard": self.guard,
+            "lag": self.lag,
+            "largest_lag_mm": self._largest_lag,
             "level": LEVEL,
             "rows": {
                 row: {
@@ -223,18 +227,25 @@ class Report:
             return None
         return frozenset(item.scene_id for item in self.of(BLIND, lambda item: not item.outcome.success))
 
+    @property
+    def _largest_lag(self) -> float:
+        """Of an arm from where it was to be [mm]."""
+        return 1e3 * max((item.outcome.lag for item in self.played), default=0.0)
+
     def _families(self) -> list[Family]:
         known = {item.family for item in self.played}
         return [family for family in FAMILIES if family in known]
 
     def _title(self) -> str:
         guarded = "" if self.guard is None else f", {_GUARDED[self.guard]} guarded"
-        return f"{self.skill}, seed {self.seed}{guarded}; DTW and orientation from {self.similar_to}"
+        lag = f", the arm {self.lag:g} s late, up to {self._largest_lag:.0f} mm behind" if self.lag else ""
+        return f"{self.skill}, seed {self.seed}{guarded}{lag}; DTW and orientation from {self.similar_to}"
 
     def _tables(self) -> list[_Table]:
+        standing = any(item.outcome.waiting_avoids is not None for item in self.played)
         return [
             self._by_row("all", every), self._by_row("half or more stay free", mostly_free),
-            self._by_row("fewer stay free", hardly_free), self._by_family(),
+            self._by_row("fewer stay free", hardly_free), self._by_family(), *([self._standing()] if standing else []),
         ]  # fmt: skip
 
     def _by_row(self, title: str, wanted: Callable[[Played], bool]) -> _Table:
@@ -254,6 +265,17 @@ class Report:
             for row in self.told
         ]
         return _Table("successes: half or more free, fewer", families, families, rows)
+
+    def _standing(self) -> _Table:
+        """The scenes with a contact of an arm that stood, by whether waiting at the start avoids it."""
+        rows = [[row, *(self._scenes(row, avoids) for avoids in (True, False))] for row in self.told]
+        heads = ["waiting at the start avoids it", "does not"]
+        return _Table("touched, standing", heads, heads, rows)
+
+    def _scenes(self, row: str, avoids: bool) -> str:
+        found = self.of(row, lambda item: item.outcome.waiting_avoids is avoids)
+        names = [f"{item.family} {item.number}" for item in sorted(found, key=lambda item: item.scene_id)]
+        return ", ".join(names) or "-"
 
     def _successes(self, row: str, wanted: Callable[[Played], bool]) -> str:
         outcomes = [item.outcome for item in self.of(row, wanted)]

@@ -12,7 +12,7 @@ from geodesic_motion_ros.comparison.families import Family
 from geodesic_motion_ros.tables import write_json
 
 #: Of the scenes and of how they are judged: results of another one are not counted.
-PROTOCOL = 1
+PROTOCOL = 2
 
 SceneId = tuple[Family, int]
 

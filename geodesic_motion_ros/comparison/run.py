@@ -18,6 +18,7 @@ from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.families import FAMILIES, Family, check_families
 from geodesic_motion_ros.comparison.guard import Guard, guard_of, own_guard
 from geodesic_motion_ros.comparison.held_out import HeldOut, digest
+from geodesic_motion_ros.comparison.lag import LateStage, check_lag
 from geodesic_motion_ros.comparison.method import Method
 from geodesic_motion_ros.comparison.results import Played, Results, SceneId, results_folder
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene, moved_demonstrations
@@ -32,7 +33,8 @@ class BenchmarkSettings:
 
     `processes` play scenes at once, which does not change them. `held_out`: scenes of demonstrations that no method was
     given. `guard`: what is guarded; None: what the skill guards by itself. `scenes_from`: a file whose scenes are
-    played, in the place of scenes that are drawn; `families` and `seed` are those of the file then.
+    played, in the place of scenes that are drawn; `families` and `seed` are those of the file then. `lag`: of the arm
+    [s] (`lag.py`).
     """
 
     methods: tuple[str, ...]
@@ -43,6 +45,7 @@ class BenchmarkSettings:
     held_out: bool = False
     guard: Guard | None = None
     scenes_from: Path | None = None
+    lag: float = 0.0
 
     def __post_init__(self) -> None:
         unknown = [family for family in self.families if family not in FAMILIES]
@@ -53,6 +56,7 @@ class BenchmarkSettings:
                 raise ParameterError(f"{name} is {getattr(self, name)}; at least 1 is needed")
         if self.scenes_from is not None and self.held_out:
             raise ParameterError("scenes of a file are of no demonstrations that are held out")
+        check_lag(self.lag)
         if not self.methods:
             raise ParameterError(f"no method is given: choose from {'; '.join(ROWS)}")
 
@@ -65,11 +69,13 @@ class BenchmarkSettings:
         return Results(folder, skill.name, self.seed, self.held_out, self._apart(skill))
 
     def _apart(self, skill: Skill) -> str:
-        """The part of the folder's name without which results of other scenes would mix with the skill's own."""
+        """The part of the folder's name without which other scenes or arms would mix with the skill's own."""
         guard = guard_of(skill, self.guard)
         other = [] if guard == own_guard(skill) else [f"guard_{guard}"]
         if self.scenes_from is not None:
             other.append(f"scenes_{hashlib.sha256(self.scenes_from.read_bytes()).hexdigest()[:16]}")
+        if self.lag:
+            other.append(f"lag_{self.lag:g}")
         return "/".join(other)
 
 
@@ -100,7 +106,8 @@ class Bench:
     def stage(self) -> Stage:
         """Of the arm and what is guarded of it: the same, whatever is held out."""
         if self._stage is None:
-            self._stage = Stage(self._whole)
+            lag = self._settings.lag
+            self._stage = LateStage(self._whole, lag) if lag else Stage(self._whole)
         return self._stage
 
     def arena(self, family: Family, number: int) -> Arena:

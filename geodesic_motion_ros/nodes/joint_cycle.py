@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor
 from functools import partial
@@ -19,12 +18,11 @@ from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, p
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
 from geodesic_motion_ros.planning.planner import PreparedGoal, ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.tracking_error import TrackingError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: From the planner's answer to the arm that plays it, at most [s].
 TRANSIT = 0.005
-#: How far the arm is from where it was sent counts for so long [s].
-TRACKED = 1.0
 #: Two stops because of the posture have no progress between them where the tool is within this distance [m].
 _NO_PROGRESS = 0.01
 
@@ -70,8 +68,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._now = 0.0
         self._stood = False
         self._standing: Plan | None = None
-        # Times [s] of the newest joint states, and how far the arm was from where it was sent [m].
-        self._errors: deque[tuple[float, float]] = deque()
+        self._tracking = TrackingError(planner.robot, planner.collision)
         self._task_frame: Pose | None = None
         self._frame_verdict = Verdict(VerdictCode.OK)
         # Whether the goal that is being prepared is the old one, in a task frame that has moved.
@@ -178,14 +175,14 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         return self._stood
 
     def _stand_at(self, measured: np.ndarray, now: float) -> None:
-        self._errors.clear()
+        self._tracking.forget()
         self._standing = self.planner.stand_at(measured, now)
         self._stood = self._stood or self._standing.verdict.ok
 
     def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
         commanded = self.planner.commanded(taken)
         assert commanded is not None  # _knows_where came first
-        self._track(measured, commanded[0], taken)
+        self.planner.set_tracking_error(self._tracking.add(measured, commanded[0], taken))
         robot = self.planner.robot
         if self._command_topic == "target_pose":
             return pose_deviation(robot.forward(measured), robot.forward(commanded[0]), *self.tool_tolerance)
@@ -225,15 +222,6 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self._drop_goal(said)
             return Verdict(VerdictCode.BAD_INPUT, said)
         return Verdict(VerdictCode.BAD_INPUT, f"{said}: it stops, and plans again from where it rests")
-
-    def _track(self, measured: np.ndarray, commanded: np.ndarray, taken: float) -> None:
-        """Count how far any part of the arm was from where it was sent in the last second."""
-        both = np.stack([measured, commanded])
-        places = self.planner.collision.positions(self.planner.robot, both)
-        self._errors.append((taken, float(np.max(np.linalg.norm(places[0] - places[1], axis=1)))))
-        while self._errors[0][0] < taken - TRACKED:
-            self._errors.popleft()
-        self.planner.set_tracking_error(max(error for _, error in self._errors))
 
     def _moved(self, measured: np.ndarray, before: np.ndarray) -> bool:
         return joints_moved(measured, before)
