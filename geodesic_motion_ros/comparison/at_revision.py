@@ -4,15 +4,18 @@
     python -m geodesic_motion_ros.comparison.at_revision baseline-10 out/scenes.npz --json out/baseline.json
 
 The revision is checked out into a work tree of its own in the folder for temporary files, which is removed at the end;
-its kernels are compiled there first (a minute or two). Results are kept in a folder of the revision's commit, so that a
-play that was interrupted goes on. The revision must have `benchmark --scenes-from`, and its skill must be the one that
-the scenes were drawn for; Python and libraries are those of this interpreter.
+its kernels are compiled there first (a minute or two). The methods are those of the revision; what judges, keeps and
+reports outcomes is this version's: its modules (`JUDGE`) replace those of the revision in the work tree, so that both
+are judged alike. Results are kept in a folder of the revision's commit, so that a play that was interrupted goes on.
+The revision must have `benchmark --scenes-from`, these modules must import what it has, and its skill must be the one
+that the scenes were drawn for; Python and libraries are those of this interpreter.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -25,6 +28,8 @@ from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 REVISION = "baseline-10"
+#: Modules of this folder that judge, keep and report outcomes, whichever revision plays.
+JUDGE = ("execution.py", "results.py", "report.py")
 
 
 @contextmanager
@@ -42,7 +47,7 @@ def work_tree(commit: str, repository: Path) -> Iterator[Path]:
 def play_at(
     revision: str, scenes: Path, json: Path, out: Path, options: Sequence[str] = (), repository: Path = REPOSITORY
 ) -> None:
-    """Play a file of scenes at a revision.
+    """Play a file of scenes at a revision, judged as they are at this version.
 
     Parameters
     ----------
@@ -63,11 +68,21 @@ def play_at(
     command += ["--scenes-from", str(scenes.resolve()), "--json", str(json.resolve())]
     command += ["--out", str((out / commit).resolve()), *options]
     with work_tree(commit, repository) as tree:
+        _judge_as_here(tree)
         # The revision's own package is imported: that of the folder in which Python starts.
         environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
         done = subprocess.run(command, cwd=tree, env=environment | {"PYTHONPATH": str(tree)}, check=False)
     if done.returncode:
         raise ParameterError(f"the revision '{revision}' does not play {scenes} (see above)")
+
+
+def _judge_as_here(tree: Path) -> None:
+    """Replace what judges in a revision's work tree; where that has no benchmark there is nothing to replace."""
+    here = Path(__file__).parent
+    folder = tree / here.relative_to(REPOSITORY)
+    if folder.is_dir():
+        for module in JUDGE:
+            shutil.copy(here / module, folder)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

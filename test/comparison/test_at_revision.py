@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from geodesic_motion_ros.comparison import execution
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.at_revision import main, play_at
 from geodesic_motion_ros.comparison.scene import draw_scene
@@ -25,7 +26,8 @@ from pathlib import Path
 options = dict(zip(sys.argv[2::2], sys.argv[3::2]))
 if {fails}:
     sys.exit(2)
-Path(options["--json"]).write_text(json.dumps(["{version}", sys.argv[1], options]))
+judges = (Path(__file__).parent / "comparison" / "execution.py").read_text()
+Path(options["--json"]).write_text(json.dumps(["{version}", sys.argv[1], options, judges]))
 """
 
 
@@ -44,6 +46,8 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
     package.mkdir()
     git(repository, "init", "--quiet")
     (package / "__init__.py").touch()
+    (package / "comparison").mkdir()
+    (package / "comparison" / "execution.py").write_text("the judge of the revision")
     for version in ("old", "broken", "new"):
         (package / "__main__.py").write_text(COMMAND.format(version=version, fails=version == "broken"))
         git(repository, "add", ".")
@@ -60,11 +64,12 @@ def scenes(reach_skill: Skill, tmp_path_factory: pytest.TempPathFactory) -> Path
     return path
 
 
-def test_the_code_of_the_revision_plays_the_scenes(repository, scenes, reach_skill, tmp_path) -> None:
+def test_the_code_of_the_revision_plays_the_scenes_and_today_s_judge_judges(repository, scenes, reach_skill, tmp_path) -> None:
     for revision in ("old", "new"):
         play_at(revision, scenes, tmp_path / "x.json", tmp_path / "out", ["--methods", "replay"], repository)
-        version, command, options = json.loads((tmp_path / "x.json").read_text())
+        version, command, options, judge = json.loads((tmp_path / "x.json").read_text())
         assert (version, command) == (revision, "benchmark")
+        assert judge == Path(execution.__file__).read_text()
         commit = git(repository, "rev-parse", revision)
         given = {"--skill": reach_skill.name, "--guard": "arm", "--scenes-from": str(scenes), "--methods": "replay"}
         assert options == given | {"--json": str(tmp_path / "x.json"), "--out": str(tmp_path / "out" / commit)}

@@ -16,8 +16,9 @@ from geodesic_motion_ros.nodes.faults.bench import START_PATIENCE, Bench
 from geodesic_motion_ros.nodes.faults.fault import MOTION, START, STATE_TIMEOUT, Fault, Findings
 from geodesic_motion_ros.nodes.faults.obstacle_faults import require_no_contact
 from geodesic_motion_ros.nodes.faults.state_faults import REACTION, STOP
-from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+from geodesic_motion_ros.nodes.parameter_tables import PLANNER, TWIN
 
+_COMMAND_TIMEOUT = next(parameter.default for parameter in TWIN if parameter.name == "command_timeout")
 _HORIZON = next(parameter.default for parameter in PLANNER if parameter.name == "horizon")
 _RATE = next(parameter.default for parameter in PLANNER if parameter.name == "rate")
 #: Graphs of nodes are looked at once a second.
@@ -64,15 +65,16 @@ for number in range(int(sys.argv[1])):
 class PlannerKilled(Fault):
     name = "planner_killed"
     criterion = (
-        "SIGKILL of the planner: the twin rests within the planner's horizon and a stop; a new planner begins where "
-        "the arm is"
+        "SIGKILL of the planner: the twin rests within the planner's horizon (of a stream of poses: command_timeout) "
+        "and a stop; a new planner begins where the arm is"
     )
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         bench.processes.end("planner", signal.SIGKILL)
         bench.spend(0.1)
+        allowed = (_COMMAND_TIMEOUT if bench.commands.topic == "target_pose" else _HORIZON) + STOP
         rested = 0.1 + bench.wait(lambda: bench.seen.rests, "the twin's rest")
-        findings.at_most("twin at rest after", rested, _HORIZON + STOP)
+        findings.at_most("twin at rest after", rested, allowed)
         bench.judge(findings)
         killed = time.monotonic()
         bench.restart("planner")
