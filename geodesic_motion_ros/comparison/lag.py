@@ -7,6 +7,7 @@ it moves, and is measured: `Outcome.lag`. Methods that count where the arm is me
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import replace
 
@@ -26,8 +27,7 @@ LONGEST_LAG = 1.0
 
 def check_lag(lag: float) -> None:
     """ParameterError: a lag [s] that is no multiple of a tick, or too long."""
-    ticks = lag / TICK
-    if not (0.0 <= lag <= LONGEST_LAG and abs(ticks - round(ticks)) < 1e-6):
+    if not (0.0 <= lag <= LONGEST_LAG and abs(math.remainder(lag, TICK)) < 1e-6):
         raise ParameterError(f"the lag is {lag:g} s: it must be a multiple of {TICK:g} s, at most {LONGEST_LAG:g} s")
 
 

@@ -152,7 +152,10 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self._has_goal = False
             self.planner.clear_goal()
         self._astray_at = None
-        return self.planner.take_goal(prepared)
+        verdict = self.planner.take_goal(prepared)
+        if verdict.ok and not self._again:
+            self._tracking.take_goal()
+        return verdict
 
     def _clear_goal(self) -> None:
         self.planner.clear_goal()

@@ -133,8 +133,13 @@ class CertifiedKind(SkillKind):
         return np.concatenate([centres, model.radii[:, None]], axis=1)[model.moving]
 
     def margins(self) -> dict[str, float]:
-        error = self.planner.settings.obstacle_position_error
-        return {"obstacle_position_error": error, "tracking_error": self.planner.allowance - error}
+        settings = self.planner.settings
+        error = settings.obstacle_position_error
+        return {
+            "obstacle_margin": settings.obstacle_margin,
+            "tracking_error": self.planner.allowance - error,
+            "obstacle_position_error": error,
+        }
 
     def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
         plan = self.planner.plan(*start, *goal)

@@ -64,7 +64,9 @@ def scenes(reach_skill: Skill, tmp_path_factory: pytest.TempPathFactory) -> Path
     return path
 
 
-def test_the_code_of_the_revision_plays_the_scenes_and_today_s_judge_judges(repository, scenes, reach_skill, tmp_path) -> None:
+def test_the_code_of_the_revision_plays_the_scenes_and_the_judge_of_this_one_judges(
+    repository, scenes, reach_skill, tmp_path
+) -> None:
     for revision in ("old", "new"):
         play_at(revision, scenes, tmp_path / "x.json", tmp_path / "out", ["--methods", "replay"], repository)
         version, command, options, judge = json.loads((tmp_path / "x.json").read_text())

@@ -234,6 +234,17 @@ def test_both_kinds_of_tables_say_the_same() -> None:
     assert "arm" in report.markdown().split()
 
 
+def test_scenes_with_a_contact_of_a_standing_arm_are_listed_by_whether_waiting_avoids_it() -> None:
+    standing = {"reached": False, "contact": "standing"}
+    made = [outcome(waiting_avoids=avoids, **standing) for avoids in (True, False, True)]
+    played = [Played("ours", "chasing", number, {}, item) for number, item in enumerate(made)]
+    report = Report("reach", 0, [*played, Played("ours", "none", 0, {}, outcome())], {"ours": "geodesics"})
+    assert report.markdown().splitlines()[-1] == "| ours | chasing 0, chasing 2 | chasing 1 |"
+    assert report.figures("ours", mostly_free)["contacts_standing_where_waiting_avoids"] == 2
+    assert [scene["waiting_avoids"] for scene in report.as_dict()["scenes"]] == [True, False, True, None]
+    assert "waiting" not in replace(report, played=report.played[-1:]).plain()
+
+
 def test_clearance_is_that_of_successes_among_spheres() -> None:
     played = [
         Played("ours", "none", 0, {}, outcome(clearance=0.3)),

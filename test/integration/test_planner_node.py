@@ -101,6 +101,15 @@ class TestStates:
         moving.wait_for_code("OK")
 
 
+    def test_the_status_has_the_terms_of_the_clearance_that_is_asked(self, bench, planner_options, start_joints):
+        bench.watch_planner()
+        bench.add(PlannerNode, **planner_options | {"obstacle_margin": 0.004, "obstacle_position_error": 0.02})
+        bench.send_joint_states(start_joints)
+        bench.wait_for_code("NO_GOAL")
+        names = ("obstacle_margin", "tracking_error", "obstacle_position_error")
+        assert [float(bench.status()[name]) for name in names] == [0.004, 0.0, 0.02]
+
+
 class TestPlanService:
     def request(self, make_pose, start, end, frame=BASE) -> GetPlan.Request:
         return GetPlan.Request(start=make_pose(start, frame), goal=make_pose(end, frame))

@@ -290,6 +290,29 @@ def test_an_arm_that_is_pushed_away_is_lost_stays_and_needs_a_new_goal(cycle, ar
 
 
 @dataclass
+class Late(Arm):
+    """Is always where it was to be 0.05 s ago."""
+
+    def measured(self) -> np.ndarray:
+        return self.states[max(0, len(self.states) - 5)][0] if self.states else super().measured()
+
+
+def test_a_lag_is_counted_while_the_arm_waits_and_when_it_sets_out_again(cycle, arm, inputs, planner):
+    late = Late(arm.position)
+    follow(cycle, late, inputs, 2.0)
+    lag = planner.allowance
+    assert 0.005 < lag < 0.1
+    waiting = follow(cycle, late, dataclasses.replace(inputs, hold=True), 3.0)
+    assert waiting[-1].speed == 0.0
+    assert planner.allowance >= lag
+    follow(cycle, late, dataclasses.replace(inputs, goal=late.measured(), goal_number=2), 2.0)
+    assert planner.allowance >= lag
+    # By the goal after that one it is forgotten: the arm has stood meanwhile.
+    follow(cycle, late, dataclasses.replace(inputs, goal=late.measured(), goal_number=3), 2.0)
+    assert planner.allowance < 0.005
+
+
+@dataclass
 class Cartesian:
     """An arm whose tool is at once where it is sent, in a posture of its own: that in which it stands, or near it."""
 
