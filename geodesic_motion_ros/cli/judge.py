@@ -19,7 +19,8 @@ motions   .csv: a header `demonstration,t,panda_joint1,..,panda_joint7`, then on
           there suffice. 200 samples a second are judged as they are; fewer are interpolated linearly, which makes jerk
           meaningless
 judged    without physics, 200 times a second: contacts by PyBullet's distances of the meshes of what the scenes guard,
-          as spheres cross, or chase the arm of the table; the goal within 10 mm and 0.1 rad, at rest; similarity
+          in motion or within 0.5 s after it, or of an arm that stands, as spheres cross, or chase the arm of the table;
+          the goal within 10 mm and 0.1 rad, at rest; similarity
 """
 _EPILOG = """\
 examples:
