@@ -146,6 +146,16 @@ class Obstacles:
         solids[:, 6] += by
         return replace(self, radii=self.radii + by, solids=solids, cloud=self.cloud.enlarged(by))
 
+    def throughout(self, duration: float) -> Obstacles:
+        """Each of them so large that it covers where it is from its time on for so long [s]."""
+        if duration == 0.0 or self.stand:
+            return self
+        half = 0.5 * duration
+        solids = _shifted(self.solids, half * self.solid_velocities)
+        solids[:, 6] += half * np.linalg.norm(self.solid_velocities, axis=1)
+        radii = self.radii + half * np.linalg.norm(self.velocities, axis=1)
+        return replace(self, centres=self.centres + half * self.velocities, radii=radii, solids=solids)
+
     def at(self, time: float, prediction: float) -> Obstacles:
         """Moved on linearly to `time` [s], by `prediction` [s] at most."""
         elapsed = np.clip(time - self.time, 0.0, prediction)

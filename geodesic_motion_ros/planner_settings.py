@@ -35,7 +35,7 @@ class PlannerSettings:
     ----------
     obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
     obstacle_position_error : how far obstacles may be from where their source says that they are: so much larger they
-        are taken to be, and by how far the arm was from where it was sent (`planning/tracking_error.py`).
+        are taken to be, and by how far the arm was off its path (`planning/tracking.py`).
     ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + body radius), of the soft metric.
     ambient_law : how it grows towards obstacles: gaussian, completed, or hard: not at all (`graph/ambient.py`).
     ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.

@@ -106,6 +106,22 @@ def test_obstacles_move_on_linearly_and_not_for_ever():
     assert standing.swept(0.4) is standing
 
 
+def test_what_covers_a_while_covers_all_places_of_it_and_leaves_what_stands() -> None:
+    moving = Obstacles.one_of_each(np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.0, -0.4]), 1.0)
+    covering = moving.throughout(0.2)
+    points = np.random.default_rng(0).uniform(-0.5, 0.8, (200, 3))
+    for time in np.linspace(1.0, 1.2, 5):
+        there, covered = moving.at(time, 1.0), covering.at(1.0, 1.0)
+        spheres = [np.linalg.norm(points - one.centres, axis=1) - one.radii for one in (there, covered)]
+        assert np.all(spheres[1] <= spheres[0] + 1e-9)
+        solids = [solid_distances(points, one.solids) for one in (there, covered)]
+        assert np.all(solids[1] <= solids[0] + 1e-9)
+    # Not more than that: it is larger by what it moves in half of the time.
+    np.testing.assert_allclose(covering.radii, moving.radii + 0.5 * 0.2 * 0.5)
+    standing = Obstacles.of_spheres(np.zeros((1, 3)), np.ones(1))
+    assert standing.throughout(0.2) is standing
+
+
 def test_moved_obstacles_are_as_far_from_moved_places():
     rotation, translation = Rotation.random(random_state=2).as_matrix(), np.array([0.1, 0.2, -0.3])
     moved = scene().moved(rotation, translation)

@@ -46,8 +46,8 @@ scenes    --save-scenes FILE plays nothing and writes the scenes that would be p
           FILE plays exactly these, whichever version of the code would draw others, and keeps its results in a folder
           scenes_DIGEST of the file's own; `judge` judges motions of other programs in them
 lag       --lag SECONDS: the arm plays all that it is sent so late, trajectories and what replaces them, and is behind
-          by what it moves in that time; how far at most the title says. Ours counts how far the arm is measured to be
-          from where it was sent, as the planner node does; the others are not told
+          by what it moves in that time; how far at most the title says. Ours counts how late and how far off its
+          path the arm is measured to be, as the planner node does; the others are not told
 held out  with --held-out every method is given two thirds of the demonstrations, a skill trained on these alone; a
           scene goes from where one of the others began to where it ended, and dtw and orient are distance and angle
           from this one, which no method has seen: the control is no distance from what it replays, but it is from

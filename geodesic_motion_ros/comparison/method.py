@@ -75,7 +75,7 @@ class Method(Protocol):
 
 @runtime_checkable
 class TracksArm(Protocol):
-    """A method that counts how far an arm that lags is from where it was sent."""
+    """A method that counts how an arm follows what it is sent."""
 
     def track(self, measured: np.ndarray, now: float) -> None:
         """Called before a tick at `now` [s]: where the joints are measured to be (eta,) [rad]."""

@@ -18,7 +18,7 @@ from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, p
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
 from geodesic_motion_ros.planning.planner import PreparedGoal, ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
-from geodesic_motion_ros.planning.tracking_error import TrackingError
+from geodesic_motion_ros.planning.tracking import TrackingMonitor
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: From the planner's answer to the arm that plays it, at most [s].
@@ -68,7 +68,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._now = 0.0
         self._stood = False
         self._standing: Plan | None = None
-        self._tracking = TrackingError(planner.robot, planner.collision)
+        self._tracking = TrackingMonitor(planner.robot, planner.collision)
         self._task_frame: Pose | None = None
         self._frame_verdict = Verdict(VerdictCode.OK)
         # Whether the goal that is being prepared is the old one, in a task frame that has moved.
@@ -185,7 +185,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
         commanded = self.planner.commanded(taken)
         assert commanded is not None  # _knows_where came first
-        self.planner.set_tracking_error(self._tracking.add(measured, commanded[0], taken))
+        self.planner.set_tracking(self._tracking.add(measured, commanded[0], taken))
         robot = self.planner.robot
         if self._command_topic == "target_pose":
             return pose_deviation(robot.forward(measured), robot.forward(commanded[0]), *self.tool_tolerance)

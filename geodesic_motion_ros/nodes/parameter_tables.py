@@ -57,7 +57,7 @@ PLANNER = (
         "obstacle_position_error",
         0.0,
         "How far obstacles may be from where their source says: so much more clearance is asked, besides how far the "
-        "arm was from where it was sent",
+        "arm was off the path that it was sent along",
         "m",
         0.0,
         0.5,

@@ -135,7 +135,7 @@ class PlannerOutputs:
     ) -> None:
         """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it.
 
-        margins : what the certificate counts [m], by name.
+        margins : what the certificate counts, by name.
         plan : the newest answer of the service `plan`, `CODE: reason`; empty before the first.
         """
         verdict, newest = output.verdict, refusals.newest(within=1.0)

@@ -71,7 +71,7 @@ class SkillKind(ABC):
         """Tool positions (n, 3) [m] and quaternions (n, 4) along a reference."""
 
     def margins(self) -> dict[str, float]:
-        """What the certificate counts [m], for the status."""
+        """What the certificate counts, for the status."""
         return {}
 
     @abstractmethod
@@ -133,12 +133,12 @@ class CertifiedKind(SkillKind):
         return np.concatenate([centres, model.radii[:, None]], axis=1)[model.moving]
 
     def margins(self) -> dict[str, float]:
-        settings = self.planner.settings
-        error = settings.obstacle_position_error
+        settings, tracking = self.planner.settings, self.planner.tracking
         return {
             "obstacle_margin": settings.obstacle_margin,
-            "tracking_error": self.planner.allowance - error,
-            "obstacle_position_error": error,
+            "tracking_error": tracking.error,
+            "tracking_lag": tracking.lag,
+            "obstacle_position_error": settings.obstacle_position_error,
         }
 
     def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:

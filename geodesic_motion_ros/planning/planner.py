@@ -36,6 +36,7 @@ from geodesic_motion_ros.planning.evasion import Evasion
 from geodesic_motion_ros.planning.solver import Attempt, MotionState, Plan, Solver
 from geodesic_motion_ros.planning.stream import Followed, Moment, Stream
 from geodesic_motion_ros.planning.tool_query import ToolGoal, ToolQuery, ToolQueryBuilder
+from geodesic_motion_ros.planning.tracking import Tracking
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.query import Pose, checked_pose
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -46,8 +47,8 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: While a path is free, better ones are looked for so often [s]: with obstacles near it, and without.
 _PERIOD_CLOSE, _PERIOD_FAR = 0.05, 0.1
-#: Steps in which the tracking error counts [m].
-_ERROR_STEP = 1e-3
+#: Steps in which the tracking error counts [m], and the lag [s].
+_ERROR_STEP, _LAG_STEP = 1e-3, 0.01
 #: Of times [s], and of shares.
 _ROUNDING = 1e-6
 #: `plan` begins in the posture in which the arm stands where its tool is this near the requested start [m], [rad].
@@ -134,7 +135,7 @@ class ReactivePlanner:
             self._queries = ConfigurationQueryBuilder(skill, self.graph, self.settings, self.collision)
         # As they were received, and as large as they are taken to be.
         self._received = self._obstacles = Obstacles.none()
-        self._tracking_error = 0.0
+        self.tracking = Tracking()
         self._frame = TaskFrame.identity()
         # The time of the newest tick [s].
         self._ticked = 0.0
@@ -319,24 +320,24 @@ class ReactivePlanner:
         if objection:
             return Verdict(VerdictCode.BAD_INPUT, objection)
         self._received = obstacles
-        self._obstacles = obstacles.enlarged(self.allowance)
+        self._obstacles = self._as_the_arm_meets(obstacles)
         return Verdict(VerdictCode.OK)
 
-    @property
-    def allowance(self) -> float:
-        """By how much obstacles are taken to be larger [m]: how far they may be from where they were received, and the
-        arm's links from where they were sent.
+    def set_tracking(self, tracking: Tracking) -> None:
+        """Say how the arm follows what it is sent: what is played is certified again for an arm that is late by up to
+        that lag, and with so much more clearance; both are rounded up, to 10 ms and millimetres.
         """
-        return self.settings.obstacle_position_error + self._tracking_error
+        rounded = Tracking(_rounded_up(tracking.lag, _LAG_STEP), _rounded_up(tracking.error, _ERROR_STEP))
+        if rounded != self.tracking:
+            self.tracking = rounded
+            self._obstacles = self._as_the_arm_meets(self._received)
 
-    def set_tracking_error(self, error: float) -> None:
-        """Say how far [m] any part of the arm has lately been from where it was sent: what is played is certified again
-        with so much more clearance, rounded up to millimetres.
+    def _as_the_arm_meets(self, obstacles: Obstacles) -> Obstacles:
+        """Obstacles as they were received, as large as they are taken to be: larger by how far they may be from there,
+        and the arm's links off the path; and, where they move, covering where they are until an arm that lags has come.
         """
-        rounded = _ERROR_STEP * math.ceil(error / _ERROR_STEP - _ROUNDING)
-        if rounded != self._tracking_error:
-            self._tracking_error = rounded
-            self._obstacles = self._received.enlarged(self.allowance)
+        larger = obstacles.enlarged(self.settings.obstacle_position_error + self.tracking.error)
+        return larger.throughout(self.tracking.lag)
 
     def stand_at(self, configuration: np.ndarray, now: float) -> Plan:
         """The arm stands in a configuration (eta,) [rad] at `now` [s]: what was played is forgotten, the goal is not.
@@ -547,3 +548,7 @@ class ReactivePlanner:
         if blocked is None or blocked.query is not query or not blocked.obstacles.unmoved_in(self._obstacles):
             return None
         return blocked
+
+
+def _rounded_up(value: float, step: float) -> float:
+    return step * math.ceil(value / step - _ROUNDING)

@@ -14,7 +14,7 @@ from geodesic_motion_ros.experiments.blocked_arm import HAND
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.tracking_error import TrackingError
+from geodesic_motion_ros.planning.tracking import Tracking, TrackingMonitor
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -44,14 +44,14 @@ class Geodesics:
         else:
             settings = replace(settings, avoid=arena.guard)
             self._planner = ReactivePlanner(arena.skill, settings)
-        self._tracking = TrackingError(self._planner.robot, self._planner.collision)
+        self._tracking = TrackingMonitor(self._planner.robot, self._planner.collision)
         self._whole_arm = arena.whole_arm
         self.settings = {"part": part, **asdict(settings)}
 
     def reset(self, scene: Scene) -> None:
         """Forget all that was before."""
         self._tracking.forget()
-        self._planner.set_tracking_error(0.0)
+        self._planner.set_tracking(Tracking())
         self._planner.take_obstacles(Obstacles.none())
         self._planner.stand_at(scene.start, 0.0)
         if self._whole_arm:
@@ -63,7 +63,7 @@ class Geodesics:
         """As the planner node's cycle."""
         commanded = self._planner.commanded(now)
         assert commanded is not None
-        self._planner.set_tracking_error(self._tracking.add(measured, commanded[0], now))
+        self._planner.set_tracking(self._tracking.add(measured, commanded[0], now))
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """As the planner node's cycle."""

@@ -1,0 +1,93 @@
+"""Tracking: how late the arm is, and how far off the path that it was sent along, as the certificate counts it.
+
+An arm whose controller lags is where it was sent a moment ago. Its distance from where it is sent now is no good
+measure of that: it is nothing at rest, grows as the arm speeds up, when there may be no stop left that is clear with
+so much more, and is forgotten as it stands, so that it sets out again on a path that is too narrow, and stops, for
+ever. How *late* it is stays the same. So two things are counted: the time after which the arm is nearest to where it
+was sent, and how far it is off then. An arm that is late by that time, and no farther off, passes what stands as the
+reference does, and meets what moves that much later.
+
+Both count for a second at least, and besides as long as the arm is on its way to the goal with which they were
+measured, or to the next one: they are known when the arm sets out again, and what was a single push is forgotten.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
+
+#: What is measured counts for so long at least [s].
+COUNTED = 1.0
+#: An arm is no later than this [s]: where it is farther behind, that counts as an error.
+LATEST = 0.5
+#: Of times at which the arm was as near to where it is, within this [m], the newest counts.
+_AS_NEAR = 5e-4
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """How an arm follows what it is sent.
+
+    Attributes
+    ----------
+    lag : the arm is where it was sent so long ago [s]; error : but for so much [m], the part that is farthest off.
+    """
+
+    lag: float = 0.0
+    error: float = 0.0
+
+    def or_worse(self, other: Tracking) -> Tracking:
+        """The larger ones of both."""
+        return Tracking(max(self.lag, other.lag), max(self.error, other.error))
+
+
+class TrackingMonitor:
+    """The worst tracking of the last second, and since the goal before the present one was taken."""
+
+    def __init__(self, robot: Robot, collision: CollisionModel) -> None:
+        """collision : the spheres whose centres are compared."""
+        self._robot, self._collision = robot, collision
+        # When [s] and where its spheres (S, 3) [m] the arm was sent, of the last LATEST.
+        self._sent: deque[tuple[float, np.ndarray]] = deque()
+        # Of the last second, with times [s]; the worst with the present goal, and with the one before.
+        self._newest: deque[tuple[float, Tracking]] = deque()
+        self._with_goal = self._with_goal_before = Tracking()
+
+    def add(self, measured: np.ndarray, commanded: np.ndarray, time: float) -> Tracking:
+        """Count joints (eta,) [rad] that were measured at a time [s]; returns what now counts.
+
+        commanded : where the arm was to be at that time (eta,) [rad].
+        """
+        found = self._measured(measured, commanded, time)
+        self._newest.append((time, found))
+        while self._newest[0][0] < time - COUNTED:
+            self._newest.popleft()
+        self._with_goal = self._with_goal.or_worse(found)
+        worst = self._with_goal.or_worse(self._with_goal_before)
+        for _, one in self._newest:
+            worst = worst.or_worse(one)
+        return worst
+
+    def take_goal(self) -> None:
+        """The arm is on its way to another goal from now on."""
+        self._with_goal_before, self._with_goal = self._with_goal, Tracking()
+
+    def forget(self) -> None:
+        """The arm begins anew where it stands."""
+        self._sent.clear()
+        self._newest.clear()
+        self._with_goal = self._with_goal_before = Tracking()
+
+    def _measured(self, measured: np.ndarray, commanded: np.ndarray, time: float) -> Tracking:
+        place, sent = self._collision.positions(self._robot, np.stack([measured, commanded]))
+        self._sent.append((time, sent))
+        while self._sent[0][0] < time - LATEST:
+            self._sent.popleft()
+        off = np.max(np.linalg.norm(np.array([sent for _, sent in self._sent]) - place, axis=-1), axis=-1)
+        newest = int(np.flatnonzero(off <= np.min(off) + _AS_NEAR)[-1])
+        return Tracking(float(time - self._sent[newest][0]), float(off[newest]))
