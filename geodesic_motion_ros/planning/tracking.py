@@ -41,10 +41,6 @@ class Tracking:
     lag: float = 0.0
     error: float = 0.0
 
-    def or_worse(self, other: Tracking) -> Tracking:
-        """The larger ones of both."""
-        return Tracking(max(self.lag, other.lag), max(self.error, other.error))
-
 
 class TrackingMonitor:
     """The worst tracking of the last second, and since the goal before the present one was taken."""
@@ -67,11 +63,9 @@ class TrackingMonitor:
         self._newest.append((time, found))
         while self._newest[0][0] < time - COUNTED:
             self._newest.popleft()
-        self._with_goal = self._with_goal.or_worse(found)
-        worst = self._with_goal.or_worse(self._with_goal_before)
-        for _, one in self._newest:
-            worst = worst.or_worse(one)
-        return worst
+        self._with_goal = _worst(self._with_goal, found)
+        newest = (one for _, one in self._newest)
+        return _worst(self._with_goal, self._with_goal_before, *newest)
 
     def take_goal(self) -> None:
         """The arm is on its way to another goal from now on."""
@@ -88,6 +82,11 @@ class TrackingMonitor:
         self._sent.append((time, sent))
         while self._sent[0][0] < time - LATEST:
             self._sent.popleft()
-        off = np.max(np.linalg.norm(np.array([sent for _, sent in self._sent]) - place, axis=-1), axis=-1)
+        apart = np.array([sent for _, sent in self._sent]) - place
+        off = np.sqrt(np.max(np.einsum("nsi,nsi->ns", apart, apart), axis=1))
         newest = int(np.flatnonzero(off <= np.min(off) + _AS_NEAR)[-1])
         return Tracking(float(time - self._sent[newest][0]), float(off[newest]))
+
+
+def _worst(*each: Tracking) -> Tracking:
+    return Tracking(max(one.lag for one in each), max(one.error for one in each))
