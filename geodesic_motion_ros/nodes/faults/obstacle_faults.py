@@ -59,12 +59,18 @@ def outwards(place: np.ndarray) -> np.ndarray:
     return np.array([place[0], place[1], 0.0]) / np.hypot(place[0], place[1])
 
 
-def set_out_beside_an_obstacle(bench: Bench, phase: str) -> Relay:
-    """Set out while a topic tells of a sphere where nothing is in the way; its relay."""
+def obstacle_beside(bench: Bench) -> Relay:
+    """A topic tells of a sphere where nothing is in the way; its relay."""
     bench.asks.show_scene(static(AWAY))
     relay = bench.relays["obstacles"]
     before = relay.last_passed
     bench.wait(lambda: relay.last_passed > before, "an obstacle")
+    return relay
+
+
+def set_out_beside_an_obstacle(bench: Bench, phase: str) -> Relay:
+    """The same, and set out."""
+    relay = obstacle_beside(bench)
     bench.set_out(phase)
     return relay
 
@@ -127,6 +133,8 @@ class ObstaclesNotFinite(Fault):
     criterion = "NaN, Inf, 1e300, unknown frames in obstacles: dropped, counted, reference unchanged"
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        # A topic of which nothing could ever be used stops the arm, as it should.
+        obstacle_beside(bench)
         before, since = refused(bench, "obstacles"), time.monotonic()
         stamp = bench.node.get_clock().now().to_msg()
         place = bench.goal[:3]
