@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numba
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
@@ -85,7 +86,7 @@ class Ways:
 
     def clearances(self, way: int, centre: np.ndarray, radius: float) -> np.ndarray:
         """Least distance (B,) [m] of each of the body's spheres from a sphere that stands, on a way."""
-        return np.min(np.linalg.norm(self._bodies[way] - centre, axis=-1), axis=0) - self._radii - radius
+        return _nearest(self._bodies[way], centre) - self._radii - radius
 
     def hand_keeps(self, distance: float, spheres: Sequence[MovingSphere]) -> np.ndarray:
         """On which demonstrations the hand keeps a distance [m] from spheres that stand, (N,) bool."""
@@ -104,10 +105,31 @@ class Ways:
 
     def _touches(self, way: int, sphere: MovingSphere) -> bool:
         times = self._times[way]
-        there = (times >= sphere.appears) & (times < sphere.vanishes)
+        there = slice(*np.searchsorted(times, [sphere.appears, sphere.vanishes]))
         centres = sphere_centres(sphere, times, self._chased[way])[there]
-        apart = np.linalg.norm(self._bodies[way][there] - centres[:, None], axis=-1) - self._radii
-        return bool(np.any(apart <= sphere.radius))
+        return bool(_touched(self._bodies[way][there], centres, self._radii + sphere.radius))
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest(bodies: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Least distance (B,) [m] of each of the centres (n, B, 3), at any of n instants, from a point (3,)."""
+    squared = np.full(bodies.shape[1], np.inf)
+    for i in range(bodies.shape[0]):
+        for b in range(bodies.shape[1]):
+            x, y, z = bodies[i, b, 0] - centre[0], bodies[i, b, 1] - centre[1], bodies[i, b, 2] - centre[2]
+            squared[b] = min(squared[b], x * x + y * y + z * z)
+    return np.sqrt(squared)
+
+
+@numba.njit(cache=True, nogil=True)
+def _touched(bodies: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> bool:
+    """Whether any of the centres (n, B, 3) comes within its radius (B,) [m] of the point (n, 3) at the same instant."""
+    for i in range(bodies.shape[0]):
+        for b in range(bodies.shape[1]):
+            x, y, z = bodies[i, b, 0] - centres[i, 0], bodies[i, b, 1] - centres[i, 1], bodies[i, b, 2] - centres[i, 2]
+            if x * x + y * y + z * z <= radii[b] * radii[b]:
+                return True
+    return False
 
 
 def sphere_centres(sphere: MovingSphere, times: np.ndarray, chased: np.ndarray) -> np.ndarray:
