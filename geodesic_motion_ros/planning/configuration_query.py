@@ -19,9 +19,9 @@ from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import corrections_at
-from geodesic_motion_ros.latent_way import shown_cost
-from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.query import Pose
+from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.search import demonstrated_cost
+from geodesic_motion_ros.planning.settings import NEAREST_POSES, SAME_TASK_JOINTS, PlannerSettings
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
@@ -30,10 +30,6 @@ from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-#: A goal that moves no further than this during a motion leaves the choice between the demonstrations as it is [rad].
-_SAME_TASK = 0.05
-#: A goal pose is looked for from so many of the nearest nodes where the manifold has no poles.
-_NEAREST_POSES = 3
 #: How a query uses the skill's ridges: corrections along them (K, S, eta) [rad], conformal factors of the nodes (n,),
 #: and the ridges themselves; None and None where they are not used.
 AlongRidges = tuple[np.ndarray, np.ndarray | None, Ridges | None]
@@ -138,7 +134,7 @@ class ConfigurationQueryBuilder:
         self._unconditioned = self._along_ridges(np.zeros(joints), np.zeros(joints), conditioned=False)
         still = graph.transported(JointOffsets.none(self._robot, graph.ridge_count), self._unconditioned[1])
         self._unmoved = still.base
-        self._shown_cost = shown_cost(graph, self._unmoved, skill.codes)
+        self._shown_cost = demonstrated_cost(graph, self._unmoved, skill.codes)
         self._fields: dict[int, np.ndarray] = {}
         self._poles = {end: self._find_poles(end) for end in ("start", "goal")}
         self._tool_positions, self._tool_quaternions = end_effector_poses(graph.configurations, self._robot.chain)
@@ -205,7 +201,7 @@ class ConfigurationQueryBuilder:
         trusted = np.flatnonzero(self._graph.sigma < ENDPOINT_MULTIPLE * self._skill.sigma_support)
         offset = np.linalg.norm(self._tool_positions[trusted] - pose.position, axis=1)
         turn = 1.0 - np.abs(self._tool_quaternions[trusted] @ pose.quaternion)
-        nearest = trusted[np.argsort(offset**2 + 2.0 * turn)[:_NEAREST_POSES]]
+        nearest = trusted[np.argsort(offset**2 + 2.0 * turn)[:NEAREST_POSES]]
         return list(self._graph.configurations[nearest])
 
     def _supported(self, choice: ConfigurationGoal) -> ConfigurationGoal | Verdict:
@@ -322,7 +318,7 @@ class ConfigurationQueryBuilder:
             return self._offset_verdict("goal", min(ends, key=_weighed)) if ends else None
         there = min(allowed, key=lambda end: self._unmoved_cost(here, end))
         along_ridges = query.along_ridges
-        if np.linalg.norm(there.task_offset - query.task_goal) > _SAME_TASK:
+        if np.linalg.norm(there.task_offset - query.task_goal) > SAME_TASK_JOINTS:
             along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
         return self._between(here, there, query.task_start, along_ridges)
 

@@ -23,9 +23,9 @@ from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import Offsets, corrections_at
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
-from geodesic_motion_ros.latent_way import shown_cost
 from geodesic_motion_ros.obstacles import LARGEST_NUMBER
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.search import demonstrated_cost
+from geodesic_motion_ros.planning.settings import SAME_TASK_POSE, PlannerSettings
 from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
 from geodesic_motion_ros.sheet import POSE_SCALE, beyond_demonstrated
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
@@ -85,9 +85,6 @@ AlongRidges = tuple[np.ndarray, np.ndarray | None, Ridges | None]
 and None where they are not used.
 """
 
-#: A goal that moves no further than this during a motion leaves the choice between the demonstrations as it is [m].
-_SAME_TASK = 0.02
-
 
 @dataclass(frozen=True)
 class Query:
@@ -145,7 +142,7 @@ class QueryBuilder:
         self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
         self._unconditioned = self._along_ridges(np.zeros(6), np.zeros(6), conditioned=False)
         unmoved = graph.transported(Offsets.none(graph.ridge_count), self._points, self._unconditioned[1])
-        self._shown_cost = shown_cost(graph, unmoved.base, skill.codes)
+        self._shown_cost = demonstrated_cost(graph, unmoved.base, skill.codes)
 
     # ------------------------------------------------------------------ ends
 
@@ -239,7 +236,7 @@ class QueryBuilder:
         if there is None:
             return None
         along_ridges = query.along_ridges
-        if np.linalg.norm(POSE_SCALE * (there.task_offset - query.task_goal)) > _SAME_TASK:
+        if np.linalg.norm(POSE_SCALE * (there.task_offset - query.task_goal)) > SAME_TASK_POSE:
             along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
         return self._between(start, here, goal, there, query.task_start, along_ridges)
 
