@@ -234,9 +234,7 @@ def test_bulges_hold_every_sphere_near_its_segment():
 def test_twice_as_many_knots_have_a_quarter_of_the_bulge():
     reference, _ = scene(0)
     times = np.linspace(0.0, reference.duration, 2 * len(reference.times) - 1)
-    halved = JointReference(
-        times, *reference.samples(times), np.zeros((len(times), 1)), np.full(len(times) - 1, np.inf)
-    )
+    halved = JointReference(times, *reference.samples(times), np.zeros((len(times), 1)))
     halved.velocities[-1] = halved.accelerations[-1] = 0.0
     assert bulges_of(halved).mean() == pytest.approx(bulges_of(reference).mean() / 4.0, rel=0.15)
 

@@ -37,7 +37,7 @@ _TOOL_LIMITS = ("speed", "angular_speed", "acceleration")
 
 
 class SkillKind(ABC):
-    """A planner and the cycle that it is asked in.
+    """A planner and the cycle that calls it.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class SkillKind(ABC):
 
     @abstractmethod
     def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
-        """Tool poses of a way between two poses under the present obstacles, and the verdict."""
+        """Tool poses of a path between two poses under the present obstacles, and the verdict."""
 
     @abstractmethod
     def view(self, skill: Skill, size: int) -> LatentPicture | None:

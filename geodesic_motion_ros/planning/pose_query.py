@@ -1,9 +1,9 @@
 """Query: a start and a goal pose, with the latent graph transported to them.
 
-Decoded nodes are carried by the offsets of both ends, so paths begin and end where they were asked to, and obstacles
-are met where the robot will really be. Which latent points are carried onto start and goal:
+Decoded nodes are carried by the offsets of both ends, so paths begin and end where it was requested, and obstacles are
+met where the robot will really be. Which latent points are carried onto start and goal:
 
-- on a canonical sheet, where all demonstrations start and where all end, as long as the asked poses lie within the
+- on a canonical sheet, where all demonstrations start and where all end, as long as the requested poses lie within the
   starts and goals that were demonstrated, or not further beyond them than the limits allow;
 - otherwise, and always on the raw sheet, the nearest trusted poses of the manifold.
 """
@@ -12,18 +12,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from geodesic_motion_ros.graph.metric_field import MetricField
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
-from geodesic_motion_ros.graph.ridge import Ridges
-from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import Offsets, corrections_at
-from geodesic_motion_ros.graph.transported_graph import TransportedGraph
 from geodesic_motion_ros.obstacles import LARGEST_NUMBER
+from geodesic_motion_ros.planning.carried_query import (
+    AlongRidges,
+    CarriedQuery,
+    CarriedQueryBuilder,
+    End,
+    how_ill_fits,
+    out_of_support,
+    pole_node,
+)
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import SAME_TASK_POSE, PlannerSettings
 from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
@@ -64,7 +68,7 @@ class _End:
     ----------
     node : the graph's node at, or nearest to, the latent point (d,).
     displacement : (6,) from the decoded latent point to the pose: translation [m], rotation vector [rad].
-    beyond : (6,) what of the displacement no demonstration shows.
+    beyond : (6,) what of the displacement no demonstration has.
     task_offset : (6,) from the demonstrations' mean start or goal; zeros where the latent point is another one.
     """
 
@@ -80,69 +84,25 @@ class _End:
         return (*_lengths(self.displacement), *_lengths(self.beyond))
 
 
-AlongRidges = tuple[np.ndarray, np.ndarray | None, Ridges | None]
-"""Corrections (K, S, 6) of the decoder along a query's ridges, the nodes' conformal factors (n,), and the ridges; None
-and None where they are not used.
-"""
-
-
 @dataclass(frozen=True)
-class Query:
-    """A start and goal with the graph transported to them.
-
-    Attributes
-    ----------
-    start, goal : the asked poses; start_latent : (d,) latent point that is carried onto the start.
-    goal_node : the node that is carried onto the goal.
-    body : the tool at every node.
-    offsets, graph : how the decoded graph was carried here, and what came of it. field : the metric between the nodes.
-    to_goal, from_start : (n,) obstacle-free cost to the goal's node, and from the start's: the search's heuristics.
-    cost_limit : ways that cost more count as blocked.
-    misfits : how far both ends are carried, under their names in a Verdict.
-    task_start, task_goal : (6,) offsets of the task's start and goal from the demonstrated means, wherever on the way
-        the query begins.
-    along_ridges : corrections and conformal factors for these offsets, see `QueryBuilder`.
-    """
-
-    start: Pose
-    goal: Pose
-    start_latent: np.ndarray
-    goal_node: int
-    body: NodeBody
-    offsets: Offsets
-    graph: TransportedGraph
-    field: MetricField
-    to_goal: np.ndarray
-    from_start: np.ndarray
-    cost_limit: float
-    misfits: dict[str, float]
-    task_start: np.ndarray
-    task_goal: np.ndarray
-    along_ridges: AlongRidges
+class Query(CarriedQuery):
+    """A start and a goal pose, `Pose` both, with the graph carried to them; task_start, task_goal : (6,)."""
 
 
-class QueryBuilder:
+class QueryBuilder(CarriedQueryBuilder):
     """Finds where on the manifold start and goal lie, and transports the graph to them."""
 
     def __init__(self, skill: Skill, graph: PoseGraph, settings: PlannerSettings) -> None:
         """graph : decoded from the skill."""
-        self._skill = skill
-        self._graph = graph
-        self._settings = settings
+        super().__init__(skill, graph, settings, 6)
         self._points = np.array(settings.tool_points, dtype=float)
-        everywhere = np.ones(len(graph.latent), dtype=bool)
         self._tensors = graph.tensors(self._points)
         self._poles: dict[str, tuple[np.ndarray, int]] = {}
         if skill.canonical is not None:
-            for end, at in (("start", 0), ("goal", -1)):
-                latent = skill.codes[:, at].mean(axis=0)
-                node = graph.node_near(latent, everywhere, steps=max(graph.grid.shape))
-                assert node is not None
-                self._poles[end] = latent, node
-        self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
-        self._unconditioned = self._along_ridges(np.zeros(6), np.zeros(6), conditioned=False)
+            means = {"start": skill.codes[:, 0].mean(axis=0), "goal": skill.codes[:, -1].mean(axis=0)}
+            self._poles = {end: (latent, pole_node(graph, latent)) for end, latent in means.items()}
         unmoved = graph.transported(Offsets.none(graph.ridge_count), self._points, self._unconditioned[1])
-        self._shown_cost = demonstrated_cost(graph, unmoved.base, skill.codes)
+        self._demonstrated_cost = demonstrated_cost(graph, unmoved.base, skill.codes)
 
     # ------------------------------------------------------------------ ends
 
@@ -152,9 +112,9 @@ class QueryBuilder:
         ends = [end for component in pieces if (end := self._end("goal", goal, component)) is not None]
         if not ends:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
-        return self._offset_verdict("goal", min(ends, key=_weighed))
+        return self._offset_verdict("goal", min(ends, key=how_ill_fits))
 
-    def _offset_verdict(self, name: Literal["start", "goal"], end: _End) -> Verdict:
+    def _offset_verdict(self, name: End, end: _End) -> Verdict:
         found = _misfits(name, end)
         *_, beyond, beyond_angle = end.sizes
         limit, limit_angle = self._settings.maximum_offset, self._settings.maximum_offset_angle
@@ -166,10 +126,9 @@ class QueryBuilder:
             f"{1000 * limit:.0f} mm and {math.degrees(limit_angle):.0f} deg (settings maximum_offset, "
             "maximum_offset_angle)"
         )
-        code = VerdictCode.START_OUT_OF_SUPPORT if name == "start" else VerdictCode.GOAL_OUT_OF_SUPPORT
-        return Verdict(code, reason, **found)
+        return Verdict(out_of_support(name), reason, **found)
 
-    def _end(self, name: Literal["start", "goal"], pose: Pose, component: int) -> _End | None:
+    def _end(self, name: End, pose: Pose, component: int) -> _End | None:
         """Where a connected piece meets a pose; None where none of it is trusted."""
         pole = self._at_pole(name, pose, component)
         if pole is not None and self._allowed(pole):
@@ -181,9 +140,9 @@ class QueryBuilder:
         node = found[0]
         displacement = self._displacement(self._graph.latent[node], pose)
         nearest = _End(self._graph.latent[node], node, displacement, displacement, np.zeros(6))
-        return nearest if pole is None else min(nearest, pole, key=_weighed)
+        return nearest if pole is None else min(nearest, pole, key=how_ill_fits)
 
-    def _at_pole(self, name: Literal["start", "goal"], pose: Pose, component: int) -> _End | None:
+    def _at_pole(self, name: End, pose: Pose, component: int) -> _End | None:
         """The latent point where all demonstrations start or end, on a canonical sheet."""
         sheet = self._skill.canonical
         if sheet is None or self._graph.component[self._poles[name][1]] != component:
@@ -219,12 +178,12 @@ class QueryBuilder:
                 pairs.append((here, there))
         if not pairs:
             return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
-        here, there = min(pairs, key=lambda pair: _weighed(pair[0]) + _weighed(pair[1]))
+        here, there = min(pairs, key=lambda pair: how_ill_fits(pair[0]) + how_ill_fits(pair[1]))
         along_ridges = self._chosen_ridges(here.task_offset, there.task_offset)
         return self._between(start, here, goal, there, here.task_offset, along_ridges)
 
     def redirected(self, query: Query, start: Pose, latent: np.ndarray, goal: Pose) -> Query | Verdict | None:
-        """The query that goes on from a pose on the way of an older one, at its latent point (d,), to a new goal.
+        """The query that goes on from a pose on the path of an older one, at its latent point (d,), to a new goal.
 
         None where the latent point is not connected to any node: then the query has to be built anew.
         """
@@ -240,13 +199,6 @@ class QueryBuilder:
             along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
         return self._between(start, here, goal, there, query.task_start, along_ridges)
 
-    def _chosen_ridges(self, task_start: np.ndarray, task_goal: np.ndarray) -> AlongRidges:
-        """Those of start and goal where the skill found that they choose between demonstrations; of the mean else."""
-        sheet = self._skill.canonical
-        if self._ridges is None or sheet is None or not (self._settings.query_conditioning and sheet.regresses):
-            return self._unconditioned
-        return self._along_ridges(task_start, task_goal, conditioned=True)
-
     def _between(
         self, start: Pose, here: _End, goal: Pose, there: _End, task_start: np.ndarray, along_ridges: AlongRidges
     ) -> Query | Verdict:
@@ -256,7 +208,6 @@ class QueryBuilder:
         corrections, conformal, ridges = along_ridges
         offsets = self._offsets(here, there, corrections)
         graph = self._graph.transported(offsets, self._points, conformal)
-        to_goal = cost_field(self._graph.adjacency, graph.base, there.node)
         return Query(
             start=start,
             goal=goal,
@@ -266,26 +217,12 @@ class QueryBuilder:
             offsets=offsets,
             graph=graph,
             field=self._graph.field(self._tensors, ridges, self._settings.ridge_strength),
-            to_goal=to_goal,
-            from_start=cost_field(self._graph.adjacency, graph.base, here.node),
-            cost_limit=self._settings.cost_cap * max(self._shown_cost, float(to_goal[here.node])),
+            **self._costs(graph, here.node, there.node),
             misfits=_misfits("start", here) | _misfits("goal", there),
             task_start=task_start,
             task_goal=there.task_offset,
             along_ridges=along_ridges,
         )
-
-    def _along_ridges(
-        self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool
-    ) -> AlongRidges:
-        sheet = self._skill.canonical
-        if self._ridges is None or sheet is None:
-            # No ridge is used, but the graph counts the shares of the skill's.
-            return np.zeros((self._graph.ridge_count, 2, 6)), None, None
-        weights = sheet.weights(start_offset, goal_offset, conditioned)
-        ridges = self._ridges.moved_to(np.einsum("kn,nsd->ksd", weights, self._skill.codes))
-        corrections = sheet.corrections(self._graph.decoder, ridges, weights)
-        return corrections, ridges.conformal_factors(self._graph.latent, self._settings.ridge_strength), ridges
 
     def _offsets(self, here: _End, there: _End, corrections: np.ndarray) -> Offsets:
         progress, shares = self._graph.progress_map(np.stack([here.latent, there.latent]))
@@ -299,11 +236,6 @@ class QueryBuilder:
 def _lengths(offset: np.ndarray) -> tuple[float, float]:
     """Length of the translation [m] and of the rotation vector [rad] of an offset (6,)."""
     return float(np.linalg.norm(offset[:3])), float(np.linalg.norm(offset[3:]))
-
-
-def _weighed(end: _End) -> float:
-    """How ill an end fits: what was not demonstrated of its displacement, a radian like a metre."""
-    return float(np.linalg.norm(end.beyond))
 
 
 def _misfits(name: str, end: _End) -> dict[str, float]:

@@ -22,7 +22,7 @@ from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
 #: exactly as expected.
 DYNAMIC_MARGIN_FACTOR = 2.0
 #: An arm that sets out or moves on among them must be able to stop so long later [s], the latency or more: by then the
-#: next tick has looked at them again.
+#: next tick has judged them again.
 REPLAN_DELAY = 0.03
 #: The places where a moving obstacle may halt on its predicted line are covered by so many spheres, from 2 on; the
 #: first is where it was last detected.
@@ -99,7 +99,7 @@ SAME_GOAL, NEAR_GOAL = (1e-6, 1e-6), (2e-3, 1e-2)
 #: A goal that moves no further than this during a motion leaves the choice between the demonstrations as it is: of
 #: poses [m], a radian like `POSE_SCALE` metres, and of configurations [rad].
 SAME_TASK_POSE, SAME_TASK_JOINTS = 0.02, 0.05
-#: A goal pose is looked for from so many of the nearest nodes where the demonstrations have no common ends.
+#: A goal pose is searched from so many of the nearest nodes where the demonstrations have no common ends.
 NEAREST_POSES = 3
 #: A base path is smoothed by so many grid steps, in the latent space.
 BASE_PATH_SMOOTHING = 1.5

@@ -288,7 +288,7 @@ class Solver:
 
 
 class _Search:
-    """The searches of one solution: the cheapest path with each margin, looked for once."""
+    """The searches of one solution: the cheapest path with each margin, searched once."""
 
     def __init__(
         self, graph: LatentGraph, query: HeldQuery, start: np.ndarray, reshaping: Reshaping, deadline: Deadline

@@ -158,7 +158,7 @@ def test_an_arm_that_has_no_way_gives_way_to_what_comes_to_where_it_stands(
         planner.set_obstacles(centres, np.array([wall[1], radius]), velocities, stream.now)
         plan = stream.run(stream.period)[0]
         assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-        if not in_time and plan.verdict.reason.endswith("; giving way to what is coming"):
+        if not in_time and plan.verdict.reason.endswith("; evading what is coming"):
             monkeypatch.setattr(planner, "tick", partial(tick, deadline=Deadline(-np.inf)))
         sphere = passing(stream.now)[None], np.array([radius])
         least = min(least, least_clearance(stream.postures[-1:], sphere))
