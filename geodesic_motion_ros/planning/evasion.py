@@ -12,7 +12,7 @@ import numpy as np
 from geodesic_motion_ros.arm_certificate import SweptArm
 from geodesic_motion_ros.planning.settings import EVASION_LOOKAHEAD, EVASION_PERIOD
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
-from geodesic_motion_ros.planning.solver import HeldQuery, Solver
+from geodesic_motion_ros.planning.solver import HeldQuery, Plan, Solver
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
@@ -35,23 +35,26 @@ def evaded(
         return None, last_failed
     left = _left(situation)
     due = situation.now >= last_failed + EVASION_PERIOD - TIME_ROUNDING
-    plan = None
     for horizon in (EVASION_LOOKAHEAD * settings.prediction, settings.prediction):
         if _is_free(situation, left, horizon):
             evading = followed is not None and followed.evading
             return situation.answered(verdict) if evading else None, last_failed
+        plan = None
         if due:
             plan = solver.evade(query, situation.state, situation.expected, horizon, situation.deadline)
         if plan is not None:
-            break
-    if plan is None:
-        return None, situation.now if due else last_failed
+            return _taken(query, plan, verdict, situation), last_failed
+    return None, situation.now if due else last_failed
+
+
+def _taken(query: HeldQuery, plan: Plan, verdict: Verdict, situation: Situation) -> Step:
+    """A new evasion path; found too late, the one being played stays where it is free."""
     current = still_evading(situation) if situation.late.passed else None
     if current is not None:
-        return current, last_failed
+        return current
     reason = f"{verdict.reason}; evading what is coming"
     plan = replace(plan, verdict=replace(verdict, clearance=plan.verdict.clearance, reason=reason))
-    return situation.handed_out(plan, Followed.begun(query, plan, situation, evading=True)), last_failed
+    return situation.handed_out(plan, Followed.begun(query, plan, situation, evading=True))
 
 
 def still_evading(situation: Situation) -> Step | None:

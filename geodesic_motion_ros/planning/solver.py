@@ -170,33 +170,41 @@ class Solver:
         known: np.ndarray | None = None,
     ) -> Plan:
         """`solve` with attempts of which all are optimistic, or none."""
-        optimistic, settings = attempts[0].optimistic, self.settings
-        avoided = obstacles if settings.avoidance else Obstacles.none()
-        ends = self._end_clearance(query, state, avoided, optimistic)
-        if isinstance(ends, Verdict):
-            return Plan(None, state.time, ends)
-        swept = avoided.at_rest() if optimistic else avoided.swept(settings.prediction)
-        search = _Search(self.graph, query, _latent_start(query, state), self._reshaping(query, swept), deadline)
-        # Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
-        margin = 0.0 if obstacles.stand else min(DYNAMIC_MARGIN_FACTOR * settings.obstacle_margin, 0.5 * ends)
+        search = self._search(query, state, obstacles, attempts[0].optimistic, deadline)
+        if isinstance(search, Verdict):
+            return Plan(None, state.time, search)
+        margin = 0.0 if obstacles.stand else search.margin(DYNAMIC_MARGIN_FACTOR)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         for number, attempt in enumerate(attempts):
             if number > 0 and deadline.passed:
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
                 return Plan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
-            path = search.path(min(attempt.multiple * settings.obstacle_margin, 0.5 * ends))
+            path = search.path(attempt.multiple)
             if isinstance(path, Verdict):
                 return Plan(None, state.time, verdict if verdict.reason else path)
             if known is not None and is_same_path(path.nodes, known):
                 return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
             if search.repeats(path, attempt):
                 continue
-            curve = search.refined(path) if attempt.refine else path
-            plan = self._certified(query, state, curve, obstacles, margin, attempt.width, optimistic)
+            curve = search.refined(path, attempt.multiple) if attempt.refine else path
+            plan = self._certified(query, state, curve, obstacles, margin, attempt.width, attempt.optimistic)
             if plan.trajectory is not None:
                 return replace(plan, nodes=path.nodes) if attempt == self.attempts[0] else plan
             verdict = plan.verdict
         return Plan(None, state.time, verdict)
+
+    def _search(
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline
+    ) -> _Search | Verdict:
+        """The searches among obstacles, or the refusal where one of them covers an end."""
+        settings = self.settings
+        avoided = obstacles if settings.avoidance else Obstacles.none()
+        ends = self._end_clearance(query, state, avoided, optimistic)
+        if isinstance(ends, Verdict):
+            return ends
+        swept = avoided.at_rest() if optimistic else avoided.swept(settings.prediction)
+        start, reshaping = _latent_start(query, state), self._reshaping(query, swept)
+        return _Search(self.graph, query, start, reshaping, deadline, settings.obstacle_margin, 0.5 * ends)
 
     def evade(
         self, query: HeldQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
@@ -291,19 +299,35 @@ class _Search:
     """The searches of one solution: the cheapest path with each margin, searched once."""
 
     def __init__(
-        self, graph: LatentGraph, query: HeldQuery, start: np.ndarray, reshaping: Reshaping, deadline: Deadline
+        self,
+        graph: LatentGraph,
+        query: HeldQuery,
+        start: np.ndarray,
+        reshaping: Reshaping,
+        deadline: Deadline,
+        margin: float,
+        largest: float,
     ) -> None:
-        self._arguments = graph, query, start, reshaping
-        self._deadline = deadline
+        """margin : of which multiples are kept from obstacles [m]; largest : none is larger than this [m].
+
+        Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
+        """
+        self._graph, self._query, self._start, self._reshaping = graph, query, start, reshaping
+        self._deadline, self._margin, self._largest = deadline, margin, largest
         self._paths: dict[float, LatentPath | Verdict] = {}
         self._tried: set[tuple[bytes, bool, float]] = set()
-        self._margin = 0.0
 
-    def path(self, margin: float) -> LatentPath | Verdict:
-        """The cheapest path that keeps a margin [m]."""
-        self._margin = margin
+    def margin(self, multiple: float) -> float:
+        """What is kept from obstacles [m] for a multiple of the margin."""
+        return min(multiple * self._margin, self._largest)
+
+    def path(self, multiple: float) -> LatentPath | Verdict:
+        """The cheapest path that keeps a multiple of the margin."""
+        margin = self.margin(multiple)
         if margin not in self._paths:
-            self._paths[margin] = cheapest_path(*self._arguments, margin, self._deadline)
+            self._paths[margin] = cheapest_path(
+                self._graph, self._query, self._start, self._reshaping, margin, self._deadline
+            )
         return self._paths[margin]
 
     def repeats(self, path: LatentPath, attempt: Attempt) -> bool:
@@ -313,10 +337,10 @@ class _Search:
         self._tried.add(drawn)
         return repeated
 
-    def refined(self, path: LatentPath) -> LatentPath:
-        """The path found last, made a continuous one."""
-        _, query, _, reshaping = self._arguments
-        return replace(path, polyline=refined(query.field, reshaping, self._margin, path.polyline))
+    def refined(self, path: LatentPath, multiple: float) -> LatentPath:
+        """A path made a continuous one that keeps the same."""
+        margin = self.margin(multiple)
+        return replace(path, polyline=refined(self._query.field, self._reshaping, margin, path.polyline))
 
 
 def _latent_start(query: HeldQuery, state: MotionState) -> np.ndarray:

@@ -15,6 +15,7 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 TICK = 0.01
 HOLD = Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested")
+COVERED = 0.08  # radius of a sphere around the goal [m]
 
 
 @pytest.fixture(scope="module")
@@ -22,25 +23,35 @@ def planner() -> ReactivePlanner:
     return ReactivePlanner(Skill.load("panda_reach_to_grasp"), PlannerSettings(grid_shape=(30, 30, 30)))
 
 
-def test_an_arm_is_idle_follows_stops_waits_and_holds(planner: ReactivePlanner) -> None:
-    """The goal is covered while it is on its way, and free again; then a hold is requested in motion."""
-    skill, modes = planner.skill, []
+def test_an_arm_passes_through_all_modes(planner: ReactivePlanner) -> None:
+    """The goal is covered while it is on its way; something comes to where it stands, and passes; then the goal is free
+    again, and a hold is requested in motion.
+    """
+    skill, modes, met = planner.skill, [], 4.0
     planner.stand_at(skill.canonical.start_poles[0], 0.0)
     goal = planner.robot.forward(skill.canonical.goal_poles[0])
-    covered = (goal[0][None], np.array([0.08]))
-    for number in range(900):
+    velocity = np.array([0.0, 0.0, -0.2])
+    hand = np.zeros(3)
+    for number in range(1500):
         now = TICK * number
         if number == 5:
             assert planner.set_goal(*goal).ok
-        if number in (60, 300):
-            assert planner.set_obstacles(*(covered if number == 60 else (np.empty((0, 3)), np.empty(0)))).ok
-        held = 340 <= number < 500
-        modes.append((planner.stop(now, HOLD) if held else planner.tick(now)).mode)
+        if number == 60:
+            assert planner.set_obstacles(goal[0][None], np.array([COVERED])).ok
+        if number == 150:
+            hand, _ = planner.robot.forward(planner.commanded(now)[0])
+        if 150 <= number < 700:
+            centres = np.stack([goal[0], hand + (now - met) * velocity])
+            radii, velocities = np.array([COVERED, 0.04]), np.stack([np.zeros(3), velocity])
+            assert planner.set_obstacles(centres, radii, velocities, now).ok
+        if number == 700:
+            assert planner.set_obstacles(np.empty((0, 3)), np.empty(0)).ok
+        modes.append((planner.stop(now, HOLD) if 740 <= number < 900 else planner.tick(now)).mode)
     seen = [modes[0], *(after for before, after in pairwise(modes) if after is not before)]
-    assert seen == [
-        Mode.IDLE, Mode.FOLLOWING, Mode.STOPPING, Mode.WAITING, Mode.FOLLOWING, Mode.STOPPING, Mode.HOLDING,
-        Mode.FOLLOWING,
-    ]  # fmt: skip
+    assert seen[:4] == [Mode.IDLE, Mode.FOLLOWING, Mode.STOPPING, Mode.WAITING]
+    assert seen[4] is Mode.EVADING
+    assert seen[-4:] == [Mode.FOLLOWING, Mode.STOPPING, Mode.HOLDING, Mode.FOLLOWING]
+    assert set(seen) == set(Mode)
     assert all(after in TRANSITIONS[before] for before, after in pairwise(modes))
 
 

@@ -1,4 +1,4 @@
-"""ReactivePlanner, tick by tick: the arm stops, waits, gives way and goes on; its stream stays smooth."""
+"""ReactivePlanner, tick by tick: the arm stops, waits, evades and goes on; its stream stays smooth."""
 
 from __future__ import annotations
 
@@ -133,8 +133,8 @@ def test_a_goal_that_is_about_to_be_passed_long_before_the_arm_is_there_is_gone_
     assert stream.off(goal) < 1e-9
 
 
-@pytest.mark.parametrize("in_time", [True, False], ids=["in time", "out of time once it gives way"])
-def test_an_arm_that_has_no_way_gives_way_to_what_comes_to_where_it_stands(
+@pytest.mark.parametrize("in_time", [True, False], ids=["in time", "out of time once it evades"])
+def test_an_arm_that_has_no_path_evades_what_comes_to_where_it_stands(
     stream, goal, nominal, least_clearance, monkeypatch, in_time
 ) -> None:
     """The control: the arm as it stands would be hit. Afterwards it goes on."""
