@@ -9,7 +9,7 @@ import pytest
 
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planning.stream import Stream
+from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -203,7 +203,7 @@ def test_what_stops_before_it_has_passed_is_not_touched(stream, shown) -> None:
 
 
 def test_an_arm_that_counts_on_what_moves_to_move_on_touches_what_stops(stream, monkeypatch) -> None:
-    monkeypatch.setattr(Stream, "can_still_stop", lambda *_: True)
+    monkeypatch.setattr(Situation, "can_still_stop", lambda *_: True)
     assert stopping_sphere(stream, 1.2) < 0.0
 
 
