@@ -11,7 +11,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.metric_field import MetricField
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.ridge import Ridges
@@ -103,19 +102,19 @@ class CarriedQueryBuilder:
             "cost_limit": self._settings.cost_cap * max(self._demonstrated_cost, float(to_goal[start_node])),
         }
 
+    def _pole_node(self, latent: np.ndarray) -> int:
+        """The node nearest to where all demonstrations of a mode start or end, a latent point (d,)."""
+        everywhere = np.ones(len(self._graph.latent), dtype=bool)
+        node = self._graph.node_near(latent, everywhere, steps=max(self._graph.grid.shape))
+        assert node is not None
+        return node
 
-def pole_node(graph: LatentGraph, latent: np.ndarray) -> int:
-    """The node nearest to where all demonstrations of a mode start or end, a latent point (d,)."""
-    node = graph.node_near(latent, np.ones(len(graph.latent), dtype=bool), steps=max(graph.grid.shape))
-    assert node is not None
-    return node
+    @staticmethod
+    def _out_of_support(end: End) -> VerdictCode:
+        """The code of an end that is too far from what was demonstrated."""
+        return VerdictCode.START_OUT_OF_SUPPORT if end == "start" else VerdictCode.GOAL_OUT_OF_SUPPORT
 
-
-def out_of_support(end: End) -> VerdictCode:
-    """The code of an end that is too far from what was demonstrated."""
-    return VerdictCode.START_OUT_OF_SUPPORT if end == "start" else VerdictCode.GOAL_OUT_OF_SUPPORT
-
-
-def how_ill_fits(end: Any) -> float:
-    """What was not demonstrated of an end's offset; of poses a radian like a metre."""
-    return float(np.linalg.norm(end.beyond))
+    @staticmethod
+    def _misfit(end: Any) -> float:
+        """What was not demonstrated of an end's offset; of poses a radian like a metre."""
+        return float(np.linalg.norm(end.beyond))

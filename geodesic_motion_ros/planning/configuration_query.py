@@ -16,15 +16,7 @@ from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import corrections_at
-from geodesic_motion_ros.planning.carried_query import (
-    AlongRidges,
-    CarriedQuery,
-    CarriedQueryBuilder,
-    End,
-    how_ill_fits,
-    out_of_support,
-    pole_node,
-)
+from geodesic_motion_ros.planning.carried_query import AlongRidges, CarriedQuery, CarriedQueryBuilder, End
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import NEAREST_POSES, SAME_TASK_JOINTS, PlannerSettings
@@ -150,7 +142,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         found, reason = self._configurations_at("start", pose)
         pieces = self._graph.pieces_with_demonstrations()
         ends = [self._end("start", requested, piece) for requested in found for piece in pieces]
-        best = min((end for end in ends if end is not None), key=how_ill_fits, default=None)
+        best = min((end for end in ends if end is not None), key=self._misfit, default=None)
         if best is None:
             return Verdict(VerdictCode.START_OUT_OF_SUPPORT, f"no configuration near the demonstrated ones: {reason}")
         return best.requested
@@ -183,7 +175,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
     def _supported(self, choice: ConfigurationGoal) -> ConfigurationGoal | Verdict:
         pieces = self._graph.pieces_with_demonstrations()
         ends = [self._end("goal", requested, piece) for requested in choice.configurations for piece in pieces]
-        best = min((end for end in ends if end is not None), key=how_ill_fits, default=None)
+        best = min((end for end in ends if end is not None), key=self._misfit, default=None)
         if best is None:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
         verdict = self._offset_verdict("goal", best)
@@ -201,7 +193,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         poles = []
         for group, mean in enumerate(means):
             latent = self._skill.codes[groups == group, 0 if end == "start" else -1].mean(axis=0)
-            node = pole_node(self._graph, latent)
+            node = self._pole_node(latent)
             if end == "goal":
                 # A path ends at a node.
                 latent = self._graph.latent[node]
@@ -225,7 +217,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
             offset = requested - pole.requested
             beyond = beyond_demonstrated(offset, demonstrated, sheet.scale)
             ends.append(_End(pole.latent, pole.node, pole.decoded, requested, beyond, offset))
-        best = min(ends, key=how_ill_fits, default=None)
+        best = min(ends, key=self._misfit, default=None)
         if best is not None and self._allowed(best):
             return best
         node = self._graph.nearest_node(requested, piece, ENDPOINT_MULTIPLE * self._skill.sigma_support)
@@ -234,7 +226,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         decoded = self._graph.configurations[node]
         beyond, still = requested - decoded, np.zeros_like(requested)
         nearest = _End(self._graph.latent[node], node, decoded, requested, beyond, still)
-        return nearest if best is None else min(nearest, best, key=how_ill_fits)
+        return nearest if best is None else min(nearest, best, key=self._misfit)
 
     def _allowed(self, end: _End) -> bool:
         return float(np.linalg.norm(end.beyond)) <= self._settings.maximum_joint_offset
@@ -248,7 +240,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
             f"'{self._robot.joint_names[worst]}' ({end.beyond[worst]:+.2f} rad); allowed are "
             f"{self._settings.maximum_joint_offset:.2f} rad (setting maximum_joint_offset)"
         )
-        return Verdict(out_of_support(name), reason, **end.misfits(name))
+        return Verdict(self._out_of_support(name), reason, **end.misfits(name))
 
     # ------------------------------------------------------------------ query
 
@@ -267,7 +259,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
             return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
         good = [pair for pair in pairs if self._allowed(pair[0]) and self._allowed(pair[1])]
         if not good:
-            here, there = min(pairs, key=lambda pair: how_ill_fits(pair[0]) + how_ill_fits(pair[1]))
+            here, there = min(pairs, key=lambda pair: self._misfit(pair[0]) + self._misfit(pair[1]))
             verdict = self._offset_verdict("start", here)
             return self._offset_verdict("goal", there) if verdict.ok else verdict
         here, there = min(good, key=lambda pair: self._unmoved_cost(*pair))
@@ -289,7 +281,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         ends = [end for requested in goal.configurations if (end := self._end("goal", requested, piece)) is not None]
         allowed = [end for end in ends if self._allowed(end)]
         if not allowed:
-            return self._offset_verdict("goal", min(ends, key=how_ill_fits)) if ends else None
+            return self._offset_verdict("goal", min(ends, key=self._misfit)) if ends else None
         there = min(allowed, key=lambda end: self._unmoved_cost(here, end))
         along_ridges = query.along_ridges
         if np.linalg.norm(there.task_offset - query.task_goal) > SAME_TASK_JOINTS:

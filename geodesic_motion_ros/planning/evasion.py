@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import SweptArm
-from geodesic_motion_ros.planning.settings import EVASION_LOOKAHEAD, EVASION_PERIOD
+from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
 from geodesic_motion_ros.planning.solver import HeldQuery, Plan, Solver
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -34,8 +34,8 @@ def evaded(
     if not (blocked and settings.avoidance) or situation.obstacles.stand:
         return None, last_failed
     left = _left(situation)
-    due = situation.now >= last_failed + EVASION_PERIOD - TIME_ROUNDING
-    for horizon in (EVASION_LOOKAHEAD * settings.prediction, settings.prediction):
+    due = situation.now >= last_failed + constants.EVASION_PERIOD - TIME_ROUNDING
+    for horizon in (constants.EVASION_LOOKAHEAD * settings.prediction, settings.prediction):
         if _is_free(situation, left, horizon):
             evading = followed is not None and followed.evading
             return situation.answered(verdict) if evading else None, last_failed

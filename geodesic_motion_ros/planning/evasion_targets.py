@@ -12,13 +12,8 @@ import numpy as np
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
 from geodesic_motion_ros.graph.shortest_path import shortest_free_path
+from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.search import LatentPath, SearchQuery
-from geodesic_motion_ros.planning.settings import (
-    EVASION_COSINE,
-    EVASION_NODES,
-    EVASION_RETURN_SHARE,
-    EVASION_TARGETS,
-)
 
 
 def paths_to_targets(
@@ -30,14 +25,14 @@ def paths_to_targets(
     steps : targets are no more grid steps away.
     """
     near = graph.nodes_near(start, steps)
-    near = near[query.to_goal[near] < EVASION_RETURN_SHARE * query.cost_limit]
+    near = near[query.to_goal[near] < constants.EVASION_RETURN_SHARE * query.cost_limit]
     if len(near) == 0:
         return
-    source, near = int(near[0]), np.ascontiguousarray(near[:: 1 + len(near) // EVASION_NODES])
+    source, near = int(near[0]), np.ascontiguousarray(near[:: 1 + len(near) // constants.EVASION_NODES])
     look_at(near, reshaping)
     free = near[reshaping.clearance[near] >= apart]
     directions = _in_all_directions(free, (graph.latent[free] - start) / graph.grid.spacing)
-    for target in directions[:EVASION_TARGETS]:
+    for target in directions[:constants.EVASION_TARGETS]:
         # By the triangle inequality a node is no nearer to the target than the difference of their costs.
         ahead = np.abs(query.from_start - query.from_start[target])
         nodes, edges, _ = shortest_free_path(graph.adjacency, query.graph.base, ahead, source, target)
@@ -53,6 +48,6 @@ def _in_all_directions(nodes: np.ndarray, away: np.ndarray) -> list[int]:
     chosen: list[int] = []
     while len(nodes):
         chosen.append(int(nodes[0]))
-        apart = away @ away[0] < EVASION_COSINE
+        apart = away @ away[0] < constants.EVASION_COSINE
         nodes, away = nodes[apart], away[apart]
     return chosen

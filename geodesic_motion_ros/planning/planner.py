@@ -31,6 +31,7 @@ from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import load_references
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.configuration_query import (
     ConfigurationGoal,
     ConfigurationQuery,
@@ -40,13 +41,7 @@ from geodesic_motion_ros.planning.evasion import evaded, still_evading
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
 from geodesic_motion_ros.planning.search import load_search
-from geodesic_motion_ros.planning.settings import (
-    SAME_START,
-    SEARCH_PERIOD_CLOSE,
-    TRACKING_ERROR_STEP,
-    Attempt,
-    PlannerSettings,
-)
+from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
 from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
 from geodesic_motion_ros.planning.stream import Stream
@@ -174,7 +169,7 @@ class _SearchMemory:
             return solver.attempts, replace(self, attempted=0)
         number = (self.attempted + 1) % len(solver.cautious)
         memory, chosen = replace(self, attempted=number), solver.cautious[number : number + 1]
-        if now < self.last_optimistic + SEARCH_PERIOD_CLOSE - TIME_ROUNDING:
+        if now < self.last_optimistic + constants.SEARCH_PERIOD_CLOSE - TIME_ROUNDING:
             return chosen, memory
         return (*chosen, *solver.optimistic[:1]), replace(memory, last_optimistic=now)
 
@@ -423,7 +418,7 @@ class ReactivePlanner:
         """Say how far [m] any part of the arm has lately been from where it was sent: what is played is certified again
         with so much more clearance, rounded up to steps of `TRACKING_ERROR_STEP`.
         """
-        rounded = TRACKING_ERROR_STEP * math.ceil(error / TRACKING_ERROR_STEP - TIME_ROUNDING)
+        rounded = constants.TRACKING_ERROR_STEP * math.ceil(error / constants.TRACKING_ERROR_STEP - TIME_ROUNDING)
         if rounded != self._inputs.tracking_error:
             self._inputs = replace(self._inputs, tracking_error=rounded)
 
@@ -633,8 +628,8 @@ class ReactivePlanner:
         if commanded is None or isinstance(self._queries, ConfigurationQueryBuilder):
             return None
         position, quaternion = self.robot.forward(commanded[0])
-        near = np.linalg.norm(position - pose.position) <= SAME_START[0]
-        return commanded[0] if near and angle_between(quaternion, pose.quaternion) <= SAME_START[1] else None
+        near = np.linalg.norm(position - pose.position) <= constants.SAME_START[0]
+        return commanded[0] if near and angle_between(quaternion, pose.quaternion) <= constants.SAME_START[1] else None
 
     def plan_configurations(self, start: np.ndarray, goal: Goal) -> Plan:
         """A reference from rest in a configuration (eta,) to a goal under the present obstacles."""

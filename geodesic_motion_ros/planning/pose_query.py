@@ -19,15 +19,7 @@ from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.transport import Offsets, corrections_at
 from geodesic_motion_ros.obstacles import LARGEST_NUMBER
-from geodesic_motion_ros.planning.carried_query import (
-    AlongRidges,
-    CarriedQuery,
-    CarriedQueryBuilder,
-    End,
-    how_ill_fits,
-    out_of_support,
-    pole_node,
-)
+from geodesic_motion_ros.planning.carried_query import AlongRidges, CarriedQuery, CarriedQueryBuilder, End
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import SAME_TASK_POSE, PlannerSettings
 from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
@@ -100,7 +92,7 @@ class QueryBuilder(CarriedQueryBuilder):
         self._poles: dict[str, tuple[np.ndarray, int]] = {}
         if skill.canonical is not None:
             means = {"start": skill.codes[:, 0].mean(axis=0), "goal": skill.codes[:, -1].mean(axis=0)}
-            self._poles = {end: (latent, pole_node(graph, latent)) for end, latent in means.items()}
+            self._poles = {end: (latent, self._pole_node(latent)) for end, latent in means.items()}
         unmoved = graph.transported(Offsets.none(graph.ridge_count), self._points, self._unconditioned[1])
         self._demonstrated_cost = demonstrated_cost(graph, unmoved.base, skill.codes)
 
@@ -112,7 +104,7 @@ class QueryBuilder(CarriedQueryBuilder):
         ends = [end for component in pieces if (end := self._end("goal", goal, component)) is not None]
         if not ends:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
-        return self._offset_verdict("goal", min(ends, key=how_ill_fits))
+        return self._offset_verdict("goal", min(ends, key=self._misfit))
 
     def _offset_verdict(self, name: End, end: _End) -> Verdict:
         found = _misfits(name, end)
@@ -126,7 +118,7 @@ class QueryBuilder(CarriedQueryBuilder):
             f"{1000 * limit:.0f} mm and {math.degrees(limit_angle):.0f} deg (settings maximum_offset, "
             "maximum_offset_angle)"
         )
-        return Verdict(out_of_support(name), reason, **found)
+        return Verdict(self._out_of_support(name), reason, **found)
 
     def _end(self, name: End, pose: Pose, component: int) -> _End | None:
         """Where a connected piece meets a pose; None where none of it is trusted."""
@@ -140,7 +132,7 @@ class QueryBuilder(CarriedQueryBuilder):
         node = found[0]
         displacement = self._displacement(self._graph.latent[node], pose)
         nearest = _End(self._graph.latent[node], node, displacement, displacement, np.zeros(6))
-        return nearest if pole is None else min(nearest, pole, key=how_ill_fits)
+        return nearest if pole is None else min(nearest, pole, key=self._misfit)
 
     def _at_pole(self, name: End, pose: Pose, component: int) -> _End | None:
         """The latent point where all demonstrations start or end, on a canonical sheet."""
@@ -178,7 +170,7 @@ class QueryBuilder(CarriedQueryBuilder):
                 pairs.append((here, there))
         if not pairs:
             return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
-        here, there = min(pairs, key=lambda pair: how_ill_fits(pair[0]) + how_ill_fits(pair[1]))
+        here, there = min(pairs, key=lambda pair: self._misfit(pair[0]) + self._misfit(pair[1]))
         along_ridges = self._chosen_ridges(here.task_offset, there.task_offset)
         return self._between(start, here, goal, there, here.task_offset, along_ridges)
 

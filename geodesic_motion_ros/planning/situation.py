@@ -18,19 +18,9 @@ from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.mode import Mode
-from geodesic_motion_ros.planning.settings import (
-    CLOSE_CLEARANCE,
-    DYNAMIC_MARGIN_FACTOR,
-    LEAST_CLEARANCE_SHARE,
-    NEARER_BY,
-    REPLAN_DELAY,
-    SEARCH_PERIOD_CLOSE,
-    SEARCH_PERIOD_FAR,
-    STOP_POSITION_SAMPLES,
-    WORTHWHILE_RATIO,
-    PlannerSettings,
-)
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -112,16 +102,17 @@ class Followed:
     @property
     def close(self) -> bool:
         """Whether an obstacle is so near that every bit of clearance is a gain."""
-        return self.verdict.clearance <= CLOSE_CLEARANCE
+        return self.verdict.clearance <= constants.CLOSE_CLEARANCE
 
     @property
     def known(self) -> np.ndarray | None:
         """The nodes of the path, where finding it again is no gain: no obstacle is near, or has come nearer."""
-        return self.nodes if self.verdict.clearance > min(CLOSE_CLEARANCE, self.drawn - NEARER_BY) else None
+        nearer = self.verdict.clearance <= min(constants.CLOSE_CLEARANCE, self.drawn - constants.NEARER_BY)
+        return None if nearer else self.nodes
 
     def is_due(self, now: float) -> bool:
         """Whether a better path is to be searched at a time [s]."""
-        period = SEARCH_PERIOD_CLOSE if self.close else SEARCH_PERIOD_FAR
+        period = constants.SEARCH_PERIOD_CLOSE if self.close else constants.SEARCH_PERIOD_FAR
         return now >= self.searched + period - TIME_ROUNDING
 
 
@@ -228,23 +219,23 @@ class Situation:
         return Plan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
 
     def can_still_stop(self, candidate: Played) -> bool:
-        """Whether an arm that follows a trajectory for REPLAN_DELAY is left a stop that is free wherever on their lines
-        obstacles halt meanwhile. True as well where it has none now, or would be met by what moves on where it stood:
-        to go on is no worse then.
+        """Whether an arm that follows a trajectory for `REPLAN_DELAY` is left a stop that is free wherever on their
+        lines obstacles halt meanwhile. True as well where it has none now, or would be met by what moves on where it
+        stood: to go on is no worse then.
 
         A certificate takes for granted that they move on; one that stops before it has passed must not be met either.
         """
         if self.expected.stand or not self.settings.avoidance:
             return True
-        margin = DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        _, later = self._stopping(candidate, self.state.time + REPLAN_DELAY)
-        if self._room_of(later, REPLAN_DELAY) > margin or self._room_of(self.stop.swept, 0.0) <= 0.0:
+        margin = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
+        _, later = self._stopping(candidate, self.state.time + constants.REPLAN_DELAY)
+        if self._room_of(later, constants.REPLAN_DELAY) > margin or self._room_of(self.stop.swept, 0.0) <= 0.0:
             return True
         return bool(np.min(self.stop.certificate.clearance) <= 0.0)
 
     def _room_of(self, stop: SweptArm, later: float) -> float:
         """Least distance [m] of a stop that begins so much later [s] from where obstacles may halt by its end."""
-        places = self.expected.stopping_places(later + stop.times[-1], STOP_POSITION_SAMPLES)
+        places = self.expected.stopping_places(later + stop.times[-1], constants.STOP_POSITION_SAMPLES)
         return float(np.min(self.certifier.certify_swept(stop, places, 0.0).clearance))
 
     def gains(self, plan: Plan, followed: Followed) -> bool:
@@ -254,7 +245,7 @@ class Situation:
         if followed.optimistic and not plan.optimistic:
             return True
         safer = self.settings.avoidance and followed.close and plan.verdict.clearance > followed.verdict.clearance
-        return safer or self.played.end - self.state.time > WORTHWHILE_RATIO * plan.reference.duration
+        return safer or self.played.end - self.state.time > constants.WORTHWHILE_RATIO * plan.reference.duration
 
     def mode(self, step: Step) -> Mode:
         """What the arm does after a step."""
@@ -289,8 +280,9 @@ class Situation:
         followed : with its present clearance.
         """
         nearest = followed.verdict.clearance
-        kept = min(followed.promised, DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin)
-        nearer = self.settings.avoidance and not self.obstacles.stand and nearest < LEAST_CLEARANCE_SHARE * kept
+        kept = min(followed.promised, constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin)
+        judged = self.settings.avoidance and not self.obstacles.stand
+        nearer = judged and nearest < constants.LEAST_CLEARANCE_SHARE * kept
         if nearer and np.min(self.stop.certificate.clearance) > nearest:
             reason = f"an obstacle has come within {nearest:.3f} m of the path being followed"
             return self.stopped(Verdict(VerdictCode.NO_FEASIBLE_PATH, reason), followed)

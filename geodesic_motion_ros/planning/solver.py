@@ -24,17 +24,12 @@ from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.evasion_targets import paths_to_targets
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.search import LatentPath, SearchQuery, cheapest_path, is_same_path, path_verdict
-from geodesic_motion_ros.planning.settings import (
-    ATTEMPTS,
-    DYNAMIC_MARGIN_FACTOR,
-    EVASION_STEPS,
-    Attempt,
-    PlannerSettings,
-)
+from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -42,7 +37,7 @@ from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
-_LARGEST_MULTIPLE = max(attempt.multiple for attempt in ATTEMPTS)
+_LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
 
 
 class HeldQuery(SearchQuery, Protocol):
@@ -125,7 +120,7 @@ class Solver:
         self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
         self.collision, self.limits = collision, limits
         self.tool = LimitedTool(robot, settings.tool_limits(isinstance(graph, PoseGraph)))
-        self.attempts = tuple(attempt for attempt in ATTEMPTS if settings.refine or not attempt.refine)
+        self.attempts = tuple(attempt for attempt in constants.ATTEMPTS if settings.refine or not attempt.refine)
         self.certifier = ArmCertifier(robot, collision)
 
     @property
@@ -173,7 +168,7 @@ class Solver:
         search = self._search(query, state, obstacles, attempts[0].optimistic, deadline)
         if isinstance(search, Verdict):
             return Plan(None, state.time, search)
-        margin = 0.0 if obstacles.stand else search.margin(DYNAMIC_MARGIN_FACTOR)
+        margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         for number, attempt in enumerate(attempts):
             if number > 0 and deadline.passed:
@@ -216,9 +211,10 @@ class Solver:
         reshaping = self._reshaping(query, obstacles.swept(horizon))
         # As of every path: a start closer to an obstacle than the margin may stay so.
         here, _ = obstacle_clearance(self.collision, self.robot, state.position, obstacles)
-        apart = DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
+        apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         margin = min(apart, 0.5 * here)
-        for path in paths_to_targets(self.graph, query, _latent_start(query, state), reshaping, EVASION_STEPS, apart):
+        start, steps = _latent_start(query, state), constants.EVASION_STEPS
+        for path in paths_to_targets(self.graph, query, start, reshaping, steps, apart):
             plan = self._certified(query, state, path, obstacles, margin, 1.0, True, horizon)
             if plan.trajectory is not None:
                 return plan
