@@ -359,8 +359,8 @@ def test_a_trajectory_has_the_certificate_of_every_interval_and_of_the_time_at_r
     after = reference.duration + 0.25
     coming = Obstacles.of_spheres(end[None] - [0.0, 0.0, 2.0 * after], np.array([0.05]), np.array([[0.0, 0.0, 2.0]]))
     swept = CERTIFIER.swept(reference)
-    for lasting, hit in ((swept.lasting(after), True), (swept, False)):
-        certificate = CERTIFIER.certify_swept(lasting, coming, after, beyond=False)
+    for lasting, horizon, hit in ((swept.lasting(after), after, True), (swept, reference.duration, False)):
+        certificate = CERTIFIER.certify_swept(lasting, coming, horizon, beyond=False)
         trajectory = CERTIFIER.certified(reference, certificate)
         assert len(trajectory.clearance) == len(trajectory.self_clearance) == len(reference.times) - 1
         assert trajectory.nearest == np.min(certificate.clearance)
