@@ -17,10 +17,11 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import PERIOD, JointReference
+from geodesic_motion_ros.joint_reference import PERIOD, JointReference, joined, kept_knots
 from geodesic_motion_ros.obstacles import Obstacles, nearness
+from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.quintic import quintic_bounds
-from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_points
+from geodesic_motion_ros.robot.body_points import end_effector_poses, lever_bounds, place_body_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
 from geodesic_motion_ros.swept_spheres import clearances_in_motion, clearances_until, self_clearances
@@ -88,6 +89,46 @@ class Certificate:
     pair: np.ndarray
 
 
+@dataclass(frozen=True)
+class CertifiedTrajectory:
+    """A reference with what its certificate guarantees between its n knots: what an arm may play.
+
+    Made by `ArmCertifier.certified` and `continued_by` alone. A certificate may object: a stop is played that comes too
+    near to an obstacle where anything else would come nearer. Then it says so here.
+
+    Attributes
+    ----------
+    clearance, self_clearance : (n - 1,) as of `Certificate`; the last includes the time at rest that was certified.
+    """
+
+    reference: JointReference
+    clearance: np.ndarray
+    self_clearance: np.ndarray
+    robot: Robot
+
+    @property
+    def nearest(self) -> float:
+        """Smallest clearance [m] from obstacles."""
+        return float(np.min(self.clearance))
+
+    @property
+    def tool_poses(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (n, 3) [m] and quaternions (n, 4) of the tool at the knots."""
+        positions, quaternions = end_effector_poses(contiguous(self.reference.positions), self.robot.chain)
+        return positions, continuous_signs(quaternions)
+
+    def continued_by(self, other: CertifiedTrajectory, since: float, until: float) -> CertifiedTrajectory:
+        """From the knot at `since` [s] until `until` [s], and from there on another one: `joint_reference.joined`."""
+        # Beyond its end the arm stands, with the clearance that it has there.
+        kept = np.minimum(kept_knots(self.reference, since, until), len(self.clearance) - 1)
+        return CertifiedTrajectory(
+            joined(self.reference, since, other.reference, until),
+            np.concatenate([self.clearance[kept], other.clearance]),
+            np.concatenate([self.self_clearance[kept], other.self_clearance]),
+            self.robot,
+        )
+
+
 class ArmCertifier:
     """Certifies references of one arm, whose body is covered by S collision spheres.
 
@@ -109,6 +150,15 @@ class ArmCertifier:
         beyond : False: what moves is not counted after the horizon; until then the arm stands where it came to rest.
         """
         return self.certify_swept(self.swept(reference), obstacles, horizon, beyond)
+
+    def certified(self, reference: JointReference, certificate: Certificate) -> CertifiedTrajectory:
+        """A reference with its certificate, which may go on while the arm stands at its end."""
+        last = len(reference.times) - 2
+        clearance, self_clearance = (
+            np.append(values[:last], np.min(values[last:]))
+            for values in (certificate.clearance, certificate.self_clearance)
+        )
+        return CertifiedTrajectory(reference, clearance, self_clearance, self._robot)
 
     def swept(self, reference: JointReference) -> SweptArm:
         """Where a reference takes the arm."""

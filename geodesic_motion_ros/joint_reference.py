@@ -31,7 +31,8 @@ class JointReference:
     times : (n,) of the knots [s], increasing from 0.
     positions, velocities, accelerations : (n, eta) [rad], [rad/s], [rad/s^2]; the last two end at 0.
     latent : (n, d) latent points the positions were decoded from.
-    clearance : (n - 1,) guaranteed clearance [m] between knots; inf as long as no certificate was asked for.
+
+    How far the arm stays from obstacles on it is not known: `arm_certificate.CertifiedTrajectory`.
     """
 
     times: np.ndarray
@@ -39,12 +40,12 @@ class JointReference:
     velocities: np.ndarray
     accelerations: np.ndarray
     latent: np.ndarray
-    clearance: np.ndarray
 
     @classmethod
     def standing(cls, position: np.ndarray, latent: np.ndarray) -> JointReference:
         """Stay at a position (eta,) [rad], whose latent point is (d,)."""
-        return _standing(position, latent, float(np.inf))
+        still = np.zeros((2, len(position)))
+        return cls(np.array([0.0, PERIOD]), np.stack([position] * 2), still, still, np.stack([latent] * 2))
 
     @property
     def duration(self) -> float:
@@ -73,7 +74,7 @@ class JointReference:
         if self.times[i + 1] - time <= _SHORTEST_INTERVAL:
             i, time = i + 1, self.times[i + 1]
         if i == len(self.times) - 1:
-            return _standing(self.positions[-1], self.latent[-1], float(self.clearance[-1]))
+            return JointReference.standing(self.positions[-1], self.latent[-1])
         share = (time - self.times[i]) / (self.times[i + 1] - self.times[i])
         latent = self.latent[i] + share * (self.latent[i + 1] - self.latent[i])
         position, velocity, acceleration = self.sample(time)
@@ -84,7 +85,6 @@ class JointReference:
             np.concatenate([velocity[None], self.velocities[ahead]]),
             np.concatenate([acceleration[None], self.accelerations[ahead]]),
             np.concatenate([latent[None], self.latent[ahead]]),
-            self.clearance[i:],
         )
 
     def strain(self, limits: JointLimits) -> np.ndarray:
@@ -117,9 +117,7 @@ def joined(old: JointReference, since: float, new: JointReference, until: float)
     """
     if until <= since + _ROUNDING:
         return new
-    kept = np.flatnonzero((old.times >= min(since, old.duration) - _ROUNDING) & (old.times < until - _ROUNDING))
-    # Where it stands at its end, the old one keeps the clearance that it has there.
-    clearance = np.append(old.clearance, old.clearance[-1])[kept]
+    kept = kept_knots(old, since, until)
     passed = old.times[kept] - since
     return JointReference(
         np.concatenate([np.where(passed > _ROUNDING, passed, 0.0), until - since + new.times]),
@@ -127,8 +125,14 @@ def joined(old: JointReference, since: float, new: JointReference, until: float)
             np.concatenate([getattr(old, name)[kept], getattr(new, name)])
             for name in ("positions", "velocities", "accelerations", "latent")
         ),
-        np.concatenate([clearance, new.clearance]),
     )
+
+
+def kept_knots(old: JointReference, since: float, until: float) -> np.ndarray:
+    """Which knots of an old reference `joined` keeps."""
+    if until <= since + _ROUNDING:
+        return np.empty(0, dtype=np.int64)
+    return np.flatnonzero((old.times >= min(since, old.duration) - _ROUNDING) & (old.times < until - _ROUNDING))
 
 
 def knot_times(duration: float, period: float) -> np.ndarray:
@@ -139,16 +143,9 @@ def knot_times(duration: float, period: float) -> np.ndarray:
 def ending_at_rest(
     times: np.ndarray, positions: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray, latent: np.ndarray
 ) -> JointReference:
-    """The reference of knots (n,) with what is 0 at the end up to rounding exactly so; its clearance is not known."""
+    """The reference of knots (n,) with what is 0 at the end up to rounding exactly so."""
     velocities[-1], accelerations[-1] = 0.0, 0.0
-    return JointReference(times, positions, velocities, accelerations, latent, np.full(len(times) - 1, np.inf))
-
-
-def _standing(position: np.ndarray, latent: np.ndarray, clearance: float) -> JointReference:
-    still = np.zeros((2, len(position)))
-    return JointReference(
-        np.array([0.0, PERIOD]), np.stack([position] * 2), still, still, np.stack([latent] * 2), np.array([clearance])
-    )
+    return JointReference(times, positions, velocities, accelerations, latent)
 
 
 @numba.njit(cache=True, nogil=True)

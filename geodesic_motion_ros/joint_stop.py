@@ -1,4 +1,4 @@
-"""Stops of a joint motion: along the way that it goes, or from its state of motion alone.
+"""Stops of a joint motion: along its path, or from its state of motion alone.
 
 As every reference a stop is continuous with the state it begins at, and keeps the limits between its knots too.
 """
@@ -74,7 +74,7 @@ def bridge_to_rest(
     """A stop from a state of motion (eta,) [rad], [rad/s], [rad/s^2] alone, along no path: for when there is none.
 
     Accelerations go linearly to those of braking, stay there, and go linearly to 0: in the same times for all joints,
-    each braking as hard as it must to be at rest with the others. Position limits are not looked at. The latent points
+    each braking as hard as it must to be at rest with the others. Position limits are not judged. The latent points
     have no coordinates, (n, 0).
     """
     ramp = max(float(np.max((np.abs(acceleration) + limits.acceleration) / limits.jerk)), _SHORTEST_RAMP)

@@ -23,8 +23,8 @@ from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.graph.ambient import clearances
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.latent_view import magnification_factor
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 
 BLUE, VERMILION, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#E69F00", "#009E73", "#6b7280"

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros import latent_way
+from geodesic_motion_ros.planning import search
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.skill import Skill
@@ -46,7 +46,7 @@ class Asked:
     def __init__(self, name: str) -> None:
         self.skill = Skill.load(name)
         self.planner = ReactivePlanner(self.skill)
-        self._search = latent_way.shortest_path_from_both_ends
+        self._search = search.shortest_path_from_both_ends
         self._found: list = []
 
     def _searched(self, *arguments, **options):
@@ -59,7 +59,7 @@ class Asked:
         assert self.planner.set_obstacles(spheres[:, :3], spheres[:, 3]).ok
         self._found.clear()
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(latent_way, "shortest_path_from_both_ends", self._searched)
+            patch.setattr(search, "shortest_path_from_both_ends", self._searched)
             plan = self.planner.plan(ends[0, :3], ends[0, 3:], ends[1, :3], ends[1, 3:])
         cost, nodes = (self._found[-1].cost, self._found[-1].nodes) if self._found else (np.nan, np.empty(0, dtype=int))
         return Answer(int(plan.verdict.code), cost, nodes, self._samples(plan.reference))

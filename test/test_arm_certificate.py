@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -234,9 +235,7 @@ def test_bulges_hold_every_sphere_near_its_segment():
 def test_twice_as_many_knots_have_a_quarter_of_the_bulge():
     reference, _ = scene(0)
     times = np.linspace(0.0, reference.duration, 2 * len(reference.times) - 1)
-    halved = JointReference(
-        times, *reference.samples(times), np.zeros((len(times), 1)), np.full(len(times) - 1, np.inf)
-    )
+    halved = JointReference(times, *reference.samples(times), np.zeros((len(times), 1)))
     halved.velocities[-1] = halved.accelerations[-1] = 0.0
     assert bulges_of(halved).mean() == pytest.approx(bulges_of(reference).mean() / 4.0, rel=0.15)
 
@@ -351,3 +350,41 @@ def test_the_real_arm_is_never_nearer_than_certified():
                     costs.append(real - certificate.clearance[interval])
     assert len(costs) > 60
     assert np.median(costs) < 0.03
+
+
+def test_a_trajectory_has_the_certificate_of_every_interval_and_of_the_time_at_rest():
+    """The control: what comes to where it stands counts only where that time was certified."""
+    reference, _ = scene(0)
+    end = placed_at(reference, reference.times[-1:])[0, -1]
+    after = reference.duration + 0.25
+    coming = Obstacles.of_spheres(end[None] - [0.0, 0.0, 2.0 * after], np.array([0.05]), np.array([[0.0, 0.0, 2.0]]))
+    swept = CERTIFIER.swept(reference)
+    for lasting, horizon, hit in ((swept.lasting(after), after, True), (swept, reference.duration, False)):
+        certificate = CERTIFIER.certify_swept(lasting, coming, horizon, beyond=False)
+        trajectory = CERTIFIER.certified(reference, certificate)
+        assert len(trajectory.clearance) == len(trajectory.self_clearance) == len(reference.times) - 1
+        assert trajectory.nearest == np.min(certificate.clearance)
+        assert (trajectory.nearest < 0.0) is hit
+        assert np.array_equal(trajectory.clearance[:-1], certificate.clearance[: len(reference.times) - 2])
+
+
+def test_a_trajectory_that_continues_another_keeps_what_was_certified_of_both():
+    reference, obstacles = scene(1)
+    old = CERTIFIER.certified(reference, CERTIFIER.certify(reference, obstacles, HORIZON))
+    since, until = reference.times[3], reference.times[7] + 0.004
+    rest = reference.rest(until)
+    new = CERTIFIER.certified(rest, CERTIFIER.certify(rest, Obstacles.none(), HORIZON))
+    whole = old.continued_by(new, since, until)
+    np.testing.assert_array_equal(whole.clearance, [*old.clearance[3:8], *new.clearance])
+    np.testing.assert_array_equal(whole.self_clearance, [*old.self_clearance[3:8], *new.self_clearance])
+    assert len(whole.clearance) == len(whole.reference.times) - 1
+    # Beyond its end the arm stands, with the clearance that it has there.
+    later = old.continued_by(new, reference.duration, reference.duration + 1.0)
+    assert later.clearance[0] == old.clearance[-1]
+    assert new.continued_by(old, 0.0, 0.0).reference is reference
+
+
+def test_nothing_but_the_certifier_makes_what_may_be_played():
+    package = Path(__file__).resolve().parents[1] / "geodesic_motion_ros"
+    makers = [file.name for file in package.rglob("*.py") if "CertifiedTrajectory(" in file.read_text()]
+    assert makers == ["arm_certificate.py"]

@@ -34,10 +34,10 @@ GROUND = {
     "skill_folder", "convex_hull",
 }  # fmt: skip
 RUN = {
-    *GROUND, "planner_settings", "query", "task_frame", "latent_way", "joint_reference", "joint_timing", "joint_stop",
-    "refuge", "horizon", "joint_time_law", "joint_limits", "quintic", "cubic_spline", "arm_certificate",
-    "swept_spheres", "fitted_spline", "latent_view", "arm_view", "tables", "simulation", "nodes", "kernels",
-    "kernel_list", "kernel_worker", "paper", "planning", "trajectory",
+    *GROUND, "task_frame", "joint_reference", "joint_timing", "joint_stop", "horizon", "joint_time_law",
+    "joint_limits", "quintic", "cubic_spline", "arm_certificate", "swept_spheres", "fitted_spline", "latent_view",
+    "arm_view", "tables", "simulation", "nodes", "kernels", "kernel_list", "kernel_worker", "paper", "planning",
+    "trajectory", "moved", "planner", "joint_planner", "planner_settings", "query",
 }  # fmt: skip
 
 

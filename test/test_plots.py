@@ -11,8 +11,8 @@ from PIL import Image
 
 from geodesic_motion_ros import plots
 from geodesic_motion_ros.errors import PlanningError
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.quaternions import angle_between, normalise, to_rotation
 from geodesic_motion_ros.robot.body_points import end_effector_poses

@@ -67,7 +67,7 @@ hand, goal = end_effector_poses(way[[len(way) // 2, -1]].copy(), planner.robot.c
 centres, velocities = np.stack([goal, hand + [0.0, 0.0, 0.5]]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.3]])
 planner.take_obstacles(Obstacles.of_spheres(centres, np.full(2, 0.05), velocities, 10.0))
 reasons = [planner.tick(10.0 + 0.01 * number).verdict.reason for number in range(5)]
-assert any("giving way" in reason for reason in reasons), reasons
+assert any("evading" in reason for reason in reasons), reasons
 print(len(before) > 40, sorted(codes), sorted(loaded() - before))
 """
 

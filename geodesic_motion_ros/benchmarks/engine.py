@@ -15,7 +15,7 @@ from geodesic_motion_ros.graph.search_from_both_ends import shortest_path_from_b
 from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import PlannerSettings
 
 
 @dataclass(frozen=True)

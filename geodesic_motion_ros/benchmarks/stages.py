@@ -24,11 +24,11 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.refinement import refined
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
-from geodesic_motion_ros.latent_way import cheapest_way
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.search import cheapest_path
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict
@@ -83,7 +83,7 @@ class SkillBench:
             with watches["mark"]:
                 reshaping = mark(self.problem, obstacles.swept(planner.settings.prediction))
             with watches["search"]:
-                way = cheapest_way(
+                way = cheapest_path(
                     planner.graph, query, query.start_latent, reshaping, planner.settings.obstacle_margin
                 )
             if isinstance(way, Verdict):

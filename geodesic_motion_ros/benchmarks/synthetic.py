@@ -21,7 +21,7 @@ from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.perceptron import Perceptron
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints, place_body_points, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
 

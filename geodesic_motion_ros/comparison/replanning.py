@@ -22,7 +22,7 @@ from geodesic_motion_ros.joint_reference import JointReference, joined
 from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import PlannerSettings
 
 #: A new reference takes over so long after it was asked for, obstacles are expected to move on for so long, and a path
 #: is asked for again so long after there was none [s]; the first two as our planner.

@@ -37,9 +37,9 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.experiments.trained import Trained
 from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.path_smoothing import correct_ends
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.tables import text_table
 from geodesic_motion_ros.verdict import Verdict

@@ -56,8 +56,8 @@ from geodesic_motion_ros.experiments.requested_ends import (
 )
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.plots import (
     BLUE,
     GREEN,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.simulation.tabletop import fixed_to
 from geodesic_motion_ros.simulation.teacher import bottle_in_hand

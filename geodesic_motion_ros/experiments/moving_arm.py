@@ -31,8 +31,8 @@ from geodesic_motion_ros.experiments.moving_spheres import (
 )
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference
 from geodesic_motion_ros.joint_stop import stopping_reference
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from geodesic_motion_ros.experiments.obstacle_laws import STRENGTHS, WIDTHS, Kind, LawsReport
 from geodesic_motion_ros.graph.ambient import ambient_factor
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, VERMILION, write_figure
 
 #: The sphere and the strength for which the picture shows the laws [m].

@@ -48,13 +48,13 @@ from geodesic_motion_ros.experiments.blocked_arm import arm_clearance, every
 from geodesic_motion_ros.experiments.obstacle_law_scenes import CHECK_PERIOD, LawScene, draw_scene
 from geodesic_motion_ros.graph.ambient_law import AmbientLaw
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.configuration_query import (
     ConfigurationGoal,
     ConfigurationQuery,
     ConfigurationQueryBuilder,
 )
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import MotionState, Solver
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry

@@ -32,8 +32,8 @@ from geodesic_motion_ros.experiments.grasp_joint_scenes import passed_in_turn
 from geodesic_motion_ros.experiments.pouring_places import pouring_strip, standing_there
 from geodesic_motion_ros.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.plots import BLUE, Way, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE

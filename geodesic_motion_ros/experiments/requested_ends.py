@@ -20,8 +20,8 @@ from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.similarity import distance_to_closest
 from geodesic_motion_ros.experiments.baselines import SAMPLES, Prediction
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill import Skill

@@ -109,13 +109,13 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     def _output(self, plan: Plan) -> CycleOutput:
         trajectory = self._to_send(plan)
         commanded = self.planner.commanded(self._now)
-        way = self.planner.way() if plan.verdict.ok else None
+        path = self.planner.to_goal() if plan.verdict.ok else None
         return CycleOutput(
             plan.verdict,
             self._goal_verdict,
             trajectory=trajectory,
-            reference=None if way is None else way[0],
-            time_to_goal=math.nan if way is None else max(0.0, way[1] + way[0].duration - self._now),
+            reference=None if path is None else path[0],
+            time_to_goal=math.nan if path is None else max(0.0, path[1] + path[0].duration - self._now),
             configuration=None if commanded is None or self._lost or self._missing else commanded[0],
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
             mode=plan.mode.value,
@@ -132,7 +132,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         if plan.reference is not None:
             sent = self._horizon.bounded(plan.reference, plan.begin, self._now)
         elif plan.verdict.code is VerdictCode.DEADLINE_MISSED:
-            # What is being played is a stop already, or a way that this cycle found no time to certify, or to stop on:
+            # What is being played is a stop already, or a path that this cycle found no time to certify, or to stop on:
             # the arm brakes where what was sent ends.
             return None
         elif self._horizon.must_renew(self._now) and (playing := self.planner.playing(self._now)) is not None:

@@ -90,7 +90,7 @@ def _reference(message: JointTrajectory) -> JointReference:
         np.array([getattr(point, name) for point in message.points])
         for name in ("positions", "velocities", "accelerations")
     )
-    return JointReference(times, *told, np.zeros((len(times), 0)), np.full(len(times) - 1, np.inf))
+    return JointReference(times, *told, np.zeros((len(times), 0)))
 
 
 def measure_reaction(

@@ -18,8 +18,8 @@ from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -37,7 +37,7 @@ _TOOL_LIMITS = ("speed", "angular_speed", "acceleration")
 
 
 class SkillKind(ABC):
-    """A planner and the cycle that it is asked in.
+    """A planner and the cycle that calls it.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class SkillKind(ABC):
 
     @abstractmethod
     def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
-        """Tool poses of a way between two poses under the present obstacles, and the verdict."""
+        """Tool poses of a path between two poses under the present obstacles, and the verdict."""
 
     @abstractmethod
     def view(self, skill: Skill, size: int) -> LatentPicture | None:

@@ -49,16 +49,16 @@ class CycleInputs(Generic[Place]):
     measured : where the newest joint state says that the arm is: tool pose (position (3,) [m], quaternion (4,)), or
         configuration (eta,) [rad]; None before the first.
     state_age : [s] since that joint state was taken.
-    goal : the newest goal asked for, a pose or a configuration, or the verdict with which its message was refused; None
+    goal : the newest requested goal, a pose or a configuration, or the verdict with which its message was refused; None
         before the first.
-    goal_number : grows with every goal asked for.
+    goal_number : grows with every requested goal.
     obstacles : those that exist now.
     silent_sources : obstacle topics that have fallen silent, with for how long [s]; empty where that does
         not matter.
     late_sources : obstacle topics that tell of what is too long ago, with how long [s]; likewise.
     unusable_sources : obstacle topics of which nothing is known though something should be, with the reason.
-    hold : whether a hold was asked for.
-    task_frame : where the frame that the skill was shown in stands now, position (3,) [m] and quaternion (4,).
+    hold : whether a hold was requested.
+    task_frame : where the frame that the skill was demonstrated in stands now, position (3,) [m] and quaternion (4,).
     goal_in_task_frame : whether the goal was given in that frame.
     publishers : names of the nodes that publish the commands; more than one and the arm must not move.
     subscribers : names of the nodes that receive them; None: that is not known yet.
@@ -93,13 +93,13 @@ class CycleOutput:
 
     Attributes
     ----------
-    verdict : of this cycle; goal_verdict : of the newest goal asked for. When that is a refusal, the motion still
+    verdict : of this cycle; goal_verdict : of the newest requested goal. When that is a refusal, the motion still
         serves the goal before.
     commanded : pose to be at now; None in joint space, before anything is known, and while an arm that was lost does
         not rest.
     trajectory : joint reference to play in the place of the one before, and the time of its first knot [s]; None in
         task space, and where the one before stays.
-    reference : the way to the goal, with an OK verdict only. time_to_goal : until it ends [s], nan without.
+    reference : the path to the goal, with an OK verdict only. time_to_goal : until it ends [s], nan without.
     configuration : commanded (eta,) [rad] in joint space.
     speed : of the commanded tool [m/s], in joint space of the fastest joint [rad/s].
     mode : what the arm does (`planning.mode`); "" with the paper's planner.
@@ -276,7 +276,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         return verdict
 
     def _ready(self, inputs: CycleInputs[Place], advance: float) -> Verdict:
-        """OK when a plan may be asked for; the reason otherwise, the gravest first."""
+        """OK when a plan may be requested; the reason otherwise, the gravest first."""
         judged = self._stale_state(inputs) or self._follow_measured(inputs, advance) or self._rivals(inputs)
         if judged is not None:
             return judged
@@ -338,7 +338,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
 
     def _loss(self, measured: Place, taken: float) -> Unsettled | None:
         """Why what is commanded is no longer to be trusted, and drop the goal; None while the arm follows."""
-        # What was commanded when is not known of a time that another clock has told.
+        # What was commanded is not known of a time of another clock.
         deviation = None if self._jump else self._deviation(measured, taken)
         if self._jump:
             said = f"the clock was set by {self._jump:+.1f} s"

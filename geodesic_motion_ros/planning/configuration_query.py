@@ -7,21 +7,19 @@ that was demonstrated: the query goes to the one that is cheapest to reach from 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from geodesic_motion_ros.errors import RobotError
-from geodesic_motion_ros.graph.configuration_graph import CarriedConfigurations, ConfigurationGraph
+from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.graph.metric_field import MetricField
 from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
-from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import corrections_at
-from geodesic_motion_ros.latent_way import shown_cost
-from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.query import Pose
+from geodesic_motion_ros.planning.carried_query import AlongRidges, CarriedQuery, CarriedQueryBuilder, End
+from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.search import demonstrated_cost
+from geodesic_motion_ros.planning.settings import NEAREST_POSES, SAME_TASK_JOINTS, PlannerSettings
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
@@ -29,14 +27,6 @@ from geodesic_motion_ros.sheet import beyond_demonstrated
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
-
-#: A goal that moves no further than this during a motion leaves the choice between the demonstrations as it is [rad].
-_SAME_TASK = 0.05
-#: A goal pose is looked for from so many of the nearest nodes where the manifold has no poles.
-_NEAREST_POSES = 3
-#: How a query uses the skill's ridges: corrections along them (K, S, eta) [rad], conformal factors of the nodes (n,),
-#: and the ridges themselves; None and None where they are not used.
-AlongRidges = tuple[np.ndarray, np.ndarray | None, Ridges | None]
 
 
 @dataclass(frozen=True)
@@ -58,7 +48,7 @@ class ConfigurationGoal:
 
     def is_near(self, other: ConfigurationGoal) -> bool:
         """Whether it is hardly elsewhere, and may wait until the arm rests: configurations of a path are near each
-        other, and each new goal is gone to at once.
+        other, and each new goal is followed at once.
         """
         return self.is_same(other)
 
@@ -70,50 +60,28 @@ class _End:
     Attributes
     ----------
     node : the graph's node at, or nearest to, the latent point (d,).
-    shown : (eta,) decoded latent point; asked : (eta,) the configuration.
-    beyond : (eta,) what of the way between them no demonstration shows.
+    decoded : (eta,) of the latent point; requested : (eta,) the configuration.
+    beyond : (eta,) what of the difference no demonstration has.
     task_offset : (eta,) from the pole of the demonstrations; zeros where the latent point is no pole.
     """
 
     latent: np.ndarray
     node: int
-    shown: np.ndarray
-    asked: np.ndarray
+    decoded: np.ndarray
+    requested: np.ndarray
     beyond: np.ndarray
     task_offset: np.ndarray
 
-    def misfits(self, name: Literal["start", "goal"]) -> dict[str, float]:
+    def misfits(self, name: End) -> dict[str, float]:
         """Under their names in a Verdict, [rad] over all joints."""
-        sizes = (np.linalg.norm(self.asked - self.shown), np.linalg.norm(self.beyond))
+        sizes = (np.linalg.norm(self.requested - self.decoded), np.linalg.norm(self.beyond))
         return {f"{name}_offset": float(sizes[0]), f"{name}_beyond": float(sizes[1])}
 
 
 @dataclass(frozen=True)
-class ConfigurationQuery:
-    """A start and goal with the graph transported to them; attributes as of `query.Query`.
+class ConfigurationQuery(CarriedQuery):
+    """A start and a goal configuration (eta,) [rad] with the graph carried to them, which was decoded as `decoded`."""
 
-    Attributes
-    ----------
-    start, goal : (eta,) the asked configurations [rad].
-    body : the arm at every node.
-    field : the metric between the nodes.
-    """
-
-    start: np.ndarray
-    goal: np.ndarray
-    start_latent: np.ndarray
-    goal_node: int
-    body: NodeBody
-    offsets: JointOffsets
-    graph: CarriedConfigurations
-    field: MetricField
-    to_goal: np.ndarray
-    from_start: np.ndarray
-    cost_limit: float
-    misfits: dict[str, float]
-    task_start: np.ndarray
-    task_goal: np.ndarray
-    along_ridges: AlongRidges
     decoded: ConfigurationGraph
 
     def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
@@ -122,23 +90,19 @@ class ConfigurationQuery:
         return self.offsets.carried(decoded, *self.decoded.progress_map(latent)), ""
 
 
-class ConfigurationQueryBuilder:
+class ConfigurationQueryBuilder(CarriedQueryBuilder):
     """Finds where on the manifold start and goal lie, and transports the graph to them."""
 
     def __init__(
         self, skill: Skill, graph: ConfigurationGraph, settings: PlannerSettings, collision: CollisionModel
     ) -> None:
         """graph : decoded from the skill; collision : of its robot."""
-        self._skill, self._graph, self._settings, self._collision = skill, graph, settings, collision
-        self._robot = graph.robot
-        self._links = LinkBounds.of(collision)
+        super().__init__(skill, graph, settings, len(graph.robot.joint_names))
+        self._robot, self._collision, self._links = graph.robot, collision, LinkBounds.of(collision)
         self._point_radii = np.full(len(graph.body), settings.body_radius)
-        self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
-        joints = len(self._robot.joint_names)
-        self._unconditioned = self._along_ridges(np.zeros(joints), np.zeros(joints), conditioned=False)
         still = graph.transported(JointOffsets.none(self._robot, graph.ridge_count), self._unconditioned[1])
         self._unmoved = still.base
-        self._shown_cost = shown_cost(graph, self._unmoved, skill.codes)
+        self._demonstrated_cost = demonstrated_cost(graph, self._unmoved, skill.codes)
         self._fields: dict[int, np.ndarray] = {}
         self._poles = {end: self._find_poles(end) for end in ("start", "goal")}
         self._tool_positions, self._tool_quaternions = end_effector_poses(graph.configurations, self._robot.chain)
@@ -150,10 +114,10 @@ class ConfigurationQueryBuilder:
 
         frame : the base frame, in which all configurations are.
         """
-        return self._supported(ConfigurationGoal(configuration[None], "the configuration that was asked for"))
+        return self._supported(ConfigurationGoal(configuration[None], "the requested configuration"))
 
     def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ConfigurationGoal | Verdict:
-        """The configurations that hold the tool in a pose of the base frame, looked for near every mode that was
+        """The configurations that hold the tool in a pose of the base frame, searched near every mode that was
         demonstrated; frame : as of `goal_by_configuration`.
         """
         found, reason = self._configurations_at("goal", pose)
@@ -177,13 +141,13 @@ class ConfigurationQueryBuilder:
         """The configuration (eta,) nearest to where demonstrations started that holds the tool in a pose."""
         found, reason = self._configurations_at("start", pose)
         pieces = self._graph.pieces_with_demonstrations()
-        ends = [self._end("start", asked, piece) for asked in found for piece in pieces]
-        best = min((end for end in ends if end is not None), key=_weighed, default=None)
+        ends = [self._end("start", requested, piece) for requested in found for piece in pieces]
+        best = min((end for end in ends if end is not None), key=self._misfit, default=None)
         if best is None:
             return Verdict(VerdictCode.START_OUT_OF_SUPPORT, f"no configuration near the demonstrated ones: {reason}")
-        return best.asked
+        return best.requested
 
-    def _configurations_at(self, name: Literal["start", "goal"], pose: Pose) -> tuple[list[np.ndarray], str]:
+    def _configurations_at(self, name: End, pose: Pose) -> tuple[list[np.ndarray], str]:
         """Distinct configurations that hold the tool in a pose, and why there is not one more."""
         found: list[np.ndarray] = []
         reason = ""
@@ -199,19 +163,19 @@ class ConfigurationQueryBuilder:
                 found.append(configuration)
         return found, reason
 
-    def _guesses(self, name: Literal["start", "goal"], pose: Pose) -> list[np.ndarray]:
+    def _guesses(self, name: End, pose: Pose) -> list[np.ndarray]:
         if self._poles[name]:
-            return [pole.asked for pole in self._poles[name]]
+            return [pole.requested for pole in self._poles[name]]
         trusted = np.flatnonzero(self._graph.sigma < ENDPOINT_MULTIPLE * self._skill.sigma_support)
         offset = np.linalg.norm(self._tool_positions[trusted] - pose.position, axis=1)
         turn = 1.0 - np.abs(self._tool_quaternions[trusted] @ pose.quaternion)
-        nearest = trusted[np.argsort(offset**2 + 2.0 * turn)[:_NEAREST_POSES]]
+        nearest = trusted[np.argsort(offset**2 + 2.0 * turn)[:NEAREST_POSES]]
         return list(self._graph.configurations[nearest])
 
     def _supported(self, choice: ConfigurationGoal) -> ConfigurationGoal | Verdict:
         pieces = self._graph.pieces_with_demonstrations()
-        ends = [self._end("goal", asked, piece) for asked in choice.configurations for piece in pieces]
-        best = min((end for end in ends if end is not None), key=_weighed, default=None)
+        ends = [self._end("goal", requested, piece) for requested in choice.configurations for piece in pieces]
+        best = min((end for end in ends if end is not None), key=self._misfit, default=None)
         if best is None:
             return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
         verdict = self._offset_verdict("goal", best)
@@ -219,56 +183,55 @@ class ConfigurationQueryBuilder:
 
     # ------------------------------------------------------------------- ends
 
-    def _find_poles(self, end: Literal["start", "goal"]) -> list[_End]:
+    def _find_poles(self, end: End) -> list[_End]:
         sheet = self._skill.canonical
         if sheet is None:
             return []
         groups, means = (
             (sheet.start_groups, sheet.start_poles) if end == "start" else (sheet.goal_groups, sheet.goal_poles)
         )
-        everywhere = np.ones(len(self._graph.latent), dtype=bool)
         poles = []
         for group, mean in enumerate(means):
             latent = self._skill.codes[groups == group, 0 if end == "start" else -1].mean(axis=0)
-            node = self._graph.node_near(latent, everywhere, steps=max(self._graph.grid.shape))
-            assert node is not None
+            node = self._pole_node(latent)
             if end == "goal":
                 # A path ends at a node.
                 latent = self._graph.latent[node]
             still = np.zeros_like(mean)
-            poles.append(_End(latent, node, self._shown(latent), mean, still, still))
+            poles.append(_End(latent, node, self._decoded(latent), mean, still, still))
         return poles
 
-    def _shown(self, latent: np.ndarray) -> np.ndarray:
+    def _decoded(self, latent: np.ndarray) -> np.ndarray:
         return self._graph.decoder.configurations(latent[None])[0]
 
-    def _end(self, name: Literal["start", "goal"], asked: np.ndarray, piece: int) -> _End | None:
+    def _end(self, name: End, requested: np.ndarray, piece: int) -> _End | None:
         """Where a connected piece meets a configuration; None where none of it is trusted."""
         sheet = self._skill.canonical
         ends = []
         for group, pole in enumerate(self._poles[name]):
             if self._graph.component[pole.node] != piece:
                 continue
-            shown = sheet.start_offsets[sheet.start_groups == group]
+            demonstrated = sheet.start_offsets[sheet.start_groups == group]
             if name == "goal":
-                shown = sheet.goal_offsets[sheet.goal_groups == group]
-            offset = asked - pole.asked
-            beyond = beyond_demonstrated(offset, shown, sheet.scale)
-            ends.append(_End(pole.latent, pole.node, pole.shown, asked, beyond, offset))
-        best = min(ends, key=_weighed, default=None)
+                demonstrated = sheet.goal_offsets[sheet.goal_groups == group]
+            offset = requested - pole.requested
+            beyond = beyond_demonstrated(offset, demonstrated, sheet.scale)
+            ends.append(_End(pole.latent, pole.node, pole.decoded, requested, beyond, offset))
+        best = min(ends, key=self._misfit, default=None)
         if best is not None and self._allowed(best):
             return best
-        node = self._graph.nearest_node(asked, piece, ENDPOINT_MULTIPLE * self._skill.sigma_support)
+        node = self._graph.nearest_node(requested, piece, ENDPOINT_MULTIPLE * self._skill.sigma_support)
         if node is None:
             return best
-        shown = self._graph.configurations[node]
-        nearest = _End(self._graph.latent[node], node, shown, asked, asked - shown, np.zeros_like(asked))
-        return nearest if best is None else min(nearest, best, key=_weighed)
+        decoded = self._graph.configurations[node]
+        beyond, still = requested - decoded, np.zeros_like(requested)
+        nearest = _End(self._graph.latent[node], node, decoded, requested, beyond, still)
+        return nearest if best is None else min(nearest, best, key=self._misfit)
 
     def _allowed(self, end: _End) -> bool:
         return float(np.linalg.norm(end.beyond)) <= self._settings.maximum_joint_offset
 
-    def _offset_verdict(self, name: Literal["start", "goal"], end: _End) -> Verdict:
+    def _offset_verdict(self, name: End, end: _End) -> Verdict:
         if self._allowed(end):
             return Verdict(VerdictCode.OK, in_support=True, **end.misfits(name))
         worst = int(np.argmax(np.abs(end.beyond)))
@@ -277,8 +240,7 @@ class ConfigurationQueryBuilder:
             f"'{self._robot.joint_names[worst]}' ({end.beyond[worst]:+.2f} rad); allowed are "
             f"{self._settings.maximum_joint_offset:.2f} rad (setting maximum_joint_offset)"
         )
-        code = VerdictCode.START_OUT_OF_SUPPORT if name == "start" else VerdictCode.GOAL_OUT_OF_SUPPORT
-        return Verdict(code, reason, **end.misfits(name))
+        return Verdict(self._out_of_support(name), reason, **end.misfits(name))
 
     # ------------------------------------------------------------------ query
 
@@ -289,15 +251,15 @@ class ConfigurationQueryBuilder:
             here = self._end("start", start, piece)
             if here is None:
                 continue
-            for asked in goal.configurations:
-                there = self._end("goal", asked, piece)
+            for requested in goal.configurations:
+                there = self._end("goal", requested, piece)
                 if there is not None:
                     pairs.append((here, there))
         if not pairs:
             return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
         good = [pair for pair in pairs if self._allowed(pair[0]) and self._allowed(pair[1])]
         if not good:
-            here, there = min(pairs, key=lambda pair: _weighed(pair[0]) + _weighed(pair[1]))
+            here, there = min(pairs, key=lambda pair: self._misfit(pair[0]) + self._misfit(pair[1]))
             verdict = self._offset_verdict("start", here)
             return self._offset_verdict("goal", there) if verdict.ok else verdict
         here, there = min(good, key=lambda pair: self._unmoved_cost(*pair))
@@ -306,7 +268,7 @@ class ConfigurationQueryBuilder:
     def redirected(
         self, query: ConfigurationQuery, start: np.ndarray, latent: np.ndarray, goal: ConfigurationGoal
     ) -> ConfigurationQuery | Verdict | None:
-        """The query that goes on from a configuration on the way of an older one, at its latent point, to a new goal.
+        """The query that goes on from a configuration on the path of an older one, at its latent point, to a new goal.
 
         None where the latent point is not connected to any node: then the query has to be built anew.
         """
@@ -315,14 +277,14 @@ class ConfigurationQueryBuilder:
         if node is None:
             return None
         still = np.zeros_like(start)
-        here = _End(latent, node, self._shown(latent), start, still, query.task_start)
-        ends = [end for asked in goal.configurations if (end := self._end("goal", asked, piece)) is not None]
+        here = _End(latent, node, self._decoded(latent), start, still, query.task_start)
+        ends = [end for requested in goal.configurations if (end := self._end("goal", requested, piece)) is not None]
         allowed = [end for end in ends if self._allowed(end)]
         if not allowed:
-            return self._offset_verdict("goal", min(ends, key=_weighed)) if ends else None
+            return self._offset_verdict("goal", min(ends, key=self._misfit)) if ends else None
         there = min(allowed, key=lambda end: self._unmoved_cost(here, end))
         along_ridges = query.along_ridges
-        if np.linalg.norm(there.task_offset - query.task_goal) > _SAME_TASK:
+        if np.linalg.norm(there.task_offset - query.task_goal) > SAME_TASK_JOINTS:
             along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
         return self._between(here, there, query.task_start, along_ridges)
 
@@ -334,60 +296,36 @@ class ConfigurationQueryBuilder:
         return query
 
     def _unmoved_cost(self, here: _End, there: _End) -> float:
-        """Obstacle-free cost between two nodes where the skill was shown."""
+        """Obstacle-free cost between two nodes where the skill was demonstrated."""
         if there.node not in self._fields:
             self._fields[there.node] = cost_field(self._graph.adjacency, self._unmoved, there.node)
         return float(self._fields[there.node][here.node])
-
-    def _chosen_ridges(self, task_start: np.ndarray, task_goal: np.ndarray) -> AlongRidges:
-        sheet = self._skill.canonical
-        if self._ridges is None or sheet is None or not (self._settings.query_conditioning and sheet.regresses):
-            return self._unconditioned
-        return self._along_ridges(task_start, task_goal, conditioned=True)
-
-    def _along_ridges(self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool) -> AlongRidges:
-        sheet = self._skill.canonical
-        if self._ridges is None or sheet is None:
-            # No ridge is used, but the graph counts the shares of the skill's.
-            return np.zeros((self._graph.ridge_count, 2, len(start_offset))), None, None
-        weights = sheet.weights(start_offset, goal_offset, conditioned)
-        ridges = self._ridges.moved_to(np.einsum("kn,nsd->ksd", weights, self._skill.codes))
-        corrections = sheet.corrections(self._graph.decoder, ridges, weights)
-        return corrections, ridges.conformal_factors(self._graph.latent, self._settings.ridge_strength), ridges
 
     def _between(
         self, here: _End, there: _End, task_start: np.ndarray, along_ridges: AlongRidges
     ) -> ConfigurationQuery:
         corrections, conformal, ridges = along_ridges
         progress, shares = self._graph.progress_map(np.stack([here.latent, there.latent]))
-        shown = np.stack([here.shown, there.shown]) + corrections_at(corrections, progress, shares)
-        asked, along = np.stack([here.asked, there.asked]), (float(progress[0]), float(progress[1]))
-        offsets = JointOffsets.between(self._robot, shown, asked, along, corrections)
+        decoded = np.stack([here.decoded, there.decoded]) + corrections_at(corrections, progress, shares)
+        requested, along = np.stack([here.requested, there.requested]), (float(progress[0]), float(progress[1]))
+        offsets = JointOffsets.between(self._robot, decoded, requested, along, corrections)
         graph = self._graph.transported(offsets, conformal)
-        to_goal = cost_field(self._graph.adjacency, graph.base, there.node)
         body = NodeBody.of_arm(
             graph.configurations, graph.body_points, self._point_radii, self._collision, self._links, self._robot
         )
         return ConfigurationQuery(
-            start=here.asked,
-            goal=there.asked,
+            start=here.requested,
+            goal=there.requested,
             start_latent=here.latent,
             goal_node=there.node,
             body=body,
             offsets=offsets,
             graph=graph,
             field=self._graph.field(ridges, self._settings.ridge_strength),
-            to_goal=to_goal,
-            from_start=cost_field(self._graph.adjacency, graph.base, here.node),
-            cost_limit=self._settings.cost_cap * max(self._shown_cost, float(to_goal[here.node])),
+            **self._costs(graph, here.node, there.node),
             misfits=here.misfits("start") | there.misfits("goal"),
             task_start=task_start,
             task_goal=there.task_offset,
             along_ridges=along_ridges,
             decoded=self._graph,
         )
-
-
-def _weighed(end: _End) -> float:
-    """How ill an end fits: what was not demonstrated of its offset [rad]."""
-    return float(np.linalg.norm(end.beyond))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import Enum
 
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
 
 class Mode(Enum):
     """What the arm does."""
@@ -19,6 +21,22 @@ class Mode(Enum):
     def at_rest(self) -> bool:
         """Whether the arm stands in this mode; FOLLOWING: it may."""
         return self in (Mode.IDLE, Mode.WAITING, Mode.HOLDING)
+
+    @classmethod
+    def moving(cls, leads_to_goal: bool, evading: bool) -> Mode:
+        """Of an arm that moves."""
+        if leads_to_goal:
+            return cls.FOLLOWING
+        return cls.EVADING if evading else cls.STOPPING
+
+    @classmethod
+    def standing(cls, verdict: Verdict) -> Mode:
+        """Of an arm that stands, with the verdict of the tick."""
+        if verdict.ok:
+            return cls.FOLLOWING
+        if verdict.code is VerdictCode.NO_GOAL:
+            return cls.IDLE
+        return cls.WAITING if verdict.planned else cls.HOLDING
 
 
 #: Which modes may follow each one: what stands has nothing to stop.

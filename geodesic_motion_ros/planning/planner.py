@@ -1,58 +1,58 @@
-"""ReactivePlanner: goal, obstacles and the time -> joint reference and verdict, once per tick. Knows nothing of ROS.
+"""ReactivePlanner: goal, obstacles and the time -> what the arm plays and the verdict, once per tick. Knows nothing of
+ROS.
 
 One planner of configurations for every kind of skill: how a node of the latent graph gets its configuration is for
 `configuration_query` (skills of configurations) and `tool_query` (skills of tool poses). The planner owns the stream
-(`stream`): it plans from the state of motion in which a new reference takes over from the one that is being played. A
-reference is certified for the whole arm, against obstacles that move on linearly for a while, before it is handed out.
+(`stream`): it plans from the state of motion in which a new trajectory takes over from the one that is being played. A
+trajectory is certified for the whole arm, against obstacles that move on linearly for a while, before it is handed out.
 
-While nothing changes the reference stays. Otherwise the search is repeated, and the new path taken where it is a gain.
+While nothing changes the trajectory stays. Otherwise the search is repeated, and the new path taken where it is a gain.
 Where no path is left that can be certified the arm stops along the one that it follows; where something is then coming
 to where it stands, it evades (`evasion`).
+
+A tick works out its `Situation` once, decides without changing anything, and commits the decision in one place.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
+from numbers import Real
 
 import numpy as np
 
+from geodesic_motion_ros.arm_certificate import CertifiedTrajectory
 from geodesic_motion_ros.deadline import NEVER, Deadline
-from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.errors import PlanningError, RobotError
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import load_references
-from geodesic_motion_ros.latent_way import load_search
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.configuration_query import (
     ConfigurationGoal,
     ConfigurationQuery,
     ConfigurationQueryBuilder,
 )
-from geodesic_motion_ros.planning.evasion import Evasion
-from geodesic_motion_ros.planning.solver import Attempt, MotionState, Plan, Solver
-from geodesic_motion_ros.planning.stream import Followed, Moment, Stream
+from geodesic_motion_ros.planning.evasion import evaded, still_evading
+from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
+from geodesic_motion_ros.planning.search import load_search
+from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
+from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
+from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
+from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.planning.tool_query import ToolGoal, ToolQuery, ToolQueryBuilder
 from geodesic_motion_ros.planning.tracking import Tracking
 from geodesic_motion_ros.quaternions import angle_between
-from geodesic_motion_ros.query import Pose, checked_pose
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
-
-#: While a path is free, better ones are looked for so often [s]: with obstacles near it, and without.
-_PERIOD_CLOSE, _PERIOD_FAR = 0.05, 0.1
-#: Steps in which the tracking error counts [m], and the lag [s].
-_ERROR_STEP, _LAG_STEP = 1e-3, 0.01
-#: Of times [s], and of shares.
-_ROUNDING = 1e-6
-#: `plan` begins in the posture in which the arm stands where its tool is this near the requested start [m], [rad].
-_SAME_START = 0.005, 0.02
 
 Goal = ConfigurationGoal | ToolGoal
 Query = ConfigurationQuery | ToolQuery
@@ -84,6 +84,45 @@ class PreparedGoal:
     stands: int
 
 
+@dataclass(frozen=True, eq=False)
+class _Mission:
+    """Where the arm is to go.
+
+    Attributes
+    ----------
+    requested : the newest goal. active : the same, or the one before while the newest is hardly elsewhere and the arm
+        moves. query : the graph carried to the active one; None: not yet.
+    """
+
+    requested: PreparedGoal | None = None
+    active: PreparedGoal | None = None
+    query: Query | None = None
+
+    def activated(self, prepared: PreparedGoal, query: Query | None) -> _Mission:
+        """With a goal as the active one."""
+        if self.active is not None and prepared.goal.is_same(self.active.goal):
+            return self
+        return replace(self, active=prepared, query=query)
+
+
+@dataclass(frozen=True, eq=False)
+class _Inputs:
+    """What was received: obstacles, and how far [m] they may be from there; how the arm follows; the task frame."""
+
+    obstacles: Obstacles
+    position_error: float
+    tracking: Tracking
+    frame: TaskFrame
+
+    @cached_property
+    def enlarged(self) -> Obstacles:
+        """The obstacles as large as they are taken to be: larger by how far they may be from where they were received
+        and the arm's links off the path; and, where they move, covering where they are until an arm that lags has come.
+        """
+        larger = self.obstacles.enlarged(self.position_error + self.tracking.error)
+        return larger.throughout(self.tracking.lag)
+
+
 @dataclass(frozen=True)
 class _Blocked:
     """What was tried for an arm at rest among obstacles that stand, and found no path: it need not be tried again."""
@@ -92,6 +131,65 @@ class _Blocked:
     obstacles: Obstacles
     attempts: frozenset[Attempt]
     verdict: Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class _SearchMemory:
+    """What earlier searches found.
+
+    Attributes
+    ----------
+    without_path : the query for which there was no path the last time; attempted : the number of the attempt that was
+        made then.
+    last_optimistic : when an optimistic attempt was last made for it [s].
+    last_failed_evasion : when an evasion path was searched last and none found [s].
+    """
+
+    without_path: Query | None = None
+    attempted: int = 0
+    blocked: _Blocked | None = None
+    last_optimistic: float = -math.inf
+    last_failed_evasion: float = -math.inf
+
+    def still_blocked(self, query: Query, obstacles: Obstacles) -> _Blocked | None:
+        """What was tried and found no path, where nothing has changed since."""
+        blocked = self.blocked
+        if blocked is None or blocked.query is not query or not blocked.obstacles.unmoved_in(obstacles):
+            return None
+        return blocked
+
+    def chosen_attempts(self, solver: Solver, query: Query, now: float) -> tuple[tuple[Attempt, ...], _SearchMemory]:
+        """What is tried at a time [s] by an arm that follows no path to a query's goal, and the memory of that.
+
+        All where a path has just been lost, or was not searched yet. Where there was none the last time, another one in
+        every tick, and the first optimistic one as often as better paths are searched.
+        """
+        if query is not self.without_path:
+            return solver.attempts, replace(self, attempted=0)
+        number = (self.attempted + 1) % len(solver.cautious)
+        memory, chosen = replace(self, attempted=number), solver.cautious[number : number + 1]
+        if now < self.last_optimistic + constants.SEARCH_PERIOD_CLOSE - TIME_ROUNDING:
+            return chosen, memory
+        return (*chosen, *solver.optimistic[:1]), replace(memory, last_optimistic=now)
+
+    def after(
+        self, plan: Plan, query: Query, blocked: _Blocked | None, attempts: tuple[Attempt, ...], situation: Situation
+    ) -> _SearchMemory:
+        """With what a search came to; blocked : what was tried before in the same situation."""
+        still = self.blocked if plan.verdict.code is VerdictCode.DEADLINE_MISSED else None
+        if plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH and situation.expected.stand and situation.at_rest:
+            tried = frozenset(attempts) if blocked is None else blocked.attempts.union(attempts)
+            still = _Blocked(query, situation.obstacles, tried, plan.verdict)
+        return replace(self, without_path=query if plan.trajectory is None else None, blocked=still)
+
+
+@dataclass(frozen=True, eq=False)
+class _Decision:
+    """What a tick comes to, and what is remembered of it."""
+
+    step: Step
+    query: Query | None
+    memory: _SearchMemory
 
 
 class ReactivePlanner:
@@ -107,7 +205,7 @@ class ReactivePlanner:
     >>> planner.stand_at(q, now=0.0)
     >>> planner.set_goal(position, quaternion)
     >>> planner.set_obstacles(centres, radii, velocities, time=0.0)
-    >>> plan = planner.tick(now=0.0)  # plan.reference is played from plan.begin on; plan.verdict tells why it is None
+    >>> plan = planner.tick(now=0.0)  # plan.reference is played from plan.begin on; plan.verdict states why it is None
     """
 
     def __init__(
@@ -133,25 +231,14 @@ class ReactivePlanner:
             self._queries = ToolQueryBuilder(skill, self.graph, self.settings, self.robot, self.collision)
         else:
             self._queries = ConfigurationQueryBuilder(skill, self.graph, self.settings, self.collision)
-        # As they were received, and as large as they are taken to be.
-        self._received = self._obstacles = Obstacles.none()
-        self.tracking = Tracking()
-        self._frame = TaskFrame.identity()
-        # The time of the newest tick [s].
-        self._ticked = 0.0
-        self._requested: PreparedGoal | None = None
-        # The requested one, but while that is hardly elsewhere and the arm moves.
-        self._active: PreparedGoal | None = None
-        self._query: Query | None = None
-        self._stream = Stream(self.settings, self.limits, self._solver.certifier)
-        self._stands = 0
-        # The query for which there was no path the last time, and the attempt that was made then.
-        self._without_path: Query | None = None
-        self._attempted = 0
-        self._blocked: _Blocked | None = None
-        # When an optimistic attempt last failed [s].
-        self._last_failed_optimistic_search = -np.inf
-        self._evasion = Evasion(self.settings, self._solver, self._stream)
+        self._stream = Stream(self._solver.certifier)
+        self._inputs = _Inputs(
+            Obstacles.none(), self.settings.obstacle_position_error, Tracking(), TaskFrame.identity()
+        )
+        self._mission = _Mission()
+        self._memory = _SearchMemory()
+        # The time of the newest tick [s], and how often the arm was said to stand somewhere.
+        self._ticked, self._stands = 0.0, 0
         self._warm_up()
 
     def _warm_up(self) -> None:
@@ -168,12 +255,12 @@ class ReactivePlanner:
             self.tick(time)
         self.set_goal(goal[0] + 0.003, goal[1])
         self.tick(0.3)
-        if self._query is not None:
-            load_search(self.graph, self._query, self.settings)
+        if self._mission.query is not None:
+            load_search(self.graph, self._mission.query, self.settings)
         load_references(self.limits, self._solver.tool)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
-        self._received = self._obstacles = Obstacles.none()
-        self._requested = self._active = self._query = None
+        self.take_obstacles(Obstacles.none())
+        self._mission, self._memory = _Mission(), _SearchMemory()
         self._stream.forget()
 
     # ---------------------------------------------------------------- inputs
@@ -202,29 +289,30 @@ class ReactivePlanner:
         pose, reason = checked_pose("goal", position, quaternion)
         if pose is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
-        return self._prepared(GoalRequest(pose, in_task_frame), self._frame)
+        return self._prepared(GoalRequest(pose, in_task_frame), self._inputs.frame)
 
     def prepared_configuration(self, configuration: np.ndarray) -> PreparedGoal | Verdict:
         """`prepared_goal` for a goal configuration (eta,) [rad]."""
         checked, reason = self._checked("goal", configuration)
         if checked is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
-        return self._prepared(GoalRequest(configuration=checked), self._frame)
+        return self._prepared(GoalRequest(configuration=checked), self._inputs.frame)
 
     def prepared_again(self) -> PreparedGoal | Verdict:
         """The requested goal, prepared anew as the task frame has moved; NO_GOAL before the first."""
-        requested = self._requested
+        requested = self._mission.requested
         if requested is None:
             return Verdict(VerdictCode.NO_GOAL, "no goal has been given")
-        return self._prepared(requested.request, self._frame)
+        return self._prepared(requested.request, self._inputs.frame)
 
     def _prepared(self, request: GoalRequest, frame: TaskFrame) -> PreparedGoal | Verdict:
         """The goal with the graph carried to it from where the stream is about to be, so that ticks remain short."""
         goal = self._found(request, frame)
         if isinstance(goal, Verdict):
             return goal
-        # Whoever ticks may replace these meanwhile.
-        stands, played, followed, active = self._stands, self._stream.played, self._stream.followed, self._active
+        # The thread that ticks may replace these meanwhile.
+        stands, played, followed = self._stands, self._stream.played, self._stream.followed
+        active = self._mission.active
         prepared = PreparedGoal(request, frame, goal, None, stands)
         if played is None or (active is not None and goal.is_same(active.goal)):
             return prepared
@@ -256,16 +344,12 @@ class ReactivePlanner:
         """
         if isinstance(prepared, Verdict):
             return prepared
-        self._requested = prepared
-        if self._active is None or self._query is None or not prepared.goal.is_near(self._active.goal):
-            self._activate(prepared, prepared.query)
+        mission = replace(self._mission, requested=prepared)
+        if mission.active is None or mission.query is None or not prepared.goal.is_near(mission.active.goal):
+            # What was carried from where the arm no longer is has to be carried anew.
+            mission = mission.activated(prepared, prepared.query if prepared.stands == self._stands else None)
+        self._mission = mission
         return Verdict(VerdictCode.OK, f"goal: {prepared.goal.stated}")
-
-    def _activate(self, prepared: PreparedGoal, query: Query | None) -> None:
-        if self._active is not None and prepared.goal.is_same(self._active.goal):
-            return
-        # What was carried from where the arm no longer is has to be carried anew.
-        self._active, self._query = prepared, query if prepared.stands == self._stands else None
 
     def set_task_frame(self, position: np.ndarray, quaternion: np.ndarray) -> Verdict:
         """Say where the frame that the skill was demonstrated in stands now: (3,) [m] and (4,) in the base frame.
@@ -274,7 +358,7 @@ class ReactivePlanner:
         then the old frame stays. A goal that the frame takes out of the skill's support is dropped, with that verdict.
         """
         verdict = self.move_task_frame(position, quaternion)
-        if not verdict.ok or self._requested is None:
+        if not verdict.ok or self._mission.requested is None:
             return verdict
         prepared = self.prepared_again()
         if isinstance(prepared, Verdict):
@@ -290,12 +374,12 @@ class ReactivePlanner:
         if not (frame.is_identity or isinstance(self._queries, ToolQueryBuilder)):
             reason = "a skill of joint space cannot follow a task frame that is not the base frame"
             return Verdict(VerdictCode.BAD_INPUT, reason)
-        self._frame = frame
+        self._inputs = replace(self._inputs, frame=frame)
         return Verdict(VerdictCode.OK)
 
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
-        self._requested = self._active = self._query = None
+        self._mission = _Mission()
 
     def set_obstacles(
         self, centres: np.ndarray, radii: np.ndarray, velocities: np.ndarray | None = None, time: float = 0.0
@@ -319,25 +403,22 @@ class ReactivePlanner:
         objection = obstacles.objection()
         if objection:
             return Verdict(VerdictCode.BAD_INPUT, objection)
-        self._received = obstacles
-        self._obstacles = self._as_the_arm_meets(obstacles)
+        self._inputs = replace(self._inputs, obstacles=obstacles)
         return Verdict(VerdictCode.OK)
+
+    @property
+    def tracking(self) -> Tracking:
+        """How the arm follows what it is sent, as it counts."""
+        return self._inputs.tracking
 
     def set_tracking(self, tracking: Tracking) -> None:
         """Say how the arm follows what it is sent: what is played is certified again for an arm that is late by up to
-        that lag, and with so much more clearance; both are rounded up, to 10 ms and millimetres.
+        that lag, and with so much more clearance; both are rounded up, to `LAG_STEP` and `TRACKING_ERROR_STEP`.
         """
-        rounded = Tracking(_rounded_up(tracking.lag, _LAG_STEP), _rounded_up(tracking.error, _ERROR_STEP))
-        if rounded != self.tracking:
-            self.tracking = rounded
-            self._obstacles = self._as_the_arm_meets(self._received)
-
-    def _as_the_arm_meets(self, obstacles: Obstacles) -> Obstacles:
-        """Obstacles as they were received, as large as they are taken to be: larger by how far they may be from there,
-        and the arm's links off the path; and, where they move, covering where they are until an arm that lags has come.
-        """
-        larger = obstacles.enlarged(self.settings.obstacle_position_error + self.tracking.error)
-        return larger.throughout(self.tracking.lag)
+        lag = _rounded_up(tracking.lag, constants.LAG_STEP)
+        rounded = Tracking(lag, _rounded_up(tracking.error, constants.TRACKING_ERROR_STEP))
+        if rounded != self._inputs.tracking:
+            self._inputs = replace(self._inputs, tracking=rounded)
 
     def stand_at(self, configuration: np.ndarray, now: float) -> Plan:
         """The arm stands in a configuration (eta,) [rad] at `now` [s]: what was played is forgotten, the goal is not.
@@ -349,14 +430,18 @@ class ReactivePlanner:
         if configuration is None:
             return Plan(None, now, Verdict(VerdictCode.BAD_INPUT, reason))
         standing = JointReference.standing(configuration, np.zeros(self.graph.latent.shape[1]))
+        trajectory = self._certified(standing, now)
         self._ticked = now
         self._stands += 1
-        self._stream.stand(standing, now)
-        self._query = None
-        self._last_failed_optimistic_search = -np.inf
-        self._evasion.forget()
-        self._blocked = None
-        return Plan(standing, now, Verdict(VerdictCode.OK))
+        self._stream.stand(trajectory, now)
+        self._mission, self._memory = replace(self._mission, query=None), _SearchMemory()
+        return Plan(trajectory, now, Verdict(VerdictCode.OK))
+
+    def _certified(self, reference: JointReference, begin: float) -> CertifiedTrajectory:
+        """What the arm does anyway from a time [s] on, with an honest certificate."""
+        certifier, prediction = self._solver.certifier, self.settings.prediction
+        certificate = certifier.certify(reference, self._inputs.enlarged.at(begin, prediction), prediction)
+        return certifier.certified(reference, certificate)
 
     def _checked(self, what: str, configuration: np.ndarray) -> tuple[np.ndarray | None, str]:
         try:
@@ -381,86 +466,129 @@ class ReactivePlanner:
 
         The next tick plans on from there.
         """
-        self._stream.braked(reference, begin, verdict)
+        self._stream.braked(self._certified(reference, begin), begin, verdict)
 
-    def way(self) -> tuple[JointReference, float] | None:
+    def to_goal(self) -> tuple[JointReference, float] | None:
         """What is being played and the time of its first knot [s], where it leads to the goal."""
-        return self._stream.way()
+        return self._stream.to_goal()
 
     def tick(self, now: float, deadline: Deadline = NEVER, late: Deadline = NEVER) -> Plan:
         """One step of the stream at `now` [s]: what is to be played, and the verdict.
 
         DEADLINE_MISSED where the deadline did not leave time for all that could be tried: then the arm stops along its
-        way, and the next ticks go on trying. So too where `late` has passed by the time that a reference is found: it
-        would take over in the past. A way that is still free, to the goal or aside, is gone on; without one, `stop` is
-        to be asked for.
+        path, and the next ticks go on trying. So too where `late` has passed by the time that a trajectory is found: it
+        would take over in the past. A path that is still free, to the goal or evading, stays; without one, `stop` is to
+        be called.
         """
-        plan = self._tick(now, deadline, late)
-        return replace(plan, mode=self._stream.mode(now, plan.verdict))
-
-    def _tick(self, now: float, deadline: Deadline, late: Deadline) -> Plan:
-        """`tick` without the mode."""
+        if not isinstance(now, Real):
+            raise PlanningError("tick(position, quaternion) is no more: stand_at(q, now) once, then tick(now)")
         self._ticked = now
-        stream, moment = self._stream, Moment(now, self._obstacles, late)
-        if stream.played is None:
-            return Plan(None, now, Verdict(VerdictCode.STALE_STATE, "where the arm stands is not known yet"))
-        if now >= stream.played.end and self._requested is not None:
-            self._activate(self._requested, None)
-        if self._active is None:
-            return stream.stopped(Verdict(VerdictCode.NO_GOAL, "no goal has been given"), moment)
-        kept = self._kept(moment)
-        if kept is not None:
-            return kept
-        state = stream.played.state_at_switch(now + self.settings.latency, stream.followed)
-        obstacles = moment.obstacles.at(state.time, self.settings.prediction)
-        query = self._query or self._next_query(state, stream.followed, self._active.goal)
-        if isinstance(query, Verdict):
-            return stream.stopped(query, moment)
-        self._query = query
-        followed = stream.free_way(query, state.time, obstacles)
-        if followed is not None:
-            period = _PERIOD_CLOSE if followed.close else _PERIOD_FAR
-            if now < followed.searched + period - _ROUNDING:
-                return stream.continued(followed, moment)
-        blocked = self._still_blocked(query)
-        if blocked is not None and blocked.attempts.issuperset(self._solver.cautious):
-            other = self._queries.other_posture(query)
-            if other is None:
-                return stream.stopped(blocked.verdict, moment)
-            self._query, query, blocked = other, other, None
-        elif blocked is None and followed is None and now >= stream.played.end:
-            # Another posture was for obstacles that stood.
-            self._query = query = self._queries.first_posture(query)
-        known = followed.nodes if followed is not None and followed.keeps_off else None
-        attempts = self._worthwhile_attempts(followed, now)
-        plan = self._solver.solve(query, state, obstacles, attempts, deadline, known)
-        plan = stream.stoppable(plan, obstacles)
-        if followed is not None and (late.passed or not stream.gains(plan, followed, state.time)):
-            found_again = plan.reference is None and plan.verdict.ok
-            looked = followed.looked if found_again else followed.verdict.clearance
-            return stream.continued(replace(followed, obstacles=moment.obstacles, searched=now, looked=looked), moment)
-        self._without_path = query if plan.reference is None else None
-        if plan.verdict.code is not VerdictCode.DEADLINE_MISSED:
-            self._blocked = None
-        if plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH and obstacles.stand and now >= stream.played.end:
-            tried = frozenset(attempts) if blocked is None else blocked.attempts.union(attempts)
-            self._blocked = _Blocked(query, moment.obstacles, tried, plan.verdict)
-        out_of_time = late.passed or (plan.reference is None and deadline.passed)
-        gone_on = self._evasion.gone_on(state.time, moment) if out_of_time else None
-        if gone_on is not None:
-            return gone_on
-        if plan.reference is None:
-            aside = None if deadline.passed else self._evasion.plan(query, state, plan.verdict, moment, deadline)
-            return aside or stream.stopped(plan.verdict, moment)
-        return stream.play(plan, Followed.begun(query, plan, moment), moment)
+        situation = self._situation(now, late, deadline)
+        if situation is None:
+            verdict = Verdict(VerdictCode.STALE_STATE, "where the arm stands is not known yet")
+            return Plan(None, now, verdict, mode=Mode.standing(verdict))
+        mission = self._mission
+        if situation.at_rest and mission.requested is not None:
+            mission = mission.activated(mission.requested, None)
+        return self._commit(situation, mission, self._decided(situation, mission))
 
     def stop(self, now: float, verdict: Verdict, late: Deadline = NEVER) -> Plan:
-        """Come to rest along the way being gone, for a reason; late : as of `tick`."""
-        stream = self._stream
-        plan = Plan(None, now, verdict)
-        if stream.played is not None:
-            plan = stream.stopped(verdict, Moment(now, self._obstacles, late))
-        return replace(plan, mode=stream.mode(now, plan.verdict))
+        """Come to rest along the path being followed, for a reason; late : as of `tick`."""
+        situation = self._situation(now, late)
+        if situation is None:
+            return Plan(None, now, verdict, mode=Mode.standing(verdict))
+        mission = self._mission
+        return self._commit(situation, mission, _Decision(situation.stopped(verdict), mission.query, self._memory))
+
+    def _situation(self, now: float, late: Deadline, deadline: Deadline = NEVER) -> Situation | None:
+        """None where it is not known where the arm stands."""
+        stream, solver = self._stream, self._solver
+        if stream.played is None:
+            return None
+        return Situation(
+            self.settings, self.limits, solver.certifier, stream.played, stream.followed, now, self._inputs.enlarged,
+            deadline, late,
+        )  # fmt: skip
+
+    def _commit(self, situation: Situation, mission: _Mission, decision: _Decision) -> Plan:
+        """Play what was decided, and remember it: nothing else in a tick changes the planner."""
+        self._mission, self._memory = replace(mission, query=decision.query), decision.memory
+        mode = situation.mode(decision.step)
+        return replace(self._stream.take(decision.step, situation.now), mode=mode)
+
+    def _decided(self, situation: Situation, mission: _Mission) -> _Decision:
+        """What is to be done, without doing it."""
+        memory, query = self._memory, mission.query
+        if mission.active is None:
+            stop = situation.stopped(Verdict(VerdictCode.NO_GOAL, "no goal has been given"))
+            return _Decision(stop, None, memory)
+        following = situation.following(query)
+        if following is not None and self._is_unchanged(following, situation):
+            return _Decision(situation.answered(following.verdict), query, memory)
+        if query is None:
+            found = self._next_query(situation.state, situation.followed, mission.active.goal)
+            if isinstance(found, Verdict):
+                return _Decision(situation.stopped(found), None, memory)
+            query = found
+        followed = situation.free_path(query)
+        if followed is not None and not followed.is_due(situation.now):
+            return _Decision(situation.continued(followed), query, memory)
+        if followed is not None:
+            return self._improved(situation, query, followed)
+        blocked = memory.still_blocked(query, situation.obstacles)
+        held = self._held(situation, query, blocked)
+        if held is None:
+            assert blocked is not None
+            return _Decision(situation.stopped(blocked.verdict), query, memory)
+        return self._searched(situation, held, blocked if held is query else None)
+
+    def _is_unchanged(self, followed: Followed, situation: Situation) -> bool:
+        """Whether what is followed is still the best path, as nothing has changed."""
+        return not self.settings.avoidance or followed.obstacles.unmoved_in(situation.obstacles)
+
+    def _improved(self, situation: Situation, query: Query, followed: Followed) -> _Decision:
+        """What is followed and free, or a new path where that is a gain."""
+        attempts = self._solver.attempts[:1]
+        plan = self._solved(situation, query, attempts, followed.known)
+        if not situation.late.passed and situation.gains(plan, followed):
+            return self._taken(situation, query, plan, self._memory.after(plan, query, None, attempts, situation))
+        found_again = plan.trajectory is None and plan.verdict.ok
+        drawn = followed.drawn if found_again else followed.verdict.clearance
+        updated = replace(followed, obstacles=situation.obstacles, searched=situation.now, drawn=drawn)
+        return _Decision(situation.continued(updated), query, self._memory)
+
+    def _held(self, situation: Situation, query: Query, blocked: _Blocked | None) -> Query | None:
+        """A query in the posture in which it is searched next; None where every posture was tried."""
+        if blocked is not None:
+            return self._queries.other_posture(query) if blocked.attempts.issuperset(self._solver.cautious) else query
+        # Another posture was for obstacles that stood.
+        return self._queries.first_posture(query) if situation.at_rest else query
+
+    def _searched(self, situation: Situation, query: Query, blocked: _Blocked | None) -> _Decision:
+        """A new path, or what an arm without one does; blocked : what was tried already."""
+        attempts, memory = self._memory.chosen_attempts(self._solver, query, situation.now)
+        plan = self._solved(situation, query, attempts)
+        memory = memory.after(plan, query, blocked, attempts, situation)
+        if plan.trajectory is not None:
+            return self._taken(situation, query, plan, memory)
+        if situation.deadline.passed or situation.late.passed:
+            step = still_evading(situation)
+            if step is not None or situation.deadline.passed:
+                return _Decision(step or situation.stopped(plan.verdict), query, memory)
+        step, failed = evaded(self._solver, query, plan.verdict, situation, memory.last_failed_evasion)
+        memory = replace(memory, last_failed_evasion=failed)
+        return _Decision(step or situation.stopped(plan.verdict), query, memory)
+
+    def _solved(
+        self, situation: Situation, query: Query, attempts: tuple[Attempt, ...], known: np.ndarray | None = None
+    ) -> Plan:
+        state, obstacles = situation.state, situation.expected
+        return situation.stoppable(self._solver.solve(query, state, obstacles, attempts, situation.deadline, known))
+
+    def _taken(self, situation: Situation, query: Query, plan: Plan, memory: _SearchMemory) -> _Decision:
+        """A new path; found too late, the evasion path being played stays where it is free."""
+        step = still_evading(situation) if situation.late.passed else None
+        return _Decision(step or situation.handed_out(plan, Followed.begun(query, plan, situation)), query, memory)
 
     def plan(
         self,
@@ -486,7 +614,7 @@ class ReactivePlanner:
         start = self._standing_at(ends[0])
         if start is None:
             start = self._queries.start_by_pose(ends[0])
-        goal = self._queries.goal_by_pose(ends[1], self._frame)
+        goal = self._queries.goal_by_pose(ends[1], self._inputs.frame)
         for found in (start, goal):
             if isinstance(found, Verdict):
                 return Plan(None, 0.0, found)
@@ -498,8 +626,8 @@ class ReactivePlanner:
         if commanded is None or isinstance(self._queries, ConfigurationQueryBuilder):
             return None
         position, quaternion = self.robot.forward(commanded[0])
-        near = np.linalg.norm(position - pose.position) <= _SAME_START[0]
-        return commanded[0] if near and angle_between(quaternion, pose.quaternion) <= _SAME_START[1] else None
+        near = np.linalg.norm(position - pose.position) <= constants.SAME_START[0]
+        return commanded[0] if near and angle_between(quaternion, pose.quaternion) <= constants.SAME_START[1] else None
 
     def plan_configurations(self, start: np.ndarray, goal: Goal) -> Plan:
         """A reference from rest in a configuration (eta,) to a goal under the present obstacles."""
@@ -507,48 +635,18 @@ class ReactivePlanner:
         if isinstance(query, Verdict):
             return Plan(None, 0.0, query)
         still = np.zeros_like(start)
-        state = MotionState(self._obstacles.time, start, still, still, query.start_latent)
-        return self._solver.solve(query, state, self._obstacles, self._solver.cautious)
+        obstacles = self._inputs.enlarged
+        state = MotionState(obstacles.time, start, still, still, query.start_latent)
+        return self._solver.solve(query, state, obstacles, self._solver.cautious)
 
     def _next_query(self, state: MotionState, followed: Followed | None, goal: Goal) -> Query | Verdict:
-        """From where the stream is on its way, so that it goes on smoothly; anew where it stands at an end of it."""
+        """From where the stream is on its path, so that it goes on smoothly; anew where it stands at an end of it."""
         if followed is not None and state.latent is not None:
             query = self._queries.redirected(followed.query, state.position, state.latent, goal)
             if query is not None:
                 return query
         return self._queries.build(state.position, goal)
 
-    def _kept(self, moment: Moment) -> Plan | None:
-        """What is being played, where nothing has changed: it is still the best way."""
-        followed = self._stream.following(self._query)
-        if followed is None:
-            return None
-        unchanged = followed.obstacles.unmoved_in(moment.obstacles)
-        return Plan(None, moment.now, followed.verdict) if unchanged or not self.settings.avoidance else None
-
-    def _worthwhile_attempts(self, followed: Followed | None, now: float) -> tuple[Attempt, ...]:
-        """All where a way has just been lost, or not been looked for yet. One where it is free, or there was none the
-        last time: then another one in every tick, and the first trusting one as often as better ways are looked for."""
-        attempts = self._solver.attempts
-        if followed is not None:
-            return attempts[:1]
-        if self._query is not self._without_path:
-            self._attempted = 0
-            return attempts
-        cautious, trusting = self._solver.cautious, self._solver.trusting
-        self._attempted = (self._attempted + 1) % len(cautious)
-        if now < self._last_failed_optimistic_search + _PERIOD_CLOSE - _ROUNDING:
-            return (cautious[self._attempted],)
-        self._last_failed_optimistic_search = now
-        return (cautious[self._attempted], *trusting[:1])
-
-    def _still_blocked(self, query: Query) -> _Blocked | None:
-        """What was tried in vain, where that has not changed."""
-        blocked = self._blocked
-        if blocked is None or blocked.query is not query or not blocked.obstacles.unmoved_in(self._obstacles):
-            return None
-        return blocked
-
 
 def _rounded_up(value: float, step: float) -> float:
-    return step * math.ceil(value / step - _ROUNDING)
+    return step * math.ceil(value / step - TIME_ROUNDING)

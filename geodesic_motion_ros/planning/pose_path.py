@@ -17,21 +17,15 @@ from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.graph.transport import carried
-from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, way_verdict
 from geodesic_motion_ros.obstacles import Obstacles, nearness
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.path_clearance import curve_clearances, rotation_allowance
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent, smooth_poses
+from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder, checked_pose
+from geodesic_motion_ros.planning.search import LatentPath, cheapest_path, path_verdict
+from geodesic_motion_ros.planning.settings import MARGIN_MULTIPLES, SMOOTHING_WIDTHS, PlannerSettings
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs
-from geodesic_motion_ros.query import Pose, Query, QueryBuilder, checked_pose
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
-
-#: Attempts until a path is certified: multiples of the obstacle margin, and for each of them smoothing widths in grid
-#: steps, of the latent path and of the poses decoded from it. The second smooths out kinks of the decoder and of the
-#: corrections along ridges, by a millimetre or two.
-MARGIN_MULTIPLES = (1.0, 2.5)
-SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -144,7 +138,7 @@ class PosePathPlanner:
         for multiple in MARGIN_MULTIPLES:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
             margin = min(multiple * self.settings.obstacle_margin, 0.5 * at_ends)
-            found = cheapest_way(self.graph, query, query.start_latent, reshaping, margin)
+            found = cheapest_path(self.graph, query, query.start_latent, reshaping, margin)
             if isinstance(found, Verdict):
                 return found
             for widths in SMOOTHING_WIDTHS:
@@ -155,7 +149,7 @@ class PosePathPlanner:
         assert refused is not None
         return refused
 
-    def _certified(self, query: Query, found: LatentWay, widths: tuple[float, float]) -> PosePath | Verdict:
+    def _certified(self, query: Query, found: LatentPath, widths: tuple[float, float]) -> PosePath | Verdict:
         """Smooth and decode a latent path, meet both ends exactly, and judge the poses."""
         path = smoothed_path(self.graph, query, found.polyline, widths)
         start, goal = ((pose.position, pose.quaternion) for pose in (query.start, query.goal))
@@ -165,7 +159,7 @@ class PosePathPlanner:
         objection = None
         if self.settings.avoidance and nearest <= 0.0:
             objection = f"the best path {nearness(nearest)}"
-        verdict = way_verdict(self.skill, self.graph, query, path.sigma, found, nearest, correction, objection)
+        verdict = path_verdict(self.skill, self.graph, query, path.sigma, found, nearest, correction, objection)
         if not verdict.ok:
             return verdict
         return PosePath(curve.positions, continuous_signs(curve.quaternions), path.latent, verdict)

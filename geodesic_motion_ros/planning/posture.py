@@ -179,15 +179,9 @@ def _newton(position, quaternion, null, posture, offset, q, chain):
             largest = max(largest, abs(error[i]))
         if largest < _TOLERANCE:
             return True
-        slopes = jacobian(q, chain)
-        for i in range(6):
-            right[i] = error[i]
-            for j in range(joints):
-                matrix[i, j] = slopes[i, j]
+        matrix[:6], right[:6] = jacobian(q, chain), error
         if joints > 6:
-            right[6] = rest
-            for j in range(joints):
-                matrix[6, j] = null[j]
+            matrix[6], right[6] = null, rest
         if not _solve(matrix, right):
             return False
         for j in range(joints):
@@ -211,29 +205,20 @@ def _null_vector(q, before, chain):
     slopes = jacobian(q, chain)
     matrix, right = np.empty((joints, joints)), np.empty(joints)
     best = 0.0
-    for choice in range(-1, joints):
-        if choice == -1 and not np.any(before):
-            continue
-        for i in range(6):
-            right[i] = 0.0
-            for j in range(joints):
-                matrix[i, j] = slopes[i, j]
-        for j in range(joints):
-            matrix[6, j] = before[j] if choice == -1 else (1.0 if j == choice else 0.0)
-        right[6] = 1.0
+    for choice in range(0 if not np.any(before) else -1, joints):
+        matrix[:6], right[:6], right[6] = slopes, 0.0, 1.0
+        matrix[6] = before
+        if choice >= 0:
+            matrix[6] = 0.0
+            matrix[6, choice] = 1.0
         if not _solve(matrix, right):
             continue
-        length = 0.0
-        for j in range(joints):
-            length += right[j] ** 2
-        length = np.sqrt(length)
-        # 1 / length is the cosine between m and the null vector.
-        if choice == -1 or 1.0 / length > best:
-            best = 1.0 / length
-            for j in range(joints):
-                null[j] = right[j] / length
+        length = np.sqrt(np.sum(right * right))
         if choice == -1:
-            break
+            return right / length
+        # 1 / length is the cosine between m and the null vector.
+        if 1.0 / length > best:
+            best, null = 1.0 / length, right / length
     return null
 
 

@@ -1,20 +1,21 @@
 """Solver: one query -> a certified joint reference and its verdict. Knows nothing of ROS.
 
 Reweight, search, refine, smooth, decode, transport, time, certify: what a tick of `planner.ReactivePlanner`
-does when its reference cannot stay.
+does when its trajectory cannot stay.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier
+from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.metric_field import MetricField
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.refinement import refined
@@ -22,47 +23,25 @@ from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
-from geodesic_motion_ros.latent_way import LatentWay, WayQuery, cheapest_way, same_way, way_verdict
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE, PlannerSettings
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.evasion_targets import paths_to_targets
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
-from geodesic_motion_ros.refuge import ways_aside
+from geodesic_motion_ros.planning.search import LatentPath, SearchQuery, cheapest_path, is_same_path, path_verdict
+from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-
-class Attempt(NamedTuple):
-    """A multiple of the obstacle margin, whether the way is refined, and the width in grid steps of the smoothing,
-    first in the latent space, then decoded: refined ways have no corners of the grid.
-
-    trusting : what moves will have left the way by the time that the arm comes there: it is not counted beyond the
-        prediction.
-    """
-
-    multiple: float
-    refine: bool
-    width: float
-    trusting: bool = False
+#: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
+_LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
 
 
-#: What is tried until a curve is certified. Keeping further off helps more often than cutting less.
-_ATTEMPTS = (
-    Attempt(1.0, True, 1.0), Attempt(1.0, False, 2.0), Attempt(4.0, True, 1.0), Attempt(4.0, False, 2.0),
-    Attempt(4.0, False, 1.0), Attempt(1.0, True, 1.0, trusting=True), Attempt(1.0, False, 2.0, trusting=True),
-)  # fmt: skip
-_LARGEST_MULTIPLE = max(attempt.multiple for attempt in _ATTEMPTS)
-#: Where to give way to is looked for so many grid steps around.
-_REFUGE_STEPS = 15
-#: Samples of the curve per grid step.
-_SAMPLES_PER_STEP = 1.0
-
-
-class HeldQuery(WayQuery, Protocol):
-    """A `WayQuery` whose nodes are configurations of an arm of eta joints.
+class HeldQuery(SearchQuery, Protocol):
+    """A `SearchQuery` whose nodes are configurations of an arm of eta joints.
 
     Attributes
     ----------
@@ -88,21 +67,31 @@ class Plan:
 
     Attributes
     ----------
-    reference : what is to be played from `begin` on, in the place of everything before; None: what is being played
+    trajectory : what is to be played from `begin` on, in the place of everything before; None: what is being played
         stays, or the arm stands.
-    begin : time of the reference's first knot [s].
-    verdict : OK comes with a way to the goal. With any other verdict the reference is a stop, or leads aside.
-    nodes : of the graph that the way was found along, where the first attempt found it.
-    trusting : as of `Attempt`.
+    begin : time of its first knot [s].
+    verdict : OK comes with a path to the goal. With any other verdict the trajectory is a stop, or evades.
+    nodes : of the graph that the path was found along, where the first attempt found it.
+    optimistic : as of `Attempt`.
     mode : what the arm does after the tick.
     """
 
-    reference: JointReference | None
+    trajectory: CertifiedTrajectory | None
     begin: float
     verdict: Verdict
     nodes: np.ndarray | None = None
-    trusting: bool = False
+    optimistic: bool = False
     mode: Mode = Mode.IDLE
+
+    @property
+    def reference(self) -> JointReference | None:
+        """The motion of the joints along the trajectory."""
+        return None if self.trajectory is None else self.trajectory.reference
+
+    @property
+    def tool_poses(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Positions (n, 3) [m] and quaternions (n, 4) of the tool at the knots of the trajectory."""
+        return None if self.trajectory is None else self.trajectory.tool_poses
 
 
 @dataclass(frozen=True)
@@ -131,16 +120,16 @@ class Solver:
         self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
         self.collision, self.limits = collision, limits
         self.tool = LimitedTool(robot, settings.tool_limits(isinstance(graph, PoseGraph)))
-        self.attempts = tuple(attempt for attempt in _ATTEMPTS if settings.refine or not attempt.refine)
+        self.attempts = tuple(attempt for attempt in constants.ATTEMPTS if settings.refine or not attempt.refine)
         self.certifier = ArmCertifier(robot, collision)
 
     @property
     def cautious(self) -> tuple[Attempt, ...]:
-        """The attempts that are not trusting."""
+        """The attempts that are not optimistic."""
         return _alike(self.attempts, False)
 
     @property
-    def trusting(self) -> tuple[Attempt, ...]:
+    def optimistic(self) -> tuple[Attempt, ...]:
         """Those that are."""
         return _alike(self.attempts, True)
 
@@ -155,15 +144,15 @@ class Solver:
     ) -> Plan:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
 
-        known : nodes of a way that needs no second look: where the search finds it again, that is the answer, OK.
+        known : nodes of a path that need not be judged again: where the search finds it again, that is the answer, OK.
         """
         plan = self._first_certified(query, state, obstacles, _alike(attempts, False), deadline, known)
-        trusting = _alike(attempts, True)
-        blocked = plan.reference is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-        if blocked and trusting and not obstacles.stand and not deadline.passed:
-            other = self._first_certified(query, state, obstacles, trusting, deadline)
-            if other.reference is not None:
-                return replace(other, trusting=True)
+        optimistic = _alike(attempts, True)
+        blocked = plan.trajectory is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+        if blocked and optimistic and not obstacles.stand and not deadline.passed:
+            other = self._first_certified(query, state, obstacles, optimistic, deadline)
+            if other.trajectory is not None:
+                return replace(other, optimistic=True)
         return plan
 
     def _first_certified(
@@ -175,61 +164,59 @@ class Solver:
         deadline: Deadline,
         known: np.ndarray | None = None,
     ) -> Plan:
-        """`solve` with attempts of which all are trusting, or none."""
-        settings = self.settings
-        avoided = obstacles if settings.avoidance else Obstacles.none()
-        ends = self._end_clearance(query, state, avoided, attempts[0].trusting)
-        if isinstance(ends, Verdict):
-            return Plan(None, state.time, ends)
-        swept = avoided.at_rest() if attempts[0].trusting else avoided.swept(settings.prediction)
-        reshaping = self._reshaping(query, swept)
-        start = query.start_latent if state.latent is None else state.latent
-        # Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
-        margin = 0.0 if obstacles.stand else min(MOVING_MULTIPLE * settings.obstacle_margin, 0.5 * ends)
+        """`solve` with attempts of which all are optimistic, or none."""
+        search = self._search(query, state, obstacles, attempts[0].optimistic, deadline)
+        if isinstance(search, Verdict):
+            return Plan(None, state.time, search)
+        margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
-        ways: dict[float, LatentWay | Verdict] = {}
-        tried: set[tuple[bytes, bool, float]] = set()
         for number, attempt in enumerate(attempts):
-            multiple, refine, width, trusting = attempt
             if number > 0 and deadline.passed:
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
                 return Plan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
-            kept_off = min(multiple * settings.obstacle_margin, 0.5 * ends)
-            if kept_off not in ways:
-                ways[kept_off] = cheapest_way(self.graph, query, start, reshaping, kept_off, deadline)
-            way = ways[kept_off]
-            if isinstance(way, Verdict):
-                return Plan(None, state.time, verdict if verdict.reason else way)
-            if known is not None and same_way(way.nodes, known):
-                return Plan(None, state.time, Verdict(VerdictCode.OK, "the way being gone was found again"))
-            this = way.nodes.tobytes(), refine, width
-            if this in tried:
+            path = search.path(attempt.multiple)
+            if isinstance(path, Verdict):
+                return Plan(None, state.time, verdict if verdict.reason else path)
+            if known is not None and is_same_path(path.nodes, known):
+                return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
+            if search.repeats(path, attempt):
                 continue
-            tried.add(this)
-            if refine:
-                way = replace(way, polyline=refined(query.field, reshaping, kept_off, way.polyline))
-            plan = self._certified(query, state, way, obstacles, margin, width, trusting)
-            if plan.reference is not None:
-                return replace(plan, nodes=way.nodes) if attempt == self.attempts[0] else plan
+            curve = search.refined(path, attempt.multiple) if attempt.refine else path
+            plan = self._certified(query, state, curve, obstacles, margin, attempt.width, attempt.optimistic)
+            if plan.trajectory is not None:
+                return replace(plan, nodes=path.nodes) if attempt == self.attempts[0] else plan
             verdict = plan.verdict
         return Plan(None, state.time, verdict)
 
-    def aside(
+    def _search(
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline
+    ) -> _Search | Verdict:
+        """The searches among obstacles, or the refusal where one of them covers an end."""
+        settings = self.settings
+        avoided = obstacles if settings.avoidance else Obstacles.none()
+        ends = self._end_clearance(query, state, avoided, optimistic)
+        if isinstance(ends, Verdict):
+            return ends
+        swept = avoided.at_rest() if optimistic else avoided.swept(settings.prediction)
+        start, reshaping = _latent_start(query, state), self._reshaping(query, swept)
+        return _Search(self.graph, query, start, reshaping, deadline, settings.obstacle_margin, 0.5 * ends)
+
+    def evade(
         self, query: HeldQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
     ) -> Plan | None:
-        """A certified way to a place nearby that nothing is expected to come to, or None where none is found in time.
+        """A certified path to a place nearby that nothing is expected to come to, or None where none is found in time.
 
         horizon : obstacles are expected to move on for so long [s].
         """
-        start = query.start_latent if state.latent is None else state.latent
         reshaping = self._reshaping(query, obstacles.swept(horizon))
-        # As of every way: a start closer to an obstacle than the margin may stay so.
+        # As of every path: a start closer to an obstacle than the margin may stay so.
         here, _ = obstacle_clearance(self.collision, self.robot, state.position, obstacles)
-        apart = MOVING_MULTIPLE * self.settings.obstacle_margin
+        apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         margin = min(apart, 0.5 * here)
-        for way in ways_aside(self.graph, query, start, reshaping, _REFUGE_STEPS, apart):
-            plan = self._certified(query, state, way, obstacles, margin, 1.0, True, horizon)
-            if plan.reference is not None:
+        start, steps = _latent_start(query, state), constants.EVASION_STEPS
+        for path in paths_to_targets(self.graph, query, start, reshaping, steps, apart):
+            plan = self._certified(query, state, path, obstacles, margin, 1.0, True, horizon)
+            if plan.trajectory is not None:
                 return plan
             if deadline.passed:
                 return None
@@ -243,14 +230,14 @@ class Solver:
         )  # fmt: skip
 
     def _end_clearance(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, trusting: bool
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool
     ) -> float | Verdict:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
-        The goal is to be free of where obstacles are expected to come to a stand; trusting: of those alone that stand.
+        The goal is to be free of where obstacles are expected to halt; optimistic: of those alone that stand.
         """
         prediction = self.settings.prediction
-        later = obstacles.at_rest() if trusting else obstacles.at(obstacles.time + prediction, prediction)
+        later = obstacles.at_rest() if optimistic else obstacles.at(obstacles.time + prediction, prediction)
         nearest = []
         for where, configuration, code, there in (
             ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),
@@ -268,44 +255,96 @@ class Solver:
         self,
         query: HeldQuery,
         state: MotionState,
-        way: LatentWay,
+        path: LatentPath,
         obstacles: Obstacles,
         margin: float,
         width: float,
-        trusting: bool,
-        aside: float | None = None,
+        optimistic: bool,
+        evading: float | None = None,
     ) -> Plan:
         """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be played.
 
-        aside : the way does not lead to the goal, but ends where it ends; obstacles move on for so long [s].
+        evading : the path does not lead to the goal, but ends where it ends; obstacles move on for so long [s].
         """
-        step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
-        latent = smooth_latent(resample_latent(way.polyline, step), width * _SAMPLES_PER_STEP)
+        step = float(np.min(self.graph.grid.spacing))
+        latent = smooth_latent(resample_latent(path.polyline, step), width)
         held, objection = query.configurations_along(latent, state.position)
         if objection:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection, **query.misfits))
-        path = smooth_latent(held, width * _SAMPLES_PER_STEP)
-        path, correction = _meeting(path, state.position, query.goal if aside is None else path[-1])
+        curve = smooth_latent(held, width)
+        curve, correction = _meeting(curve, state.position, query.goal if evading is None else curve[-1])
         reference = timed_joint_reference(
-            path, latent, self.limits, state.velocity, state.acceleration, tool=self.tool
+            curve, latent, self.limits, state.velocity, state.acceleration, tool=self.tool
         )
         if reference is None:
-            reason = "stopping first: the way to the goal turns off the present motion, or leaves the joints' limits"
+            reason = "stopping first: the path to the goal turns off the present motion, or leaves the joints' limits"
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
-        horizon = self.settings.prediction if aside is None else aside
-        certificate = self.certifier.certify(reference, obstacles, horizon, beyond=not trusting)
+        horizon = self.settings.prediction if evading is None else evading
+        certificate = self.certifier.certify(reference, obstacles, horizon, beyond=not optimistic)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
-        verdict = way_verdict(
-            self.skill, self.graph, query, self.graph.sigma_at(latent), way,
+        verdict = path_verdict(
+            self.skill, self.graph, query, self.graph.sigma_at(latent), path,
             float(np.min(certificate.clearance)), correction,
-            None if objection is None else f"on the best way {objection}",
+            None if objection is None else f"on the best path {objection}",
         )  # fmt: skip
-        found = replace(reference, clearance=certificate.clearance) if verdict.ok else None
+        found = self.certifier.certified(reference, certificate) if verdict.ok else None
         return Plan(found, state.time, verdict)
 
 
-def _alike(attempts: tuple[Attempt, ...], trusting: bool) -> tuple[Attempt, ...]:
-    return tuple(attempt for attempt in attempts if attempt.trusting is trusting)
+class _Search:
+    """The searches of one solution: the cheapest path with each margin, searched once."""
+
+    def __init__(
+        self,
+        graph: LatentGraph,
+        query: HeldQuery,
+        start: np.ndarray,
+        reshaping: Reshaping,
+        deadline: Deadline,
+        margin: float,
+        largest: float,
+    ) -> None:
+        """margin : of which multiples are kept from obstacles [m]; largest : none is larger than this [m].
+
+        Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
+        """
+        self._graph, self._query, self._start, self._reshaping = graph, query, start, reshaping
+        self._deadline, self._margin, self._largest = deadline, margin, largest
+        self._paths: dict[float, LatentPath | Verdict] = {}
+        self._tried: set[tuple[bytes, bool, float]] = set()
+
+    def margin(self, multiple: float) -> float:
+        """What is kept from obstacles [m] for a multiple of the margin."""
+        return min(multiple * self._margin, self._largest)
+
+    def path(self, multiple: float) -> LatentPath | Verdict:
+        """The cheapest path that keeps a multiple of the margin."""
+        margin = self.margin(multiple)
+        if margin not in self._paths:
+            self._paths[margin] = cheapest_path(
+                self._graph, self._query, self._start, self._reshaping, margin, self._deadline
+            )
+        return self._paths[margin]
+
+    def repeats(self, path: LatentPath, attempt: Attempt) -> bool:
+        """Whether an earlier attempt drew the same curve."""
+        drawn = path.nodes.tobytes(), attempt.refine, attempt.width
+        repeated = drawn in self._tried
+        self._tried.add(drawn)
+        return repeated
+
+    def refined(self, path: LatentPath, multiple: float) -> LatentPath:
+        """A path made a continuous one that keeps the same."""
+        margin = self.margin(multiple)
+        return replace(path, polyline=refined(self._query.field, self._reshaping, margin, path.polyline))
+
+
+def _latent_start(query: HeldQuery, state: MotionState) -> np.ndarray:
+    return query.start_latent if state.latent is None else state.latent
+
+
+def _alike(attempts: tuple[Attempt, ...], optimistic: bool) -> tuple[Attempt, ...]:
+    return tuple(attempt for attempt in attempts if attempt.optimistic is optimistic)
 
 
 def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:

@@ -18,29 +18,19 @@ from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
 from geodesic_motion_ros.graph.transport import blended
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent
 from geodesic_motion_ros.planning.pose_path import decoded_path
+from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder
 from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import angle_between
-from geodesic_motion_ros.query import Pose, Query, QueryBuilder
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
-
-#: Edges along which a joint turns farther are none [rad]: the arm would change its posture there.
-_LARGEST_JOINT_STEP = 0.3
-#: The base path is smoothed by so many grid steps, in the latent space.
-_SMOOTHING = 1.5
-#: The arm begins to swivel where it stands, and has done so at this progress.
-_SWIVELLED = 0.4
-#: Steps along the null vectors by which the postures differ that are tried in the place of the first [rad].
-SWIVELS = (0.0, 0.5, -0.5, 1.0, -1.0)
-#: Goals are the same, received again, up to so much [m], [rad]; and hardly elsewhere.
-_SAME, _HARDLY_MOVED = (1e-6, 1e-6), (2e-3, 1e-2)
 
 
 @dataclass(frozen=True)
@@ -137,7 +127,7 @@ class ToolGoal:
 
     def is_same(self, other: ToolGoal) -> bool:
         """Whether the same is meant, received again."""
-        return self._within(other, _SAME)
+        return self._within(other, constants.SAME_GOAL)
 
     def is_near(self, other: ToolGoal) -> bool:
         """Whether it is hardly elsewhere, in the base frame and in the task frame, and may wait until the arm rests.
@@ -145,7 +135,7 @@ class ToolGoal:
         What tracks an object tells where it is at its rate, moved or not, and each time a little elsewhere: a path that
         is searched anew for that may turn off the present motion, and the tool would stop.
         """
-        return self._within(other, _HARDLY_MOVED)
+        return self._within(other, constants.NEAR_GOAL)
 
     def _within(self, other: ToolGoal, limits: tuple[float, float]) -> bool:
         pairs = (self.pose, other.pose), (self.in_task, other.in_task)
@@ -224,7 +214,7 @@ class ToolQueryBuilder:
         on with which it can hold the base path; or why it cannot with that one.
         """
         refusal: Verdict | None = None
-        for swivel in range(first, len(SWIVELS)):
+        for swivel in range(first, len(constants.SWIVELS)):
             found = self._held_with(query, frame, start, swivel)
             if isinstance(found, ToolQuery):
                 return found
@@ -252,7 +242,7 @@ class ToolQueryBuilder:
         )  # fmt: skip
         first, second = graph.edges.T
         turned = np.max(np.abs(configurations[first] - configurations[second]), axis=1)
-        lost = ~(held[first] & held[second]) | (turned > _LARGEST_JOINT_STEP)
+        lost = ~(held[first] & held[second]) | (turned > constants.LARGEST_JOINT_STEP)
         to_goal, from_start = query.to_goal, query.from_start
         if np.any(lost):
             graph = replace(graph, fixed=np.where(lost, np.inf, graph.fixed), base=np.where(lost, np.inf, graph.base))
@@ -270,12 +260,12 @@ class ToolQueryBuilder:
     ) -> Posture | str:
         """The posture along the base path, or where and why the arm cannot hold it."""
         polyline = np.concatenate([query.start_latent[None], self._graph.latent[nodes[1:]]])
-        latent = smooth_latent(resample_latent(polyline, self._step), _SMOOTHING)
+        latent = smooth_latent(resample_latent(polyline, self._step), constants.BASE_PATH_SMOOTHING)
         positions, quaternions, progress = _poses_along(self._graph, query, frame, latent)
         goal = frame.to_base(query.goal.position, query.goal.quaternion)
         positions, quaternions = correct_ends(positions, quaternions, self._robot.forward(start), goal)
         tau = np.maximum.accumulate(_tau(query, progress))
-        share = np.clip(np.linspace(0.0, 1.0, len(tau)) / _SWIVELLED, 0.0, 1.0)
-        turned = SWIVELS[swivel] * share**2 * (3.0 - 2.0 * share)
+        share = np.clip(np.linspace(0.0, 1.0, len(tau)) / constants.SWIVELLED_AT, 0.0, 1.0)
+        turned = constants.SWIVELS[swivel] * share**2 * (3.0 - 2.0 * share)
         path = hold_path(self._robot, positions, quaternions, start, np.diff(turned, prepend=0.0))
         return path.objection(self._robot) or Posture(tau, path.configurations, path.nulls)

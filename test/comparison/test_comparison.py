@@ -22,7 +22,7 @@ from geodesic_motion_ros.comparison.results import Played, Results
 from geodesic_motion_ros.comparison.run import Bench, BenchmarkSettings, kept_benchmark
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json
 

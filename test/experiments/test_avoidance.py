@@ -17,7 +17,7 @@ from geodesic_motion_ros.experiments.avoidance import (
     placed,
 )
 from geodesic_motion_ros.experiments.trained import Trained
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.tables import write_json
 

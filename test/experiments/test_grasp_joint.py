@@ -24,8 +24,8 @@ from geodesic_motion_ros.experiments.grasp_joint import (
 from geodesic_motion_ros.experiments.grasp_joint_scenes import Stage
 from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.tables import write_json
 

@@ -11,8 +11,8 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.arm_players import Families
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.grasp_joint_scenes import RADIUS, Stage, mean_ways, passed_in_turn, sphere_on
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 
 

@@ -22,7 +22,7 @@ from geodesic_motion_ros.experiments.modes import (
     pillar_clearance,
 )
 from geodesic_motion_ros.manifold.training import TrainingSettings
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, two_mode_demonstrations
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json

@@ -7,8 +7,8 @@ import numpy as np
 from geodesic_motion_ros.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.experiments.blocked_arm import every
 from geodesic_motion_ros.experiments.obstacle_law_scenes import BETWEEN, CHECK_PERIOD, FREE_END, FREE_WAY, draw_scene
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 
 COARSE = PlannerSettings(grid_shape=(30, 30, 30))

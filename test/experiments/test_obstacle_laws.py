@@ -11,7 +11,7 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.obstacle_law_figures import draw_laws
 from geodesic_motion_ros.experiments.obstacle_law_scenes import BETWEEN
 from geodesic_motion_ros.experiments.obstacle_laws import CONTROL, LAWS, Law, LawAnswer, LawsReport, compare_laws
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 
 COARSE = PlannerSettings(grid_shape=(30, 30, 30))

@@ -8,8 +8,8 @@ import numpy as np
 
 from geodesic_motion_ros.experiments.held_bottle import bottle_settings
 from geodesic_motion_ros.experiments.pouring_chain import pour_all_cups
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 
 

@@ -21,7 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from geodesic_motion_ros.errors import ParameterError, SkillError
 from geodesic_motion_ros.nodes import messages
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
-from geodesic_motion_ros.planner_settings import TOOL_LIMITS
+from geodesic_motion_ros.planning.settings import TOOL_LIMITS
 from geodesic_motion_ros.robot.kinematics import Robot
 
 # What moves in real time does so evenly where it has the machine to itself.

@@ -56,7 +56,7 @@ def played(scene: ElbowScene, obstacle: bool) -> tuple[Recording, float]:
         recording.obstacles.append(scene.obstacle.position(time))
         least = min(least, clearance(scene, configuration, time)[0])
         time += TICK
-        if planner.way() is not None and time > sum((planner.way()[1], planner.way()[0].duration)):
+        if planner.to_goal() is not None and time > sum((planner.to_goal()[1], planner.to_goal()[0].duration)):
             break
     return recording, least
 

@@ -7,40 +7,59 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.mode import TRANSITIONS, Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 TICK = 0.01
 HOLD = Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested")
+#: Of spheres on the goal and falling past the arm [m], how fast that one falls [m/s], and how long [s].
+ON_GOAL, FALLING, FALL, PASSING = 0.05, 0.04, np.array([0.0, 0.0, -0.2]), 4.5
 
 
 @pytest.fixture(scope="module")
-def planner() -> ReactivePlanner:
-    return ReactivePlanner(Skill.load("panda_reach_to_grasp"), PlannerSettings(grid_shape=(30, 30, 30)))
+def planner(reach_skill: Skill) -> ReactivePlanner:
+    return ReactivePlanner(reach_skill, PlannerSettings(grid_shape=(30, 30, 30)))
 
 
-def test_an_arm_is_idle_follows_stops_waits_and_holds(planner: ReactivePlanner) -> None:
-    """The goal is covered while it is on its way, and free again; then a hold is requested in motion."""
-    skill, modes = planner.skill, []
-    planner.stand_at(skill.canonical.start_poles[0], 0.0)
-    goal = planner.robot.forward(skill.canonical.goal_poles[0])
-    covered = (goal[0][None], np.array([0.08]))
-    for number in range(900):
-        now = TICK * number
-        if number == 5:
-            assert planner.set_goal(*goal).ok
-        if number in (60, 300):
-            assert planner.set_obstacles(*(covered if number == 60 else (np.empty((0, 3)), np.empty(0)))).ok
-        held = 340 <= number < 500
-        modes.append((planner.stop(now, HOLD) if held else planner.tick(now)).mode)
+def test_an_arm_passes_through_all_modes(planner: ReactivePlanner) -> None:
+    """The goal is covered while it is on its way; something falls to where it stands, and past; then the goal is free
+    again, and a hold is requested in motion.
+    """
+    sheet, modes = planner.skill.canonical, []
+    goal, robot = sheet.goal_poles[0], planner.robot
+    covered = robot.forward(goal)[0]
+    now = 0.0
+
+    def run(seconds: float, held: bool = False) -> None:
+        nonlocal now
+        for _ in range(round(seconds / TICK)):
+            modes.append((planner.stop(now, HOLD) if held else planner.tick(now)).mode)
+            now += TICK
+
+    planner.stand_at(sheet.start_poles[0], now)
+    run(0.05)
+    assert planner.set_goal_configuration(goal).ok
+    run(TICK)
+    reference, _ = planner.to_goal()
+    run(0.5 * reference.duration)
+    planner.set_obstacles(covered[None], np.array([ON_GOAL]))
+    run(0.6)
+    hand, met = robot.forward(planner.commanded(now)[0])[0], now + 3.0
+    for _ in range(round(PASSING / TICK)):
+        centres = np.stack([covered, hand + (now - met) * FALL])
+        velocities = np.stack([np.zeros(3), FALL])
+        planner.set_obstacles(centres, np.array([ON_GOAL, FALLING]), velocities, now)
+        run(TICK)
+    planner.set_obstacles(np.empty((0, 3)), np.empty(0))
+    run(0.3)
+    run(1.0, held=True)
+    run(0.1)
     seen = [modes[0], *(after for before, after in pairwise(modes) if after is not before)]
-    assert seen == [
-        Mode.IDLE, Mode.FOLLOWING, Mode.STOPPING, Mode.WAITING, Mode.FOLLOWING, Mode.STOPPING, Mode.HOLDING,
-        Mode.FOLLOWING,
-    ]  # fmt: skip
+    assert seen[:5] == [Mode.IDLE, Mode.FOLLOWING, Mode.STOPPING, Mode.WAITING, Mode.EVADING]
+    assert seen[-4:] == [Mode.FOLLOWING, Mode.STOPPING, Mode.HOLDING, Mode.FOLLOWING]
     assert all(after in TRANSITIONS[before] for before, after in pairwise(modes))
 
 

@@ -15,10 +15,10 @@ from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.graph.ambient import obstacle_clearances
 from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.planning.pose_query import Query
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import angle_between
-from geodesic_motion_ros.query import Query
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.solids import solid_distances, solid_rows
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

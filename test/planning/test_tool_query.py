@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.tool_query import ToolQuery, ToolQueryBuilder
 from geodesic_motion_ros.quaternions import angle_between
-from geodesic_motion_ros.query import Pose
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -1,4 +1,4 @@
-"""ReactivePlanner, tick by tick: the arm stops, waits, gives way and goes on; its stream stays smooth."""
+"""ReactivePlanner, tick by tick: the arm stops, waits, evades and goes on; its stream stays smooth."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planning.stream import Stream
+from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -133,8 +133,8 @@ def test_a_goal_that_is_about_to_be_passed_long_before_the_arm_is_there_is_gone_
     assert stream.off(goal) < 1e-9
 
 
-@pytest.mark.parametrize("in_time", [True, False], ids=["in time", "out of time once it gives way"])
-def test_an_arm_that_has_no_way_gives_way_to_what_comes_to_where_it_stands(
+@pytest.mark.parametrize("in_time", [True, False], ids=["in time", "out of time once it evades"])
+def test_an_arm_that_has_no_path_evades_what_comes_to_where_it_stands(
     stream, goal, nominal, least_clearance, monkeypatch, in_time
 ) -> None:
     """The control: the arm as it stands would be hit. Afterwards it goes on."""
@@ -158,7 +158,7 @@ def test_an_arm_that_has_no_way_gives_way_to_what_comes_to_where_it_stands(
         planner.set_obstacles(centres, np.array([wall[1], radius]), velocities, stream.now)
         plan = stream.run(stream.period)[0]
         assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-        if not in_time and plan.verdict.reason.endswith("; giving way to what is coming"):
+        if not in_time and plan.verdict.reason.endswith("; evading what is coming"):
             monkeypatch.setattr(planner, "tick", partial(tick, deadline=Deadline(-np.inf)))
         sphere = passing(stream.now)[None], np.array([radius])
         least = min(least, least_clearance(stream.postures[-1:], sphere))
@@ -203,7 +203,7 @@ def test_what_stops_before_it_has_passed_is_not_touched(stream, shown) -> None:
 
 
 def test_an_arm_that_counts_on_what_moves_to_move_on_touches_what_stops(stream, monkeypatch) -> None:
-    monkeypatch.setattr(Stream, "can_still_stop", lambda *_: True)
+    monkeypatch.setattr(Situation, "can_still_stop", lambda *_: True)
     assert stopping_sphere(stream, 1.2) < 0.0
 
 

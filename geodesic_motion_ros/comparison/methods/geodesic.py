@@ -12,8 +12,8 @@ from geodesic_motion_ros.comparison.method import Answer
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.experiments.blocked_arm import HAND
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.tracking import Tracking, TrackingMonitor
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.robot.body_points import BodyPoints

@@ -19,7 +19,7 @@ from geodesic_motion_ros.nodes.faults.judge import LARGEST_STEP, Target, TargetJ
 from geodesic_motion_ros.nodes.faults.record import Record
 from geodesic_motion_ros.nodes.messages import MessageRefused, read_joint_trajectory, read_pose, seconds
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
-from geodesic_motion_ros.planner_settings import TOOL_LIMITS
+from geodesic_motion_ros.planning.settings import TOOL_LIMITS
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 

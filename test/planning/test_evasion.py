@@ -1,4 +1,4 @@
-"""Evasion: an arm goes aside where something comes to it, and there alone; it does not look for that all the time."""
+"""Evasion: an arm evades where something comes to it, and there alone; it does not search for that all the time."""
 
 from __future__ import annotations
 
@@ -14,57 +14,66 @@ from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
-from geodesic_motion_ros.planning.evasion import Evasion
+from geodesic_motion_ros.planning.evasion import evaded, still_evading
+from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import MotionState, Plan
-from geodesic_motion_ros.planning.stream import Moment, Stream
+from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 ROBOT, SETTINGS = Robot.panda(), PlannerSettings()
 LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")
+CERTIFIER = ArmCertifier(ROBOT, MODEL)
 QUERY = SimpleNamespace()
-NO_WAY = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no way")
+NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
 
 
 @dataclass
-class OneWayAside:
+class OneEvasionPath:
     """In the place of a Solver: a turn to the side, where there is one, and for how long [s] it is asked for."""
 
-    certifier: ArmCertifier
     found: bool = True
     asked: list[float] = field(default_factory=list)
 
-    def aside(
+    def evade(
         self, query: object, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline
     ) -> Plan | None:
         self.asked.append(horizon)
         share = np.linspace(0.0, 1.0, 30)[:, None]
         path = state.position + share * np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         reference = timed_joint_reference(path, np.hstack([1.0 - share, share]), LIMITS)
-        return Plan(reference, state.time, Verdict(VerdictCode.OK, clearance=0.01)) if self.found else None
+        trajectory = CERTIFIER.certified(reference, CERTIFIER.certify(reference, obstacles, horizon, beyond=False))
+        return Plan(trajectory, state.time, Verdict(VerdictCode.OK, clearance=0.01)) if self.found else None
 
 
 class Arm:
-    """One that stands, has no way, and may give way."""
+    """One that stands, has no path, and may evade."""
 
     def __init__(self, settings: PlannerSettings = SETTINGS) -> None:
-        certifier = ArmCertifier(ROBOT, MODEL)
-        self.solver, self.stream = OneWayAside(certifier), Stream(settings, LIMITS, certifier)
-        self.giving_way = Evasion(settings, self.solver, self.stream)
-        self.stream.stand(JointReference.standing(ROBOT.ready, np.zeros(2)), 0.0)
+        self.settings, self.solver, self.stream = settings, OneEvasionPath(), Stream(CERTIFIER)
+        self.last_failed = -np.inf
+        standing = JointReference.standing(ROBOT.ready, np.zeros(2))
+        self.stream.stand(CERTIFIER.certified(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
 
     def plan(
-        self, now: float, obstacles: Obstacles, verdict: Verdict = NO_WAY, late: Deadline = NEVER
+        self, now: float, obstacles: Obstacles, verdict: Verdict = NO_PATH, late: Deadline = NEVER
     ) -> Plan | None:
-        return self.giving_way.plan(QUERY, self.switch(now), verdict, Moment(now, obstacles, late), NEVER)
+        situation = self.situation(now, obstacles, late)
+        step, self.last_failed = evaded(self.solver, QUERY, verdict, situation, self.last_failed)
+        return None if step is None else self.stream.take(step, now)
 
-    def gone_on(self, now: float, obstacles: Obstacles) -> Plan | None:
-        return self.giving_way.gone_on(self.switch(now).time, Moment(now, obstacles))
+    def still_evading(self, now: float, obstacles: Obstacles) -> Plan | None:
+        step = still_evading(self.situation(now, obstacles))
+        return None if step is None else step.plan
 
-    def switch(self, now: float) -> MotionState:
-        return self.stream.played.state_at_switch(now + SETTINGS.latency, self.stream.followed)
+    def situation(self, now: float, obstacles: Obstacles, late: Deadline = NEVER) -> Situation:
+        stream = self.stream
+        return Situation(
+            self.settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles, late=late
+        )
 
 
 def coming(after: float, time: float = 0.0) -> Obstacles:
@@ -74,21 +83,24 @@ def coming(after: float, time: float = 0.0) -> Obstacles:
     return Obstacles.of_spheres(hand[None] - after * velocity, np.array([0.03]), velocity, time)
 
 
-def test_an_arm_gives_way_to_what_is_coming_and_says_so() -> None:
+def test_an_arm_evades_what_is_coming_and_says_so() -> None:
     arm = Arm()
-    plan = arm.plan(0.0, coming(1.0))
+    situation = arm.situation(0.0, coming(1.0))
+    step, _ = evaded(arm.solver, QUERY, NO_PATH, situation, -np.inf)
+    assert situation.mode(step) is Mode.EVADING
+    plan = arm.stream.take(step, 0.0)
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-    assert plan.verdict.reason == "no way; giving way to what is coming"
+    assert plan.verdict.reason == "no path; evading what is coming"
     assert plan.verdict.clearance == 0.01
-    assert arm.stream.followed.gives_way
+    assert arm.stream.followed.evading
     assert arm.stream.commanded(arm.stream.played.end)[0][0] == pytest.approx(ROBOT.ready[0] + 0.6)
 
 
-def test_nothing_is_looked_for_where_nothing_comes_or_something_else_is_wrong() -> None:
+def test_nothing_is_searched_where_nothing_comes_or_something_else_is_wrong() -> None:
     passing = replace(coming(1.0), centres=coming(1.0).centres + [0.0, 1.0, 0.0])
     standing = replace(coming(0.0), velocities=np.zeros((1, 3)))
     late = Verdict(VerdictCode.DEADLINE_MISSED, "out of time")
-    for obstacles, verdict in ((passing, NO_WAY), (standing, NO_WAY), (coming(1.0), late)):
+    for obstacles, verdict in ((passing, NO_PATH), (standing, NO_PATH), (coming(1.0), late)):
         arm = Arm()
         assert arm.plan(0.0, obstacles, verdict) is None
         assert not arm.solver.asked
@@ -106,59 +118,59 @@ def test_what_comes_late_is_seen_beyond_the_time_of_a_stop() -> None:
         assert arm.solver.asked == asked
 
 
-def test_a_way_that_was_looked_for_in_vain_is_not_looked_for_in_every_tick() -> None:
+def test_where_no_path_was_found_none_is_searched_in_every_tick() -> None:
     arm = Arm()
     arm.solver.found = False
     for now in (0.0, 0.01, 0.04):
         assert arm.plan(now, coming(1.0)) is None
+        assert arm.last_failed == 0.0
     assert arm.solver.asked == [2.0 * SETTINGS.prediction, SETTINGS.prediction]
     arm.plan(0.05, coming(1.0))
     assert len(arm.solver.asked) == 4
-    arm.giving_way.forget()
-    arm.solver.found = True
-    assert arm.plan(0.06, coming(1.0)).reference is not None
+    arm.last_failed, arm.solver.found = -np.inf, True
+    assert arm.plan(0.06, coming(1.0)).trajectory is not None
 
 
-def test_an_arm_that_gives_way_goes_on_doing_so_while_that_is_free() -> None:
+def test_an_arm_goes_on_evading_while_that_is_free() -> None:
     """Nothing new is handed out, but no stop either."""
     arm = Arm()
     arm.plan(0.0, coming(1.0))
     plan = arm.plan(0.1, coming(0.9, 0.1))
-    assert plan.reference is None
-    assert plan.verdict is NO_WAY
+    assert plan.trajectory is None
+    assert plan.verdict is NO_PATH
     assert len(arm.solver.asked) == 1
 
 
-def test_out_of_time_an_arm_goes_on_giving_way_while_that_is_free_and_it_can_stop(monkeypatch) -> None:
-    """The controls: it does not give way, it is met where that leads, it could not stop, or nothing moves."""
+def test_out_of_time_an_arm_goes_on_evading_while_that_is_free_and_it_can_stop(monkeypatch) -> None:
+    """The controls: it does not evade, it is met where that leads, it could not stop, or nothing moves."""
     arm, obstacles = Arm(), coming(0.9, 0.1)
-    assert arm.gone_on(0.1, obstacles) is None
+    assert arm.still_evading(0.1, obstacles) is None
     arm.plan(0.0, coming(1.0))
-    told = arm.stream.followed.verdict.reason
-    plan = arm.gone_on(0.1, obstacles)
-    assert plan.reference is None
-    assert plan.verdict.reason == told
+    stated = arm.stream.followed.verdict.reason
+    plan = arm.still_evading(0.1, obstacles)
+    assert plan.trajectory is None
+    assert plan.verdict.reason == stated
     assert plan.verdict.clearance > 0.0
     hand, _ = ROBOT.forward(arm.stream.commanded(arm.stream.played.end)[0])
     meeting = replace(obstacles, centres=obstacles.centres + hand - ROBOT.forward(ROBOT.ready)[0])
-    assert arm.gone_on(0.1, meeting) is None
-    assert arm.gone_on(0.1, replace(obstacles, velocities=np.zeros((1, 3)))) is None
-    monkeypatch.setattr(arm.stream, "can_still_stop", lambda *_: False)
-    assert arm.gone_on(0.1, obstacles) is None
+    assert arm.still_evading(0.1, meeting) is None
+    assert arm.still_evading(0.1, replace(obstacles, velocities=np.zeros((1, 3)))) is None
+    monkeypatch.setattr(Situation, "can_still_stop", lambda *_: False)
+    assert arm.still_evading(0.1, obstacles) is None
     assert len(arm.solver.asked) == 1
 
 
-def test_another_way_aside_that_is_found_too_late_leaves_the_arm_on_the_one_it_goes() -> None:
+def test_another_evasion_path_that_is_found_too_late_leaves_the_arm_on_the_one_it_follows() -> None:
     arm = Arm()
     arm.plan(0.0, coming(1.0))
-    # It comes to the end of the way aside, but later than after the prediction.
+    # It comes to the end of the evasion path, but later than after the prediction.
     hand, _ = ROBOT.forward(arm.stream.commanded(arm.stream.played.end)[0])
     velocity = np.array([[0.0, 0.0, 0.1]])
     later = Obstacles.of_spheres(hand - 1.5 * SETTINGS.prediction * velocity, np.array([0.03]), velocity, 0.1)
-    told = arm.stream.followed.verdict.reason
+    stated = arm.stream.followed.verdict.reason
     late = arm.plan(0.1, later, late=Deadline(-np.inf))
-    assert late.reference is None
+    assert late.trajectory is None
     assert late.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-    assert late.verdict.reason == told
+    assert late.verdict.reason == stated
     assert len(arm.solver.asked) == 2
-    assert arm.plan(0.2, later).reference is not None
+    assert arm.plan(0.2, later).trajectory is not None

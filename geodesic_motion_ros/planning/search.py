@@ -1,4 +1,4 @@
-"""The cheapest way through a skill's latent graph under obstacles, and the verdict on it: for every kind of skill."""
+"""The cheapest path through a skill's latent graph under obstacles, and the verdict on it: for every kind of skill."""
 
 from __future__ import annotations
 
@@ -17,18 +17,13 @@ from geodesic_motion_ros.graph.search_from_both_ends import load_search_from_bot
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import CURVE_SIGMA_FACTOR, ENTRY_STEPS, PlannerSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-#: The smoothed curve may leave the pruned nodes by this factor of sigma before it counts as unsupported.
-_CURVE_SIGMA_MULTIPLE = 1.2
-#: A path may enter the graph this many grid steps from the start.
-_ENTRY_STEPS = 3
 
-
-class WayQuery(Protocol):
-    """What the search needs of a `query.Query` or a `joint_query.ConfigurationQuery`."""
+class SearchQuery(Protocol):
+    """What the search needs of a `pose_query.Query`, a `ConfigurationQuery` or a `ToolQuery`."""
 
     graph: WeightedGraph
     body: NodeBody
@@ -40,8 +35,8 @@ class WayQuery(Protocol):
 
 
 @dataclass(frozen=True)
-class LatentWay:
-    """A way through the graph: its nodes (p,), the latent polyline (m, d), the largest energy of one edge, and the gap.
+class LatentPath:
+    """A path through the graph: its nodes (p,), latent polyline (m, d), largest energy of one edge, and the gap.
 
     gap : as `Verdict.cost_gap`.
     """
@@ -52,8 +47,8 @@ class LatentWay:
     gap: float
 
 
-def shown_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float:
-    """What the first demonstration's way costs, for codes (N, T, d) and the edges' lengths base (m,)."""
+def demonstrated_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float:
+    """What the first demonstration's path costs, for codes (N, T, d) and the edges' lengths base (m,)."""
     everywhere = np.ones(len(graph.latent), dtype=bool)
     start, goal = (graph.node_near(code, everywhere, max(graph.grid.shape)) for code in codes[0, [0, -1]])
     assert start is not None
@@ -61,8 +56,8 @@ def shown_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float
     return float(cost_field(graph.adjacency, base, goal)[start])
 
 
-def load_search(graph: LatentGraph, query: WayQuery, settings: PlannerSettings) -> None:
-    """Load the compiled kernels of `cheapest_way`, whatever obstacles there will be."""
+def load_search(graph: LatentGraph, query: SearchQuery, settings: PlannerSettings) -> None:
+    """Load the compiled kernels of `cheapest_path`, whatever obstacles there will be."""
     reshaping = Reshaping.of(
         query.body, Obstacles.none(), settings.ambient_strength, settings.ambient_width_ratio,
         settings.obstacle_margin, settings.ambient_law,
@@ -73,19 +68,19 @@ def load_search(graph: LatentGraph, query: WayQuery, settings: PlannerSettings) 
     )  # fmt: skip
 
 
-def cheapest_way(
+def cheapest_path(
     graph: LatentGraph,
-    query: WayQuery,
+    query: SearchQuery,
     start: np.ndarray,
     reshaping: Reshaping,
     margin: float,
     deadline: Deadline = NEVER,
-) -> LatentWay | Verdict:
-    """The cheapest way from a latent point (d,) to the goal's node that keeps a margin [m], or why there is none.
+) -> LatentPath | Verdict:
+    """The cheapest path from a latent point (d,) to the goal's node that keeps a margin [m], or why there is none.
 
-    Ways that cost more than the query's limit are none: they would lead all along obstacles, or far around them. The
-    goal was found free before: its node lies under it but for rounding, and is not looked at again. Once the deadline
-    has passed it is the cheapest way found by then, or DEADLINE_MISSED.
+    Paths that cost more than the query's limit are none: they would lead all along obstacles, or far around them. The
+    goal was found free before: its node lies under it but for rounding, and is not evaluated again. Once the deadline
+    has passed it is the cheapest path found by then, or DEADLINE_MISSED.
     """
     source = _entry(graph, query, start, reshaping, margin)
     if source is None:
@@ -98,29 +93,29 @@ def cheapest_way(
     if not math.isfinite(found.cost):
         if found.bound < query.cost_limit:
             share = found.bound / query.cost_limit
-            reason = f"out of time before a way was found: the search had come to {share:.0%} of what one may cost"
+            reason = f"out of time before a path was found: the search had come to {share:.0%} of what one may cost"
             return Verdict(VerdictCode.DEADLINE_MISSED, reason, **query.misfits)
-        reason = "obstacles block every way to the goal that was demonstrated"
+        reason = "obstacles block every path to the goal that was demonstrated"
         return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
     energy = float(np.max(query.graph.energies(found.edges), initial=0.0))
     points = graph.latent[found.nodes]
     # The first node may lie behind the start.
     if len(points) > 1 and (points[1] - points[0]) @ (start - points[0]) > 0.0:
         points = points[1:]
-    return LatentWay(found.nodes, np.concatenate([start[None], points]), energy, found.gap)
+    return LatentPath(found.nodes, np.concatenate([start[None], points]), energy, found.gap)
 
 
-def same_way(nodes: np.ndarray, known: np.ndarray) -> bool:
-    """Whether nodes (p,) are the end of a way known before, but for the first few, by which it enters the graph."""
-    left = nodes[_ENTRY_STEPS:]
+def is_same_path(nodes: np.ndarray, known: np.ndarray) -> bool:
+    """Whether nodes (p,) are the end of a path known before, but for the first few, by which it enters the graph."""
+    left = nodes[ENTRY_STEPS:]
     return 0 < len(left) <= len(known) and np.array_equal(left, known[len(known) - len(left) :])
 
 
 def _entry(
-    graph: LatentGraph, query: WayQuery, start: np.ndarray, reshaping: Reshaping, margin: float
+    graph: LatentGraph, query: SearchQuery, start: np.ndarray, reshaping: Reshaping, margin: float
 ) -> int | None:
     """The nearest free node to the start from which the goal can be reached."""
-    for node in graph.nodes_near(start, _ENTRY_STEPS):
+    for node in graph.nodes_near(start, ENTRY_STEPS):
         if not math.isfinite(query.to_goal[node]):
             continue
         look_at(np.array([node]), reshaping)
@@ -129,34 +124,34 @@ def _entry(
     return None
 
 
-def way_verdict(
+def path_verdict(
     skill: Skill,
     graph: LatentGraph,
-    query: WayQuery,
+    query: SearchQuery,
     sigma: np.ndarray,
-    way: LatentWay,
+    path: LatentPath,
     clearance: float,
     end_correction: float,
     objection: str | None,
 ) -> Verdict:
-    """Judge a way by its sigma (n, D), the largest energy of one edge, and what its certificate objects to.
+    """Judge a path by its sigma (n, D), the largest energy of one edge, and what its certificate objects to.
 
     clearance, end_correction : as of `Verdict`.
     """
-    in_support = float(np.max(rms_sigma(sigma))) <= _CURVE_SIGMA_MULTIPLE * skill.sigma_limit
+    in_support = float(np.max(rms_sigma(sigma))) <= CURVE_SIGMA_FACTOR * skill.sigma_limit
     if objection is not None:
         reason = objection
     elif not in_support:
         reason = "the best path leaves the part of the latent space that demonstrations support"
-    elif way.energy > graph.energy_limit:
+    elif path.energy > graph.energy_limit:
         reason = (
-            f"the best path has an edge of energy {way.energy:.3g}, demonstrations stay below "
+            f"the best path has an edge of energy {path.energy:.3g}, demonstrations stay below "
             f"{graph.energy_limit:.3g}: it crosses where nobody moved"
         )
     else:
         reason = ""
     return Verdict(
         VerdictCode.NO_FEASIBLE_PATH if reason else VerdictCode.OK, reason, clearance=clearance,
-        energy_per_edge=way.energy, cost_gap=way.gap, in_support=in_support, end_correction=end_correction,
+        energy_per_edge=path.energy, cost_gap=path.gap, in_support=in_support, end_correction=end_correction,
         **query.misfits,
     )  # fmt: skip

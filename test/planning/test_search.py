@@ -10,8 +10,8 @@ from geodesic_motion_ros.benchmarks.scenes import spheres_on_way
 from geodesic_motion_ros.benchmarks.stages import SkillBench
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.graph import search_from_both_ends
-from geodesic_motion_ros.latent_way import LatentWay, cheapest_way, same_way
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.search import LatentPath, cheapest_path, is_same_path
 from geodesic_motion_ros.verdict import VerdictCode
 
 PASSED = Deadline(-np.inf)
@@ -24,14 +24,14 @@ def bench(reach_skill) -> SkillBench:
 
 def way(bench: SkillBench, obstacles: Obstacles, *deadline: Deadline):
     reshaping = mark(bench.problem, obstacles)
-    return cheapest_way(bench.planner.graph, bench.query, bench.query.start_latent, reshaping, 0.005, *deadline)
+    return cheapest_path(bench.planner.graph, bench.query, bench.query.start_latent, reshaping, 0.005, *deadline)
 
 
 def test_out_of_time_before_a_way_is_found_the_verdict_says_so(bench, monkeypatch) -> None:
     monkeypatch.setattr(search_from_both_ends, "_BATCHES", 1)
     blocked = spheres_on_way(bench.problem, 1).at(0)
     whole = way(bench, blocked)
-    assert isinstance(whole, LatentWay)
+    assert isinstance(whole, LatentPath)
     assert whole.gap == 0.0
     missed = way(bench, blocked, PASSED)
     assert missed.code is VerdictCode.DEADLINE_MISSED
@@ -41,18 +41,18 @@ def test_out_of_time_before_a_way_is_found_the_verdict_says_so(bench, monkeypatc
 def test_a_free_way_needs_no_time(bench, monkeypatch) -> None:
     monkeypatch.setattr(search_from_both_ends, "_BATCHES", 1)
     found = way(bench, Obstacles.none(), PASSED)
-    assert isinstance(found, LatentWay)
+    assert isinstance(found, LatentPath)
     assert found.gap == 0.0
     np.testing.assert_array_equal(found.nodes, way(bench, Obstacles.none()).nodes)
 
 
 def test_a_way_is_the_same_where_its_end_is_whatever_node_it_enters_the_graph_by() -> None:
     known = np.arange(10, 30)
-    assert same_way(known, known)
-    assert same_way(known[5:], known)
-    assert same_way(np.concatenate([[3, 2, 1], known[5:]]), known)
-    assert not same_way(np.concatenate([[4, 3, 2, 1], known[5:]]), known)
-    assert not same_way(np.append(known, 30), known)
-    assert not same_way(known[:-1], known)
-    assert not same_way(np.concatenate([[0], known, [30]]), known)
-    assert not same_way(known[-3:], known)
+    assert is_same_path(known, known)
+    assert is_same_path(known[5:], known)
+    assert is_same_path(np.concatenate([[3, 2, 1], known[5:]]), known)
+    assert not is_same_path(np.concatenate([[4, 3, 2, 1], known[5:]]), known)
+    assert not is_same_path(np.append(known, 30), known)
+    assert not is_same_path(known[:-1], known)
+    assert not is_same_path(np.concatenate([[0], known, [30]]), known)
+    assert not is_same_path(known[-3:], known)

@@ -1,0 +1,120 @@
+"""What queries of poses and of configurations have in common: a graph carried to a start and a goal.
+
+Decoded nodes are carried by the offsets of both ends. Start and goal may choose between the demonstrations: then the
+corrections along the mean paths, and how near to them paths stay, are those of demonstrations with such ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from geodesic_motion_ros.graph.metric_field import MetricField
+from geodesic_motion_ros.graph.node_body import NodeBody
+from geodesic_motion_ros.graph.ridge import Ridges
+from geodesic_motion_ros.graph.shortest_path import cost_field
+from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
+from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.verdict import VerdictCode
+
+End = Literal["start", "goal"]
+
+AlongRidges = tuple[np.ndarray, np.ndarray | None, Ridges | None]
+"""Corrections (K, S, k) of the decoder along a query's ridges, the nodes' conformal factors (n,), and the ridges; None
+and None where they are not used.
+"""
+
+
+@dataclass(frozen=True)
+class CarriedQuery:
+    """A start and goal with the graph carried to them.
+
+    Attributes
+    ----------
+    start, goal : the requested ends; start_latent : (d,) latent point that is carried onto the start.
+    goal_node : the node that is carried onto the goal.
+    body : the tool, or the arm, at every node.
+    offsets, graph : how the decoded graph was carried here, and what came of it. field : the metric between the nodes.
+    to_goal, from_start : (n,) obstacle-free cost to the goal's node, and from the start's: the search's heuristics.
+    cost_limit : paths that cost more count as blocked.
+    misfits : how far both ends are carried, under their names in a Verdict.
+    task_start, task_goal : (k,) offsets of the task's start and goal from the demonstrated means, wherever on the path
+        the query begins.
+    along_ridges : corrections and conformal factors for these offsets.
+    """
+
+    start: Any
+    goal: Any
+    start_latent: np.ndarray
+    goal_node: int
+    body: NodeBody
+    offsets: Any
+    graph: Any
+    field: MetricField
+    to_goal: np.ndarray
+    from_start: np.ndarray
+    cost_limit: float
+    misfits: dict[str, float]
+    task_start: np.ndarray
+    task_goal: np.ndarray
+    along_ridges: AlongRidges
+
+
+class CarriedQueryBuilder:
+    """What builders of such queries have in common."""
+
+    #: What the first demonstration's path costs.
+    _demonstrated_cost: float
+
+    def __init__(self, skill: Skill, graph: Any, settings: PlannerSettings, size: int) -> None:
+        """graph : decoded from the skill; size : numbers of an offset."""
+        self._skill, self._graph, self._settings = skill, graph, settings
+        self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
+        self._unconditioned = self._along_ridges(np.zeros(size), np.zeros(size), conditioned=False)
+
+    def _chosen_ridges(self, task_start: np.ndarray, task_goal: np.ndarray) -> AlongRidges:
+        """Those of start and goal where the skill found that they choose between demonstrations; of the mean else."""
+        sheet = self._skill.canonical
+        if self._ridges is None or sheet is None or not (self._settings.query_conditioning and sheet.regresses):
+            return self._unconditioned
+        return self._along_ridges(task_start, task_goal, conditioned=True)
+
+    def _along_ridges(self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool) -> AlongRidges:
+        sheet = self._skill.canonical
+        if self._ridges is None or sheet is None:
+            # No ridge is used, but the graph counts the shares of the skill's.
+            return np.zeros((self._graph.ridge_count, 2, len(start_offset))), None, None
+        weights = sheet.weights(start_offset, goal_offset, conditioned)
+        ridges = self._ridges.moved_to(np.einsum("kn,nsd->ksd", weights, self._skill.codes))
+        corrections = sheet.corrections(self._graph.decoder, ridges, weights)
+        return corrections, ridges.conformal_factors(self._graph.latent, self._settings.ridge_strength), ridges
+
+    def _costs(self, graph: WeightedGraph, start_node: int, goal_node: int) -> dict[str, Any]:
+        """The heuristics and the limit of a query, under their names in it."""
+        adjacency = self._graph.adjacency
+        to_goal = cost_field(adjacency, graph.base, goal_node)
+        return {
+            "to_goal": to_goal,
+            "from_start": cost_field(adjacency, graph.base, start_node),
+            "cost_limit": self._settings.cost_cap * max(self._demonstrated_cost, float(to_goal[start_node])),
+        }
+
+    def _pole_node(self, latent: np.ndarray) -> int:
+        """The node nearest to where all demonstrations of a mode start or end, a latent point (d,)."""
+        everywhere = np.ones(len(self._graph.latent), dtype=bool)
+        node = self._graph.node_near(latent, everywhere, steps=max(self._graph.grid.shape))
+        assert node is not None
+        return node
+
+    @staticmethod
+    def _out_of_support(end: End) -> VerdictCode:
+        """The code of an end that is too far from what was demonstrated."""
+        return VerdictCode.START_OUT_OF_SUPPORT if end == "start" else VerdictCode.GOAL_OUT_OF_SUPPORT
+
+    @staticmethod
+    def _misfit(end: Any) -> float:
+        """What was not demonstrated of an end's offset; of poses a radian like a metre."""
+        return float(np.linalg.norm(end.beyond))

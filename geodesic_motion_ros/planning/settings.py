@@ -1,0 +1,225 @@
+"""What decides how the planner behaves: its constants, and what a user may choose (`PlannerSettings`).
+
+A constant states its unit and the range in which it makes sense. What is a matter of numerics alone (tolerances of
+solvers, rounding) stands where it is used.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import ClassVar, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.graph.ambient_law import LAWS, AmbientLaw
+from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
+
+# ------------------------------------------------------------------ clearance of moving obstacles
+
+#: Paths among obstacles that move are certified with this multiple of the obstacle margin, from 1 on: nothing moves
+#: exactly as expected.
+DYNAMIC_MARGIN_FACTOR = 2.0
+#: An arm that sets out or moves on among them must be able to stop so long later [s], the latency or more: by then the
+#: next tick has judged them again.
+REPLAN_DELAY = 0.03
+#: The places where a moving obstacle may halt on its predicted line are covered by so many spheres, from 2 on; the
+#: first is where it was last detected.
+STOP_POSITION_SAMPLES = 12
+#: The arm stops where less than this share, from 0 to 1, is left of the clearance that its path had when it was
+#: planned, or of the margin among obstacles that move.
+LEAST_CLEARANCE_SHARE = 0.5
+#: Obstacles are enlarged by the tracking error in steps of this [m], and the arm's lag counts in steps of this [s]:
+#: smaller changes need no new certificate.
+TRACKING_ERROR_STEP, LAG_STEP = 1e-3, 0.01
+
+# ------------------------------------------------------------------ when a path is searched again
+
+#: An obstacle within this distance of the path makes every bit of clearance a gain [m].
+CLOSE_CLEARANCE = 0.03
+#: Better paths are searched so often [s] while the present one is free: with an obstacle that close, and without.
+SEARCH_PERIOD_CLOSE, SEARCH_PERIOD_FAR = 0.05, 0.1
+#: A close obstacle has come nearer when it has by so much [m]: only then the same path found again is refined anew.
+NEARER_BY = 1e-3
+#: A new path replaces a free one where that one takes longer by this factor, from 1 on.
+WORTHWHILE_RATIO = 1.05
+
+# ------------------------------------------------------------------ how a path is searched
+
+
+class Attempt(NamedTuple):
+    """A multiple of the obstacle margin, whether the path is refined, and the width in grid steps of the smoothing,
+    first in the latent space, then decoded: refined paths have no corners of the grid.
+
+    optimistic : what moves will have left the path by the time that the arm comes there: it is not counted beyond the
+        prediction.
+    """
+
+    multiple: float
+    refine: bool
+    width: float
+    optimistic: bool = False
+
+
+#: What is tried until a curve is certified. Keeping further off helps more often than cutting less.
+ATTEMPTS = (
+    Attempt(1.0, True, 1.0), Attempt(1.0, False, 2.0), Attempt(4.0, True, 1.0), Attempt(4.0, False, 2.0),
+    Attempt(4.0, False, 1.0), Attempt(1.0, True, 1.0, optimistic=True), Attempt(1.0, False, 2.0, optimistic=True),
+)  # fmt: skip
+#: The same of `PosePathPlanner`: multiples of the obstacle margin, and for each of them smoothing widths in grid steps,
+#: of the latent path and of the poses decoded from it. The second smooths out kinks of the decoder and of the
+#: corrections along ridges, by a millimetre or two.
+MARGIN_MULTIPLES = (1.0, 2.5)
+SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
+#: A path may enter the graph this many grid steps from the start.
+ENTRY_STEPS = 3
+#: The smoothed curve may leave the pruned nodes by this factor of sigma, from 1 on, before it counts as unsupported.
+CURVE_SIGMA_FACTOR = 1.2
+
+# ------------------------------------------------------------------ evasion
+
+#: An arm without a path evades what comes within this multiple of the prediction, from 1 on: to make room takes longer
+#: than to stop.
+EVASION_LOOKAHEAD = 2.0
+#: Where no evasion path was found another is searched after so long [s].
+EVASION_PERIOD = 0.05
+#: Evasion targets are searched up to so many grid steps around, among so many nodes.
+EVASION_STEPS, EVASION_NODES = 15, 500
+#: So many of them are tried, in directions of which any two have no larger cosine than this.
+EVASION_TARGETS, EVASION_COSINE = 4, 0.7
+#: From there the goal must be reachable, without obstacles, at less than this share, up to 1, of what a path may cost.
+EVASION_RETURN_SHARE = 0.5
+
+# ------------------------------------------------------------------ goals and postures
+
+#: `plan` begins in the posture in which the arm stands where its tool is this near the requested start [m], [rad].
+SAME_START = 0.005, 0.02
+#: Goals of the tool are the same, received again, up to so much [m], [rad]; and hardly elsewhere.
+SAME_GOAL, NEAR_GOAL = (1e-6, 1e-6), (2e-3, 1e-2)
+#: A goal that moves no further than this during a motion leaves the choice between the demonstrations as it is: of
+#: poses [m], a radian like `POSE_SCALE` metres, and of configurations [rad].
+SAME_TASK_POSE, SAME_TASK_JOINTS = 0.02, 0.05
+#: A goal pose is searched from so many of the nearest nodes where the demonstrations have no common ends.
+NEAREST_POSES = 3
+#: A base path is smoothed by so many grid steps, in the latent space.
+BASE_PATH_SMOOTHING = 1.5
+#: Edges along which a joint turns farther are none [rad]: the arm would change its posture there.
+LARGEST_JOINT_STEP = 0.3
+#: Steps along the null vectors by which the postures differ that are tried in the place of the first [rad]; the arm
+#: begins to swivel where it stands, and has done so at this progress, up to 1.
+SWIVELS, SWIVELLED_AT = (0.0, 0.5, -0.5, 1.0, -1.0), 0.4
+
+# ------------------------------------------------------------------ settings
+
+#: Limits of the tool with skills of tool poses, where no others are set.
+TOOL_LIMITS = ToolLimits(speed=0.2, angular_speed=0.8, acceleration=1.5)
+#: Which spheres of the arm are kept away from obstacles: all, or the tool's alone.
+Avoid = Literal["arm", "tool"]
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """Settings of planning, for every kind of skill. Lengths in metres, angles in radians.
+
+    Attributes
+    ----------
+    obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
+    obstacle_position_error : how far obstacles may be from where their source says that they are: so much larger they
+        are taken to be, and by how far the arm was off its path (`planning/tracking.py`).
+    ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + body radius), of the soft metric.
+    ambient_law : how it grows towards obstacles: gaussian, completed, or hard: not at all (`graph/ambient.py`).
+    ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
+    cost_cap : paths that cost more than so many times what a demonstration costs without obstacles count as blocked.
+    query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.
+    prediction : obstacles are expected to move on linearly for so long [s], and to stand then; where that leaves
+        no path, what moves is not counted after it. It must be longer than a stop takes, latency included,
+        which is 0.5 s: what comes into sight later cannot be stopped for.
+    avoidance : False ignores obstacles altogether; for control experiments only.
+    avoid : "arm", or "tool": of the arm the tool's spheres alone are kept away from obstacles.
+    grid_shape, neighbours : of the latent graph; None: the skill's own.
+    refine : make the graph's shortest paths continuous ones, which know no directions of a grid.
+    tool_points, tool_radii : spheres (K, 3), (K,) fixed in the tool frame. The metric of a skill of tool poses sees
+        them, and they are what is kept away from obstacles where only the tool is.
+    maximum_offset, maximum_offset_angle : how far start and goal of a skill of tool poses may lie from the manifold, or
+        beyond the starts and goals that were demonstrated.
+    maximum_joint_offset : the same of a skill of configurations, over all joints [rad].
+    body_radius : radius of the body around its points, as the soft metric of a skill of configurations sees it. What is
+        hard, the removal of nodes and the certificate, knows the arm's collision spheres.
+    speed_scale, acceleration_scale : share of the joints' velocity limits, and of their acceleration and jerk limits.
+    speed, angular_speed : limits of the tool [m/s], [rad/s]. 0: none; None: 0.2 and 0.8 with skills of tool poses, none
+        with those of configurations.
+    acceleration : limit of the tool's acceleration [m/s^2], tangential and centripetal together; None: 1.5, or none.
+        That of the angular acceleration follows: full angular speed is reached in the time that full speed takes.
+    latency : a new reference takes over so long after its planning began [s].
+    """
+
+    obstacle_margin: float = 0.005
+    obstacle_position_error: float = 0.0
+    ambient_strength: float = 1000.0
+    ambient_width_ratio: float = 0.5
+    ambient_law: AmbientLaw = "gaussian"
+    ridge_strength: float = 1.0
+    cost_cap: float = 20.0
+    query_conditioning: bool = True
+    prediction: float = 1.6
+    avoidance: bool = True
+    avoid: Avoid = "arm"
+    grid_shape: tuple[int, ...] | None = None
+    neighbours: int | None = None
+    refine: bool = True
+    tool_points: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),)
+    tool_radii: tuple[float, ...] = (0.04,)
+    maximum_offset: float = 0.05
+    maximum_offset_angle: float = 0.5
+    maximum_joint_offset: float = 0.5
+    body_radius: float = 0.08
+    speed_scale: float = 0.3
+    acceleration_scale: float = 0.2
+    speed: float | None = None
+    angular_speed: float | None = None
+    acceleration: float | None = None
+    latency: float = 0.03
+
+    #: Settings that may be 0.
+    may_be_zero: ClassVar[tuple[str, ...]] = (
+        "obstacle_margin", "obstacle_position_error", "ambient_strength", "ridge_strength", "prediction", "speed",
+        "angular_speed", "acceleration",
+    )  # fmt: skip
+
+    def tool_limits(self, of_tool_poses: bool) -> ToolLimits:
+        """Limits of the tool with a skill of tool poses, or with one of configurations."""
+        default = TOOL_LIMITS if of_tool_poses else ToolLimits()
+        chosen = {field.name: getattr(self, field.name) for field in fields(ToolLimits)}
+        return replace(default, **{name: value for name, value in chosen.items() if value is not None})
+
+    def __post_init__(self) -> None:
+        self._check_choices()
+        self._check_tool()
+        # A whole number is a number too; the grid judges its own settings.
+        numbers = {field.name: getattr(self, field.name) for field in fields(self)}
+        for name, value in numbers.items():
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                self._check_number(name, value)
+
+    def _check_choices(self) -> None:
+        for name, choices in (("ambient_law", LAWS), ("avoid", get_args(Avoid))):
+            if getattr(self, name) not in choices:
+                raise PlanningError(f"setting {name} is '{getattr(self, name)}', must be one of {', '.join(choices)}")
+
+    def _check_tool(self) -> None:
+        if len(self.tool_points) != len(self.tool_radii) or not self.tool_points:
+            raise PlanningError(
+                f"{len(self.tool_points)} tool points and {len(self.tool_radii)} tool radii: "
+                "give one radius per point, and at least one"
+            )
+        if np.shape(self.tool_points)[1:] != (3,) or not np.all(np.isfinite(self.tool_points)):
+            raise PlanningError("tool_points must be finite (x, y, z) triples in the tool frame [m]")
+        if not all(math.isfinite(radius) and radius >= 0.0 for radius in self.tool_radii):
+            raise PlanningError(f"tool radii {self.tool_radii} must be finite and not negative [m]")
+
+    def _check_number(self, name: str, value: float) -> None:
+        allowed = value >= 0.0 if name in self.may_be_zero else value > 0.0
+        if not (allowed and math.isfinite(value)):
+            wanted = "0 or positive" if name in self.may_be_zero else "positive"
+            raise PlanningError(f"setting {name} is {value}, must be finite and {wanted}")

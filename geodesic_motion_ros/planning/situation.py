@@ -1,0 +1,305 @@
+"""Situation: all that one tick may know, worked out once. Its methods assess, and change nothing.
+
+What is being played, and therefore the state of motion in which another trajectory takes over, a moment (`latency`)
+from now; obstacles as of then; the soonest stop. Whether the present path is still free, whether another one is a gain,
+whether the arm can still stop: each answer is a value, and what a tick comes to is a `Step`, which `Stream.take` plays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, CertifiedTrajectory, SweptArm
+from geodesic_motion_ros.deadline import NEVER, Deadline
+from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_stop import stopping_reference
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+#: Knots are no nearer to each other [s].
+_SHORTEST_INTERVAL = 1e-3
+#: Of times [s].
+TIME_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Played:
+    """A trajectory and when it begins [s]."""
+
+    trajectory: CertifiedTrajectory
+    begin: float
+    certifier: ArmCertifier
+
+    @property
+    def reference(self) -> JointReference:
+        """The motion of the joints."""
+        return self.trajectory.reference
+
+    @property
+    def end(self) -> float:
+        """When the arm comes to rest [s]."""
+        return self.begin + self.reference.duration
+
+    @cached_property
+    def swept(self) -> SweptArm:
+        """Where it takes the arm."""
+        return self.certifier.swept(self.reference)
+
+    def switch(self, earliest: float) -> float:
+        """When another one takes over, at or after a time [s]: no nearer to the knot before than may be."""
+        return earliest if earliest >= self.end else max(earliest, self.knot_before(earliest) + _SHORTEST_INTERVAL)
+
+    def knot_before(self, time: float) -> float:
+        """The last knot at or before a time [s]; that time itself where the arm stands by then."""
+        if time >= self.end:
+            return time
+        knots = self.begin + self.reference.times
+        return float(knots[max(0, int(np.searchsorted(knots, time, side="right")) - 1)])
+
+    def state_at_switch(self, earliest: float, followed: Followed | None) -> MotionState:
+        """In what state another one takes over, at or after a time [s]; with a latent point where it is followed."""
+        time = self.switch(earliest)
+        local = time - self.begin
+        latent = None if followed is None else self.reference.latent_at(local)
+        return MotionState(time, *self.reference.sample(local), latent)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What the trajectory being played was planned for, its verdict, and when a path was last searched [s].
+
+    The verdict states the present clearance; `promised` was that of the plan, `drawn` that when another curve was last
+    drawn [m]. `nodes` and `optimistic` as of `Plan`. `evading`: it leads to where nothing is expected to come.
+    """
+
+    query: HeldQuery
+    verdict: Verdict
+    obstacles: Obstacles
+    searched: float
+    promised: float
+    drawn: float
+    nodes: np.ndarray | None = None
+    optimistic: bool = False
+    evading: bool = False
+
+    @classmethod
+    def begun(cls, query: HeldQuery, plan: Plan, situation: Situation, evading: bool = False) -> Followed:
+        """A plan's path, taken in a situation."""
+        nearest = plan.verdict.clearance
+        return cls(
+            query, plan.verdict, situation.obstacles, situation.now, nearest, nearest, plan.nodes, plan.optimistic,
+            evading,
+        )  # fmt: skip
+
+    @property
+    def close(self) -> bool:
+        """Whether an obstacle is so near that every bit of clearance is a gain."""
+        return self.verdict.clearance <= constants.CLOSE_CLEARANCE
+
+    @property
+    def known(self) -> np.ndarray | None:
+        """The nodes of the path, where finding it again is no gain: no obstacle is near, or has come nearer."""
+        nearer = self.verdict.clearance <= min(constants.CLOSE_CLEARANCE, self.drawn - constants.NEARER_BY)
+        return None if nearer else self.nodes
+
+    def is_due(self, now: float) -> bool:
+        """Whether a better path is to be searched at a time [s]."""
+        period = constants.SEARCH_PERIOD_CLOSE if self.close else constants.SEARCH_PERIOD_FAR
+        return now >= self.searched + period - TIME_ROUNDING
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a tick comes to: its answer, and what is followed from then on."""
+
+    plan: Plan
+    followed: Followed | None
+
+
+@dataclass(frozen=True)
+class Stop:
+    """The soonest stop of an arm, where it takes the arm until it stands, and its certificate, which counts what comes
+    to where it then stands.
+    """
+
+    reference: JointReference
+    swept: SweptArm
+    certificate: Certificate
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """What a tick at `now` [s] begins with.
+
+    Attributes
+    ----------
+    obstacles : as they were received, enlarged by what is not known of them.
+    played, followed : as of `Stream`.
+    deadline : begin nothing new after it. late : what is found after it would take over in the past.
+    """
+
+    settings: PlannerSettings
+    limits: JointLimits
+    certifier: ArmCertifier
+    played: Played
+    followed: Followed | None
+    now: float
+    obstacles: Obstacles
+    deadline: Deadline = NEVER
+    late: Deadline = NEVER
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether what is being played is over."""
+        return self.now >= self.played.end
+
+    @cached_property
+    def state(self) -> MotionState:
+        """The state of motion in which another trajectory takes over."""
+        return self.played.state_at_switch(self.now + self.settings.latency, self.followed)
+
+    @cached_property
+    def expected(self) -> Obstacles:
+        """Obstacles where they are expected to be by then."""
+        return self.obstacles.at(self.state.time, self.settings.prediction)
+
+    @cached_property
+    def left(self) -> SweptArm:
+        """Where what is being played takes the arm from then on."""
+        return self.played.swept.since(self.state.time - self.played.begin)
+
+    @cached_property
+    def stop(self) -> Stop:
+        """The soonest stop along what is being played from then on."""
+        reference, swept = self._stopping(self.played, self.state.time)
+        prediction = self.settings.prediction
+        certificate = self.certifier.certify_swept(swept.lasting(prediction), self.expected, prediction)
+        return Stop(reference, swept, certificate)
+
+    def _stopping(self, played: Played, time: float) -> tuple[JointReference, SweptArm]:
+        """The soonest stop from a time [s] of what is played, or may be, and where it takes the arm."""
+        local = min(time - played.begin, played.reference.duration)
+        reference = stopping_reference(played.reference, local, self.limits)
+        return reference, self.certifier.swept(reference)
+
+    # ------------------------------------------------------------- assessments
+
+    def following(self, query: HeldQuery | None) -> Followed | None:
+        """What is being followed, where that leads to the goal of a query."""
+        followed = self.followed
+        return followed if followed is not None and followed.query is query and followed.verdict.ok else None
+
+    def free_path(self, query: HeldQuery) -> Followed | None:
+        """The same with its present clearance, where what is left of it is free and can be stopped on."""
+        followed = self.following(query)
+        if followed is None:
+            return None
+        certificate = self.certifier.certify_swept(
+            self.left, self.expected, self.settings.prediction, beyond=not followed.optimistic
+        )
+        if self.settings.avoidance and self.certifier.objection(certificate) is not None:
+            return None
+        if not self.can_still_stop(self.played):
+            return None
+        return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
+
+    def stoppable(self, plan: Plan) -> Plan:
+        """A plan, or that there is none where `can_still_stop` does not hold of it."""
+        if plan.trajectory is None or self.can_still_stop(Played(plan.trajectory, plan.begin, self.certifier)):
+            return plan
+        reason = "on the best path the arm could not stop any more where what moves may come to a stand"
+        return Plan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
+
+    def can_still_stop(self, candidate: Played) -> bool:
+        """Whether an arm that follows a trajectory for `REPLAN_DELAY` is left a stop that is free wherever on their
+        lines obstacles halt meanwhile. True as well where it has none now, or would be met by what moves on where it
+        stood: to go on is no worse then.
+
+        A certificate takes for granted that they move on; one that stops before it has passed must not be met either.
+        """
+        if self.expected.stand or not self.settings.avoidance:
+            return True
+        margin = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
+        _, later = self._stopping(candidate, self.state.time + constants.REPLAN_DELAY)
+        if self._room_of(later, constants.REPLAN_DELAY) > margin or self._room_of(self.stop.swept, 0.0) <= 0.0:
+            return True
+        return bool(np.min(self.stop.certificate.clearance) <= 0.0)
+
+    def _room_of(self, stop: SweptArm, later: float) -> float:
+        """Least distance [m] of a stop that begins so much later [s] from where obstacles may halt by its end."""
+        places = self.expected.stopping_places(later + stop.times[-1], constants.STOP_POSITION_SAMPLES)
+        return float(np.min(self.certifier.certify_swept(stop, places, 0.0).clearance))
+
+    def gains(self, plan: Plan, followed: Followed) -> bool:
+        """Whether a new plan is safer than what is being followed, or takes clearly less time."""
+        if plan.reference is None:
+            return False
+        if followed.optimistic and not plan.optimistic:
+            return True
+        safer = self.settings.avoidance and followed.close and plan.verdict.clearance > followed.verdict.clearance
+        return safer or self.played.end - self.state.time > constants.WORTHWHILE_RATIO * plan.reference.duration
+
+    def mode(self, step: Step) -> Mode:
+        """What the arm does after a step."""
+        followed, verdict = step.followed, step.plan.verdict
+        moves = step.plan.trajectory is not None or not self.at_rest
+        if followed is not None and moves:
+            return Mode.moving(followed.verdict.ok, followed.evading)
+        return Mode.standing(verdict)
+
+    # ------------------------------------------------------------------- steps
+
+    def answered(self, verdict: Verdict, followed: Followed | None = None) -> Step:
+        """What is being played stays; followed : that with its present clearance, where it was worked out."""
+        return Step(Plan(None, self.now, verdict), followed or self.followed)
+
+    def handed_out(self, plan: Plan, followed: Followed, before: Followed | None = None) -> Step:
+        """What is being played until a plan's trajectory begins, and that from there on; nothing if it is too late.
+
+        followed : what is followed then; before : until then, as of `answered`.
+        """
+        if not self.late.passed:
+            return Step(plan, followed)
+        reason = (
+            "what was found would take over in the past: the tick took longer than the setting latency, "
+            f"{self.settings.latency:g} s, leaves; more latency, or a less busy machine, would do"
+        )
+        return self.answered(Verdict(VerdictCode.DEADLINE_MISSED, reason), before)
+
+    def continued(self, followed: Followed) -> Step:
+        """What is being played, or a stop where obstacles have come nearer than expected and it keeps further off.
+
+        followed : with its present clearance.
+        """
+        nearest = followed.verdict.clearance
+        kept = min(followed.promised, constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin)
+        judged = self.settings.avoidance and not self.obstacles.stand
+        nearer = judged and nearest < constants.LEAST_CLEARANCE_SHARE * kept
+        if nearer and np.min(self.stop.certificate.clearance) > nearest:
+            reason = f"an obstacle has come within {nearest:.3f} m of the path being followed"
+            return self.stopped(Verdict(VerdictCode.NO_FEASIBLE_PATH, reason), followed)
+        return self.answered(followed.verdict, followed)
+
+    def stopped(self, verdict: Verdict, followed: Followed | None = None) -> Step:
+        """A stop along the path being followed, or what is being played where that is one already.
+
+        followed : as of `answered`.
+        """
+        followed = followed or self.followed
+        if followed is None or not (followed.verdict.ok or followed.evading) or self.at_rest:
+            return self.answered(verdict, followed)
+        certificate = self.stop.certificate
+        objection = self.certifier.objection(certificate)
+        verdict = replace(verdict, clearance=float(np.min(certificate.clearance)))
+        if objection is not None and self.settings.avoidance:
+            verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
+        plan = Plan(self.certifier.certified(self.stop.reference, certificate), self.state.time, verdict)
+        return self.handed_out(plan, Followed.begun(followed.query, plan, self), followed)

@@ -1,0 +1,249 @@
+"""Stream and Situation: one trajectory takes over from the other without a jump, and a stop is certified and keeps to
+the path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory
+from geodesic_motion_ros.deadline import NEVER, Deadline
+from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.joint_timing import timed_joint_reference
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.situation import Followed, Played, Situation
+from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.stream import Stream
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+ROBOT, SETTINGS = Robot.panda(), PlannerSettings()
+LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")
+CERTIFIER = ArmCertifier(ROBOT, MODEL)
+#: Of a query a situation asks only whether it is the same.
+QUERY = SimpleNamespace()
+#: To the side, by the first joint.
+TURN = np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+OK, NO_PATH = Verdict(VerdictCode.OK), Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
+
+
+def certified(reference: JointReference, obstacles: Obstacles | None = None) -> CertifiedTrajectory:
+    return CERTIFIER.certified(reference, CERTIFIER.certify(reference, obstacles or Obstacles.none(), 1.6))
+
+
+def straight(start: np.ndarray, goal: np.ndarray, *motion: np.ndarray) -> CertifiedTrajectory:
+    """A trajectory from a state of motion to a goal (eta,)."""
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    reference = timed_joint_reference(start + share * (goal - start), np.hstack([1.0 - share, share]), LIMITS, *motion)
+    assert reference is not None
+    return certified(reference)
+
+
+def at(
+    stream: Stream,
+    now: float,
+    obstacles: Obstacles | None = None,
+    late: Deadline = NEVER,
+    settings: PlannerSettings = SETTINGS,
+) -> Situation:
+    assert stream.played is not None
+    return Situation(
+        settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles or Obstacles.none(), late=late
+    )
+
+
+def going(settings: PlannerSettings = SETTINGS, clearance: float = np.inf) -> Stream:
+    """A stream that turns to the side from time 0 on."""
+    stream = Stream(CERTIFIER)
+    stream.stand(certified(JointReference.standing(ROBOT.ready, np.zeros(2))), 0.0)
+    plan = Plan(straight(ROBOT.ready, ROBOT.ready + TURN), 0.0, replace(OK, clearance=clearance))
+    start = at(stream, 0.0, settings=settings)
+    stream.take(start.handed_out(plan, Followed.begun(QUERY, plan, start)), 0.0)
+    return stream
+
+
+def stopped(stream: Stream, situation: Situation) -> Plan:
+    return stream.take(situation.stopped(NO_PATH), situation.now)
+
+
+def ball(posture: np.ndarray, velocity: np.ndarray | None = None, radius: float = 0.05) -> Obstacles:
+    """A sphere around the tool of a posture (eta,)."""
+    hand, _ = ROBOT.forward(posture)
+    return Obstacles.of_spheres(hand[None], np.array([radius]), None if velocity is None else velocity[None])
+
+
+def test_a_switch_is_no_nearer_to_a_knot_than_knots_may_be() -> None:
+    played = Played(straight(ROBOT.ready, ROBOT.ready + TURN), 2.0, CERTIFIER)
+    knot = 2.0 + played.reference.times[5]
+    assert played.knot_before(knot + 1e-4) == knot
+    assert played.switch(knot + 1e-4) == pytest.approx(knot + 1e-3)
+    assert played.switch(knot + 2e-3) == knot + 2e-3
+    assert played.switch(played.end + 1.0) == played.knot_before(played.end + 1.0) == played.end + 1.0
+
+
+def test_one_path_takes_over_from_another_in_its_state_of_motion_and_the_past_is_remembered() -> None:
+    stream = going()
+    before, situation = stream.played, at(stream, 0.4)
+    state = situation.state
+    assert np.max(np.abs(state.velocity)) > 0.1
+    goal = ROBOT.ready + 0.7 * TURN + 0.1
+    plan = Plan(straight(state.position, goal, state.velocity, state.acceleration), state.time, OK)
+    handed = stream.take(situation.handed_out(plan, Followed.begun(QUERY, plan, situation)), 0.4)
+    assert handed.begin == before.knot_before(0.4)
+    assert handed.trajectory is stream.played.trajectory
+    times = np.arange(0.3, stream.played.end, 0.001)
+    played = np.array([stream.commanded(time) for time in times])
+    assert np.max(np.abs(np.diff(played[:, 0], axis=0))) < 0.001 * 1.001 * np.max(LIMITS.velocity)
+    assert np.max(np.abs(np.diff(played[:, 2], axis=0))) < 0.001 * 1.001 * np.max(LIMITS.jerk)
+    # Before the new trajectory begins the one before it counts.
+    np.testing.assert_array_equal(played[0], before.reference.sample(times[0]))
+    np.testing.assert_allclose(stream.commanded(stream.played.end)[0], goal, atol=1e-9)
+    rest, knot = stream.playing(0.5)
+    assert knot <= 0.5
+    np.testing.assert_allclose(rest.sample(0.5 - knot)[0], stream.commanded(0.5)[0], atol=1e-12)
+    assert stream.playing(stream.played.end) is None
+
+
+def test_a_stop_keeps_to_the_path_and_is_handed_out_once() -> None:
+    stream = going()
+    path, situation = stream.played, at(stream, 0.5)
+    assert situation.mode(situation.stopped(NO_PATH)) is Mode.STOPPING
+    plan = stopped(stream, situation)
+    assert plan.verdict.reason == "no path"
+    position, velocity, acceleration = plan.reference.sample(plan.reference.duration)
+    assert np.max(np.abs(velocity)) == np.max(np.abs(acceleration)) == 0.0
+    passed = path.reference.samples(np.linspace(0.0, path.reference.duration, 5000))[0]
+    assert np.min(np.linalg.norm(passed - position, axis=1)) < 1e-3
+    assert 0.05 < position[0] - ROBOT.ready[0] < 1.1
+    assert stream.to_goal() is None
+    assert stopped(stream, at(stream, 0.52)).trajectory is None
+
+
+def test_a_stop_states_what_is_met_while_stopping_and_its_certificate_is_honest() -> None:
+    met = ball(ROBOT.ready + 0.35 * TURN)
+    stream = going()
+    plan = stopped(stream, at(stream, 0.5, met))
+    assert "while stopping, 'panda_" in plan.verdict.reason
+    assert plan.trajectory.nearest == plan.verdict.clearance < 0.0
+    assert len(plan.trajectory.clearance) == len(plan.reference.times) - 1
+    blind = replace(SETTINGS, avoidance=False)
+    stream = going(blind)
+    assert stopped(stream, at(stream, 0.5, met, settings=blind)).verdict.reason == "no path"
+
+
+def test_an_assessment_changes_nothing() -> None:
+    """Steps are values: what is not taken leaves the stream as it was."""
+    stream = going()
+    before = stream.played, stream.followed
+    situation = at(stream, 0.5, ball(ROBOT.ready + 0.35 * TURN, np.array([0.0, 0.0, 0.1])))
+    situation.free_path(QUERY)
+    situation.continued(replace(stream.followed, verdict=replace(OK, clearance=1e-3)))
+    situation.stopped(NO_PATH)
+    assert (stream.played, stream.followed) == before
+
+
+def test_what_is_found_too_late_changes_nothing() -> None:
+    stream = going()
+    played, followed = stream.played, stream.followed
+    plan = stopped(stream, at(stream, 0.5, late=Deadline(-np.inf)))
+    assert plan.verdict.code is VerdictCode.DEADLINE_MISSED
+    assert "latency" in plan.verdict.reason
+    assert plan.trajectory is None
+    assert stream.played is played
+    assert stream.followed is followed
+
+
+def test_a_path_is_free_from_where_the_arm_is_on() -> None:
+    stream = going()
+    assert at(stream, 0.1).free_path(QUERY).verdict.clearance == np.inf
+    assert at(stream, 0.1).free_path(SimpleNamespace()) is None
+    obstacles = ball(ROBOT.ready)
+    assert at(stream, 0.0, obstacles).free_path(QUERY) is None
+    assert at(stream, 0.8 * stream.played.end, obstacles).free_path(QUERY).verdict.clearance > 0.0
+    blind = replace(SETTINGS, avoidance=False)
+    assert at(going(blind), 0.0, obstacles, settings=blind).free_path(QUERY).verdict.clearance < 0.0
+
+
+@pytest.mark.parametrize(
+    ("age", "speed", "avoidance", "goes_on"),
+    [
+        (0.2, 0.4, True, False),
+        (0.0, 0.4, True, True),  # it has passed, as was detected
+        (0.2, 0.0, True, True),  # it stands there
+        (0.2, 0.4, False, True),
+    ],
+)
+def test_what_has_passed_since_it_was_last_detected_may_have_halted_right_beyond_the_path(
+    age: float, speed: float, avoidance: bool, goes_on: bool
+) -> None:
+    """A sphere falls past where the tool is a little beyond the place where the arm would stop; it is below it now."""
+    settings = replace(SETTINGS, avoidance=avoidance)
+    stream = going(settings)
+    crossing = ball(ROBOT.ready + 0.82 * TURN, np.array([0.0, 0.0, -speed]))
+    time = 0.3
+    passed = replace(crossing, centres=crossing.centres - [0.0, 0.0, 0.1], age=age, time=time)
+    situation = at(stream, time - SETTINGS.latency, passed, settings=settings)
+    assert situation.can_still_stop(stream.played) is goes_on
+    assert (situation.free_path(QUERY) is not None) is goes_on
+    rest = certified(stream.played.reference.rest(situation.state.time))
+    assert situation.stoppable(Plan(rest, situation.state.time, OK)).verdict.ok is goes_on
+
+
+@pytest.mark.parametrize(
+    ("clearance", "nearest", "optimistic", "longer", "gain"),
+    [
+        (0.2, 0.1, False, 1.0, False),  # further off, but the old path is far enough
+        (0.02, 0.01, False, 1.0, True),
+        (0.005, 0.01, False, 1.0, False),
+        (0.1, 0.1, False, 0.9, True),  # clearly sooner there
+        (0.1, 0.1, False, 0.97, False),
+        (0.1, 0.1, True, 2.0, True),  # the old path counts on what moves to have left
+    ],
+)
+def test_a_new_path_is_a_gain_where_it_is_safer_or_takes_clearly_less_time(
+    clearance: float, nearest: float, optimistic: bool, longer: float, gain: bool
+) -> None:
+    stream = going()
+    situation = at(stream, -SETTINGS.latency)
+    reference = stream.played.reference
+    slower = certified(replace(reference, times=longer * reference.times))
+    plan = Plan(slower, 0.0, replace(OK, clearance=clearance))
+    followed = replace(stream.followed, verdict=replace(OK, clearance=nearest), optimistic=optimistic)
+    assert situation.gains(plan, followed) is gain
+    assert not situation.gains(replace(plan, trajectory=None), followed)
+
+
+def test_what_comes_nearer_than_was_promised_is_stopped_for_where_a_stop_keeps_further_off() -> None:
+    ahead = ball(ROBOT.ready + TURN, np.array([1e-3, 0.0, 0.0]))
+    for promised, obstacles, goes_on in (
+        (0.02, ahead, False),
+        (1e-4, ahead, True),
+        (0.02, replace(ahead, velocities=np.zeros((1, 3))), True),
+    ):
+        stream = going()
+        followed = replace(stream.followed, promised=promised, verdict=replace(OK, clearance=1e-3))
+        plan = at(stream, 0.3, obstacles).continued(followed).plan
+        assert (plan.trajectory is None) is goes_on
+        assert plan.verdict.ok is goes_on
+
+
+def test_an_arm_that_brakes_by_itself_is_on_no_path_and_the_reason_is_kept() -> None:
+    stream = going()
+    situation = at(stream, 0.5)
+    stop = situation.stop.reference
+    stream.braked(certified(stop), situation.state.time, NO_PATH)
+    assert stream.to_goal() is None
+    assert at(stream, 0.5).following(QUERY) is None
+    assert stream.followed.verdict is NO_PATH
+    np.testing.assert_allclose(stream.commanded(situation.state.time + 5.0)[0], stop.positions[-1])
+    stream.forget()
+    assert stream.commanded(1.0) is None
+    assert stream.to_goal() is None
