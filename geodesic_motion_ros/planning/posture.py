@@ -19,7 +19,14 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.robot.inverse_kinematics import pose_difference
-from geodesic_motion_ros.robot.kinematics import Robot, contiguous, forward, jacobian
+from geodesic_motion_ros.robot.kinematics import (
+    Robot,
+    contiguous,
+    jacobian,
+    link_frames,
+    quaternion_of,
+    write_jacobian,
+)
 
 #: Newton's method ends where the pose is this near [m, rad], after so many steps at most; no joint turns farther than
 #: this in one of them [rad], where the linearisation can be trusted.
@@ -169,8 +176,8 @@ def _newton(position, quaternion, null, posture, offset, q, chain):
     joints = len(q)
     matrix, right = np.empty((joints, joints)), np.empty(joints)
     for _ in range(_STEPS):
-        here, turned = forward(q, chain)
-        error = pose_difference(here, turned, position, quaternion)
+        rotations, origins = link_frames(q, chain)
+        error = pose_difference(origins[-1], quaternion_of(rotations[-1]), position, quaternion)
         rest = offset
         for j in range(joints):
             rest -= null[j] * (q[j] - posture[j])
@@ -179,11 +186,10 @@ def _newton(position, quaternion, null, posture, offset, q, chain):
             largest = max(largest, abs(error[i]))
         if largest < _TOLERANCE:
             return True
-        slopes = jacobian(q, chain)
+        matrix[:] = 0.0
+        write_jacobian(rotations, origins, chain, matrix)
         for i in range(6):
             right[i] = error[i]
-            for j in range(joints):
-                matrix[i, j] = slopes[i, j]
         if joints > 6:
             right[6] = rest
             for j in range(joints):

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier
+from geodesic_motion_ros.arm_certificate import ArmCertifier, SweptArm
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
@@ -57,6 +57,8 @@ _ATTEMPTS = (
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in _ATTEMPTS)
 #: Where to give way to is looked for so many grid steps around.
 _REFUGE_STEPS = 15
+#: So many motions from one state are remembered.
+_MOST_REMEMBERED = 32
 #: Samples of the curve per grid step.
 _SAMPLES_PER_STEP = 1.0
 
@@ -116,8 +118,36 @@ class MotionState:
     latent: np.ndarray | None
 
 
+@dataclass(frozen=True)
+class _Timed:
+    """A way smoothed into a latent curve (m, d), held and timed; or why it is not, without a reference.
+
+    correction : how far its ends were moved [rad]. swept : where the reference takes the arm.
+    """
+
+    latent: np.ndarray
+    objection: str = ""
+    correction: float = 0.0
+    reference: JointReference | None = None
+    swept: SweptArm | None = None
+
+
+class _Memory(NamedTuple):
+    """What was timed of one query from one state of motion: an arm that waits finds the same ways again and again."""
+
+    query: HeldQuery
+    state: MotionState
+    timed: dict[tuple[bytes, float, bool], _Timed]
+
+    def is_of(self, query: HeldQuery, state: MotionState) -> bool:
+        names = ("position", "velocity", "acceleration")
+        return self.query is query and all(
+            np.array_equal(getattr(self.state, name), getattr(state, name)) for name in names
+        )
+
+
 class Solver:
-    """Plans single paths on one skill; holds no state of its own."""
+    """Plans single paths on one skill; holds no state that an answer depends on."""
 
     def __init__(
         self,
@@ -133,6 +163,7 @@ class Solver:
         self.tool = LimitedTool(robot, settings.tool_limits(isinstance(graph, PoseGraph)))
         self.attempts = tuple(attempt for attempt in _ATTEMPTS if settings.refine or not attempt.refine)
         self.certifier = ArmCertifier(robot, collision)
+        self._memory: _Memory | None = None
 
     @property
     def cautious(self) -> tuple[Attempt, ...]:
@@ -275,33 +306,50 @@ class Solver:
         trusting: bool,
         aside: float | None = None,
     ) -> Plan:
-        """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be played.
+        """Time a way (`_timed`), and judge the very motion that will be played.
 
         aside : the way does not lead to the goal, but ends where it ends; obstacles move on for so long [s].
         """
-        step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
-        latent = smooth_latent(resample_latent(way.polyline, step), width * _SAMPLES_PER_STEP)
-        held, objection = query.configurations_along(latent, state.position)
-        if objection:
-            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection, **query.misfits))
-        path = smooth_latent(held, width * _SAMPLES_PER_STEP)
-        path, correction = _meeting(path, state.position, query.goal if aside is None else path[-1])
-        reference = timed_joint_reference(
-            path, latent, self.limits, state.velocity, state.acceleration, tool=self.tool
-        )
-        if reference is None:
-            reason = "stopping first: the way to the goal turns off the present motion, or leaves the joints' limits"
-            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
+        timed = self._timed(query, state, way, width, aside is None)
+        latent, reference = timed.latent, timed.reference
+        if reference is None or timed.swept is None:
+            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         horizon = self.settings.prediction if aside is None else aside
-        certificate = self.certifier.certify(reference, obstacles, horizon, beyond=not trusting)
+        certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=not trusting)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
         verdict = way_verdict(
             self.skill, self.graph, query, self.graph.sigma_at(latent), way,
-            float(np.min(certificate.clearance)), correction,
+            float(np.min(certificate.clearance)), timed.correction,
             None if objection is None else f"on the best way {objection}",
         )  # fmt: skip
         found = replace(reference, clearance=certificate.clearance) if verdict.ok else None
         return Plan(found, state.time, verdict)
+
+
+    def _timed(self, query: HeldQuery, state: MotionState, way: LatentWay, width: float, to_goal: bool) -> _Timed:
+        """A way's motion, from memory where nothing that it depends on has changed."""
+        memory = self._memory
+        if memory is None or not memory.is_of(query, state) or len(memory.timed) >= _MOST_REMEMBERED:
+            memory = self._memory = _Memory(query, state, {})
+        key = (way.polyline.tobytes(), width, to_goal)
+        if key not in memory.timed:
+            memory.timed[key] = self._timed_anew(query, state, way, width, to_goal)
+        return memory.timed[key]
+
+    def _timed_anew(self, query: HeldQuery, state: MotionState, way: LatentWay, width: float, to_goal: bool) -> _Timed:
+        """Smooth, decode, transport, meet the ends exactly, time."""
+        step = float(np.min(self.graph.grid.spacing)) / _SAMPLES_PER_STEP
+        latent = smooth_latent(resample_latent(way.polyline, step), width * _SAMPLES_PER_STEP)
+        held, objection = query.configurations_along(latent, state.position)
+        if objection:
+            return _Timed(latent, objection)
+        path = smooth_latent(held, width * _SAMPLES_PER_STEP)
+        path, correction = _meeting(path, state.position, query.goal if to_goal else path[-1])
+        reference = timed_joint_reference(path, latent, self.limits, state.velocity, state.acceleration, tool=self.tool)
+        if reference is None:
+            reason = "stopping first: the way to the goal turns off the present motion, or leaves the joints' limits"
+            return _Timed(latent, reason)
+        return _Timed(latent, "", correction, reference, self.certifier.swept(reference))
 
 
 def _alike(attempts: tuple[Attempt, ...], trusting: bool) -> tuple[Attempt, ...]:

@@ -296,12 +296,11 @@ def forward(q, chain):
     return origins[-1].copy(), quaternion_of(rotations[-1])
 
 
-@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
-def jacobian(q, chain):
-    """Geometric Jacobian (6, n): column of a revolute joint (a x (p - o); a), of a prismatic one (a; 0)."""
-    rotations, origins = link_frames(q, chain)
+@numba.njit(cache=True, nogil=True)
+def write_jacobian(rotations, origins, chain, out):
+    """Write the geometric Jacobian at the frames of the links (`link_frames`) into zeros (6 or more, n)."""
     axes, joint_index, prismatic = chain[2], chain[3], chain[4]
-    out, a, arm = np.zeros((6, len(q))), np.empty(3), np.empty(3)
+    a, arm = np.empty(3), np.empty(3)
     for k in range(len(joint_index)):
         column = joint_index[k]
         if column < 0:
@@ -315,4 +314,12 @@ def jacobian(q, chain):
             out[0, column] = a[1] * arm[2] - a[2] * arm[1]
             out[1, column] = a[2] * arm[0] - a[0] * arm[2]
             out[2, column] = a[0] * arm[1] - a[1] * arm[0]
+
+
+@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
+def jacobian(q, chain):
+    """Geometric Jacobian (6, n): column of a revolute joint (a x (p - o); a), of a prismatic one (a; 0)."""
+    rotations, origins = link_frames(q, chain)
+    out = np.zeros((6, len(q)))
+    write_jacobian(rotations, origins, chain, out)
     return out
