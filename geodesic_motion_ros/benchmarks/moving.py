@@ -3,7 +3,9 @@
 A scene is a motion between the ends of a demonstration and spheres of 3 to 6 cm, each of which comes through a place of
 the tool's obstacle-free path as the tool comes there, at a constant velocity of 0.05 to 0.5 m/s; with none, one sphere
 moves where the arm cannot feel it. Every tick, a hundred a second, hands the planner new places; the arm is an ideal
-follower. A motion ends as it comes to rest at its goal, or where it takes too long.
+follower. A motion ends as it comes to rest at its goal, or where it takes too long. The planner repeats itself to the
+bit: every motion is played several times, and each tick counts by its fastest, which other work on the machine disturbed
+least.
 """
 
 from __future__ import annotations
@@ -86,15 +88,25 @@ class NewGoals:
     without: int = 0
 
 
+@dataclass
+class _Play:
+    """A motion played once: durations of its ticks, numbers of those that searched, and one search of each of them."""
+
+    watch: Stopwatch = field(default_factory=Stopwatch)
+    searched: list[int] = field(default_factory=list)
+    searches: list[tuple] = field(default_factory=list)
+
+
 class MovingBench:
     """A planner on a skill of either kind, and motions between the ends of its demonstrations.
 
     Parameters
     ----------
-    motions : so many, each of another demonstration.
+    motions : so many, each of another demonstration, as long as there are others. plays : of each of them.
     """
 
-    def __init__(self, skill: Skill, motions: int) -> None:
+    def __init__(self, skill: Skill, motions: int, plays: int) -> None:
+        self._plays = plays
         self.planner = ReactivePlanner(skill)
         self.motions = [
             motion for number in range(len(skill.codes)) if (motion := self._motion(skill.codes[number])) is not None
@@ -136,27 +148,39 @@ class MovingBench:
 
     def ticks(self, motion: Motion, obstacles: Obstacles, into: MovingTicks, compared: int) -> None:
         """Play a motion among spheres; so many of its searches are made again beside their alternatives."""
-        planner, longest = self.planner, motion.duration + _LONGER
-        planner.clear_goal()
-        planner.stand_at(motion.start, 0.0)
-        planner.set_goal(motion.goal[:3], motion.goal[3:])
-        kept: list[tuple] = []
+        plays = [self._play(motion, obstacles) for _ in range(self._plays)]
+        fastest = Stopwatch.fastest([play.watch for play in plays])
+        into.every.add(fastest, range(len(fastest.cpu)))
+        into.searched.add(fastest, plays[0].searched)
+        searches = plays[0].searches
+        with no_garbage_collection():
+            for search in searches[:: max(1, len(searches) // compared)][:compared]:
+                self._compare(search, into)
+
+    def _play(self, motion: Motion, obstacles: Obstacles) -> _Play:
+        planner, play, longest = self.planner, _Play(), motion.duration + _LONGER
+        self._begin(motion)
         with no_garbage_collection(), recorded_searches() as searches:
             for tick in range(int(longest * RATE)):
                 now = tick / RATE
-                planner.take_obstacles(obstacles.at(now, longest))
                 searches.clear()
-                with into.every:
+                seen = obstacles.at(now, longest)
+                with play.watch:
+                    planner.take_obstacles(seen)
                     planner.tick(now)
                 if searches:
-                    into.searched.wall.append(into.every.wall[-1])
-                    into.searched.cpu.append(into.every.cpu[-1])
-                    kept.append(searches[0])
+                    play.searched.append(tick)
+                    play.searches.append(searches[0])
                 followed = planner.way()
                 if followed is not None and now >= followed[1] + followed[0].duration:
                     break
-            for search in kept[:: max(1, len(kept) // compared)][:compared]:
-                self._compare(search, into)
+        return play
+
+    def _begin(self, motion: Motion) -> None:
+        """The arm stands at a motion's start, with its goal."""
+        self.planner.clear_goal()
+        self.planner.stand_at(motion.start, 0.0)
+        self.planner.set_goal(motion.goal[:3], motion.goal[3:])
 
     @staticmethod
     def _compare(arguments: tuple, into: MovingTicks) -> None:
@@ -177,20 +201,20 @@ class MovingBench:
 
     def new_goals(self, motion: Motion, random: np.random.Generator, into: NewGoals) -> None:
         """Request new goals in motion, each in a motion of its own, and wait for the first reference to each."""
-        planner = self.planner
         far = self.spheres(motion, 0, random)
         for share in _REDIRECTED:
-            planner.clear_goal()
-            planner.stand_at(motion.start, 0.0)
-            planner.set_goal(motion.goal[:3], motion.goal[3:])
             away, turned = (size * _direction(random) for size in (_AWAY, _TURNED))
-            begin = int(share * motion.duration * RATE)
-            for tick in range(begin):
-                planner.take_obstacles(far.at(tick / RATE, motion.duration))
-                planner.tick(tick / RATE)
             goal = motion.goal[:3] + away, rotate_by(turned, motion.goal[3:])
-            with no_garbage_collection(), into.watch:
-                found = self._first_reference(goal, begin)
+            begin, plays, found = int(share * motion.duration * RATE), [], False
+            for _ in range(self._plays):
+                self._begin(motion)
+                for tick in range(begin):
+                    self.planner.take_obstacles(far.at(tick / RATE, motion.duration))
+                    self.planner.tick(tick / RATE)
+                plays.append(watch := Stopwatch())
+                with no_garbage_collection(), watch:
+                    found = self._first_reference(goal, begin)
+            into.watch.add(Stopwatch.fastest(plays), [0])
             into.without += not found
 
     def _first_reference(self, goal: tuple[np.ndarray, np.ndarray], begin: int) -> bool:
