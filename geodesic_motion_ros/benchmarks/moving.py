@@ -4,8 +4,8 @@ A scene is a motion between the ends of a demonstration and spheres of 3 to 6 cm
 the tool's obstacle-free path as the tool comes there, at a constant velocity of 0.05 to 0.5 m/s; with none, one sphere
 moves where the arm cannot feel it. Every tick, a hundred a second, hands the planner new places; the arm is an ideal
 follower. A motion ends as it comes to rest at its goal, or where it takes too long. The planner repeats itself to the
-bit: every motion is played several times, and each tick counts by its fastest, which other work on the machine disturbed
-least.
+bit: every motion is played several times, and each tick counts by its fastest, the one that other work on the machine
+disturbed least.
 """
 
 from __future__ import annotations

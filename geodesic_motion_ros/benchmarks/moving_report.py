@@ -1,4 +1,4 @@
-"""Ticks among moving spheres and new goals in motion, for several skills: measured, as tables, and as `--json` has it."""
+"""Ticks among moving spheres and new goals in motion, of several skills: measured, as tables, as `--json` has it."""
 
 from __future__ import annotations
 
