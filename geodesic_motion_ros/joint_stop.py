@@ -20,6 +20,8 @@ from geodesic_motion_ros.quintic import quintic_samples
 _STOP_SMOOTHINGS = (0.02, 0.06, 0.12)
 #: Shares of the accelerations that stops are tried with, one after the other.
 _BRAKING_SHARES = (0.97, 0.8, 0.5)
+#: Stops are planned on so much of what is ahead [s], and on all of it where that does not suffice.
+_AHEAD = 1.0
 #: Shortest time [s] in which a bridge's acceleration changes, where jerk would allow less.
 _SHORTEST_RAMP = 0.005
 
@@ -40,10 +42,11 @@ def stopping_reference(
         if going.duration <= width:
             return going
         # The average begins to fall one width before the law does.
-        grid = np.append(np.arange(width, going.duration, 0.5 * period), going.duration)
-        _, slopes, bends = going.samples(grid)
+        near = _grid(going, width, _AHEAD, period)
         for share in _BRAKING_SHARES:
-            rates, stop = braking_rates(grid, slopes, bends, np.broadcast_to(share * limits.acceleration, slopes.shape))
+            grid, rates, stop = _braked(going, near, share * limits.acceleration)
+            if stop >= grid[-1] and grid[-1] < going.duration:
+                grid, rates, stop = _braked(going, _grid(going, width, np.inf, period), share * limits.acceleration)
             passed = grid < stop
             knots, rates = np.append(grid[passed], stop), np.append(rates[passed], rates[-1])
             law = SmoothLaw.along(knots, rates, width)
@@ -62,6 +65,18 @@ def stopping_reference(
     bridge = bridge_to_rest(*going.sample(0.0), limits, period)
     bridge = replace(bridge, latent=np.repeat(going.latent[:1], len(bridge.times), axis=0))
     return bridge if bridge.keeps(limits) and bridge.duration < going.duration else going
+
+
+def _grid(going: JointReference, begin: float, ahead: float, period: float) -> np.ndarray:
+    """Times (g,) [s] of a reference from `begin` on, so far ahead at most; the last is its end where that is nearer."""
+    grid = np.arange(begin, min(going.duration, begin + ahead), 0.5 * period)
+    return grid if begin + ahead < going.duration else np.append(grid, going.duration)
+
+
+def _braked(going: JointReference, grid: np.ndarray, acceleration: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """A grid (g,) of times [s] of a reference, the rates (g,) of the hardest braking there, and where that ends."""
+    _, slopes, bends = going.samples(grid)
+    return grid, *braking_rates(grid, slopes, bends, np.broadcast_to(acceleration, slopes.shape))
 
 
 def bridge_to_rest(

@@ -59,7 +59,7 @@ class Obstacles:
 
     @property
     def stand(self) -> bool:
-        return not (np.any(self.velocities) or np.any(self.solid_velocities))
+        return not (self.velocities.any() or self.solid_velocities.any())
 
     def at_rest(self) -> Obstacles:
         """Those alone that stand."""
@@ -80,13 +80,15 @@ class Obstacles:
         """What is wrong with the first obstacle that is not one, or ''."""
         good = np.all((np.abs(self.centres) <= LARGEST_NUMBER) & (np.abs(self.velocities) <= LARGEST_NUMBER), axis=1)
         good &= (self.radii > 0.0) & (self.radii <= LARGEST_NUMBER)
-        if not np.all(good):
+        if not good.all():
             i = int(np.argmin(good))
             return (
                 f"obstacle {i} has centre {self.centres[i].tolist()}, radius {self.radii[i]} and velocity "
                 f"{self.velocities[i].tolist()}: all must be finite, at most {LARGEST_NUMBER:g}, and the radius "
                 "positive"
             )
+        if not len(self.solids):
+            return ""
         good = np.all(np.abs(np.hstack([self.solids, self.solid_velocities])) <= LARGEST_NUMBER, axis=1)
         extents, radii = self.solids[:, 3:6], self.solids[:, 6]
         good &= np.all(extents >= 0.0, axis=1) & (radii >= 0.0) & (extents.min(axis=1, initial=np.inf) + radii > 0.0)
@@ -158,14 +160,12 @@ class Obstacles:
 
     def at(self, time: float, prediction: float) -> Obstacles:
         """Moved on linearly to `time` [s], by `prediction` [s] at most."""
-        elapsed = np.clip(time - self.time, 0.0, prediction)
-        return replace(
-            self,
-            centres=self.centres + elapsed * self.velocities,
-            solids=_shifted(self.solids, elapsed * self.solid_velocities),
-            time=time,
-            age=self.age + float(elapsed),
-        )
+        elapsed = min(max(time - self.time, 0.0), prediction)
+        return Obstacles(
+            self.centres + elapsed * self.velocities, self.radii, self.velocities,
+            _shifted(self.solids, elapsed * self.solid_velocities), self.solid_velocities, self.cloud, time,
+            self.age + float(elapsed),
+        )  # fmt: skip
 
     def swept(self, prediction: float, count: int = 3) -> Obstacles:
         """Where the obstacles are now and will be within the prediction [s], as obstacles that stand.
@@ -176,9 +176,13 @@ class Obstacles:
             return self
         steps = np.linspace(0.0, prediction, count)
         centres = (self.centres + steps[:, None, None] * self.velocities).reshape(-1, 3)
-        solids = np.concatenate([_shifted(self.solids, step * self.solid_velocities) for step in steps])
-        standing = Obstacles.of_spheres(centres, np.tile(self.radii, len(steps)), time=self.time)
-        return replace(standing, solids=solids, solid_velocities=np.zeros((len(solids), 3)), cloud=self.cloud)
+        solids = self.solids
+        if len(solids):
+            solids = np.concatenate([_shifted(solids, step * self.solid_velocities) for step in steps])
+        return Obstacles(
+            centres, np.tile(self.radii, count), np.zeros_like(centres), solids, np.zeros((len(solids), 3)),
+            self.cloud, self.time,
+        )  # fmt: skip
 
     def stopping_places(self, duration: float, count: int) -> Obstacles:
         """Wherever what moves may have come to a stand by so much later [s] since it was last seen, as what stands.
@@ -195,12 +199,15 @@ class Obstacles:
         """
         half = 0.5 * apart
         solids = _shifted(self.solids, -self.age * self.solid_velocities)
-        solids[:, 6] += half * np.linalg.norm(self.solid_velocities, axis=1)
+        if len(solids):
+            solids[:, 6] += half * np.linalg.norm(self.solid_velocities, axis=1)
         radii = np.hypot(self.radii, half * np.linalg.norm(self.velocities, axis=1))
         return replace(self, centres=self.centres - self.age * self.velocities, radii=radii, solids=solids, age=0.0)
 
 
 def _shifted(solids: np.ndarray, by: np.ndarray) -> np.ndarray:
+    if not len(solids):
+        return solids
     result = solids.copy()
     result[:, :3] += by
     return result

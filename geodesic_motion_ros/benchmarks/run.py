@@ -75,14 +75,19 @@ class BenchSettings:
 
 
 def measured_alone(skill: Skill, settings: BenchSettings) -> BenchReport:
-    """`measure` in a process of its own, where linear algebra has one thread; an interrupt here ends it."""
+    """`measure` in a process of its own."""
+    return alone(measure, skill, settings)
+
+
+def alone(call: Callable[..., Output], *arguments: object) -> Output:
+    """A call in a process of its own, where linear algebra has one thread; an interrupt here ends it."""
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ[variable] = "1"
     with get_context("spawn").Pool(1, _begin_alone) as pool:
-        report = pool.apply_async(measure, (skill, settings)).get()
+        result = pool.apply_async(call, arguments).get()
         pool.close()
         pool.join()
-    return report
+    return result
 
 
 def _begin_alone() -> None:

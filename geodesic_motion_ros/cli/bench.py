@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, writable
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, writable
+from geodesic_motion_ros.errors import ParameterError
 
 _DESCRIPTION = """\
 Searches two graphs again and again while obstacles move: a large one that is made up (50x50x50 nodes, 26 neighbours,
@@ -25,6 +26,12 @@ peers    exact (the same search where no cost is too large), A* (this package's,
          copies its graph for every tick. Those that are not installed are left out:
          pip install 'geodesic_motion_ros[bench]'
 
+--moving measures something else: processor time of the planner's ticks on skills of either kind, all shipped ones or
+those given, among so many spheres that cross a demonstrated motion at 0.05 to 0.5 m/s, seen elsewhere in every tick (0:
+one that the arm does not feel); six motions, each played three times, a tick counts by its fastest; searches beside A*
+from one end and Dijkstra on the graph with obstacles worked out everywhere. And the time from a goal that is new in
+motion to the first reference that leads to it. About five minutes.
+
 A loaded machine lengthens wall times; cpu and the ratios hold.
 """
 _EPILOG = """\
@@ -32,7 +39,12 @@ examples:
   geodesic-motion bench
   geodesic-motion bench --quick
   geodesic-motion bench --skill panda_reach_to_grasp --json out/bench.json
+  geodesic-motion bench --moving 0,1,5
+  geodesic-motion bench --moving 1 --skill panda_pouring panda_bottle2shelf --quick
 """
+
+#: With --moving where none is given, and without.
+_SKILLS, _SKILL = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp"), ("panda_reach_to_grasp",)
 
 
 def add_command(commands: argparse._SubParsersAction) -> None:
@@ -42,7 +54,11 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     parser.add_argument(
-        "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="of joint space: its folder, or a shipped name"
+        "--skill", nargs="+", metavar="SKILL",
+        help="folder or shipped name; one of joint space (default: panda_reach_to_grasp), or with --moving any",
+    )  # fmt: skip
+    parser.add_argument(
+        "--moving", type=indices, metavar="COUNTS", help="ticks among so many moving spheres instead, like 0,1,5"
     )
     parser.add_argument("--quick", action="store_true", help="half a minute: smaller graphs, fewer ticks")
     add_json(parser)
@@ -51,12 +67,22 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure, print the tables, write the file."""
-    from geodesic_motion_ros.benchmarks.run import BenchSettings, measured_alone
+    from geodesic_motion_ros.benchmarks.moving_report import MovingSettings, measure_moving
+    from geodesic_motion_ros.benchmarks.run import BenchSettings, alone, measured_alone
     from geodesic_motion_ros.skill import Skill
 
     writable(arguments.json)
-    skill = Skill.load(arguments.skill)
-    report = measured_alone(skill, BenchSettings.quick() if arguments.quick else BenchSettings())
+    moving = arguments.moving
+    if moving is not None and min(moving) < 0:
+        raise ParameterError(f"--moving {','.join(map(str, moving))}: numbers of spheres cannot be negative")
+    skills = [Skill.load(name) for name in arguments.skill or (_SKILL if moving is None else _SKILLS)]
+    if moving is not None:
+        settings = MovingSettings.quick() if arguments.quick else MovingSettings()
+        report = alone(measure_moving, skills, moving, settings)
+    elif len(skills) > 1:
+        raise ParameterError(f"--skill: one skill without --moving, not {len(skills)}")
+    else:
+        report = measured_alone(skills[0], BenchSettings.quick() if arguments.quick else BenchSettings())
     print(report.table())
     if arguments.json is not None:
         report.write_json(arguments.json)

@@ -72,9 +72,12 @@ class TaskSpaceDecoder(Perceptron):
 
     def decode(self, latent: np.ndarray) -> Decoded:
         """Decode latent points (n, d)."""
+        return Decoded(*self.poses(latent), *self.uncertainty(latent))
+
+    def poses(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The means alone: positions (n, 3) [m] and quaternions (n, 4)."""
         out = self.outputs(latent)
-        sigma, kappa = self.uncertainty(latent)
-        return Decoded(self.position_offset + self.position_scale * out[:, :3], normalise(out[:, 3:]), sigma, kappa)
+        return self.position_offset + self.position_scale * out[:, :3], normalise(out[:, 3:])
 
     def uncertainty(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """sigma (n, 3) [m] and kappa (n,) alone: cheaper than decoding, enough to prune a grid."""

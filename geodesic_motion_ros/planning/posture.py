@@ -19,7 +19,14 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.robot.inverse_kinematics import pose_difference
-from geodesic_motion_ros.robot.kinematics import Robot, contiguous, forward, jacobian
+from geodesic_motion_ros.robot.kinematics import (
+    Robot,
+    contiguous,
+    jacobian,
+    link_frames,
+    quaternion_of,
+    write_jacobian,
+)
 
 #: Newton's method ends where the pose is this near [m, rad], after so many steps at most; no joint turns farther than
 #: this in one of them [rad], where the linearisation can be trusted.
@@ -169,8 +176,8 @@ def _newton(position, quaternion, null, posture, offset, q, chain):
     joints = len(q)
     matrix, right = np.empty((joints, joints)), np.empty(joints)
     for _ in range(_STEPS):
-        here, turned = forward(q, chain)
-        error = pose_difference(here, turned, position, quaternion)
+        rotations, origins = link_frames(q, chain)
+        error = pose_difference(origins[-1], quaternion_of(rotations[-1]), position, quaternion)
         rest = offset
         for j in range(joints):
             rest -= null[j] * (q[j] - posture[j])
@@ -179,7 +186,9 @@ def _newton(position, quaternion, null, posture, offset, q, chain):
             largest = max(largest, abs(error[i]))
         if largest < _TOLERANCE:
             return True
-        matrix[:6], right[:6] = jacobian(q, chain), error
+        matrix[:] = 0.0
+        write_jacobian(rotations, origins, chain, matrix)
+        right[:6] = error
         if joints > 6:
             matrix[6], right[6] = null, rest
         if not _solve(matrix, right):

@@ -7,11 +7,11 @@ does when its trajectory cannot stay.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory
+from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory, SweptArm
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
@@ -38,6 +38,8 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
+#: So many motions from one state are remembered.
+_MOST_REMEMBERED = 32
 
 
 class HeldQuery(SearchQuery, Protocol):
@@ -105,8 +107,36 @@ class MotionState:
     latent: np.ndarray | None
 
 
+@dataclass(frozen=True)
+class _Timed:
+    """A path smoothed into a latent curve (m, d), held and timed; or why it is not, without a reference.
+
+    correction : how far its ends were moved [rad]. swept : where the reference takes the arm.
+    """
+
+    latent: np.ndarray
+    objection: str = ""
+    correction: float = 0.0
+    reference: JointReference | None = None
+    swept: SweptArm | None = None
+
+
+class _Memory(NamedTuple):
+    """What was timed of one query from one state of motion: an arm that waits finds the same paths again and again."""
+
+    query: HeldQuery
+    state: MotionState
+    timed: dict[tuple[bytes, float, bool], _Timed]
+
+    def is_of(self, query: HeldQuery, state: MotionState) -> bool:
+        names = ("position", "velocity", "acceleration")
+        return self.query is query and all(
+            np.array_equal(getattr(self.state, name), getattr(state, name)) for name in names
+        )
+
+
 class Solver:
-    """Plans single paths on one skill; holds no state of its own."""
+    """Plans single paths on one skill; holds no state that an answer depends on."""
 
     def __init__(
         self,
@@ -122,6 +152,7 @@ class Solver:
         self.tool = LimitedTool(robot, settings.tool_limits(isinstance(graph, PoseGraph)))
         self.attempts = tuple(attempt for attempt in constants.ATTEMPTS if settings.refine or not attempt.refine)
         self.certifier = ArmCertifier(robot, collision)
+        self._memory: _Memory | None = None
 
     @property
     def cautious(self) -> tuple[Attempt, ...]:
@@ -262,33 +293,53 @@ class Solver:
         optimistic: bool,
         evading: float | None = None,
     ) -> Plan:
-        """Smooth, decode, transport, meet the ends exactly, time, and judge the very motion that will be played.
+        """Time a path (`_timed`), and judge the very motion that will be played.
 
         evading : the path does not lead to the goal, but ends where it ends; obstacles move on for so long [s].
         """
+        timed = self._timed(query, state, path, width, evading is None)
+        latent, reference = timed.latent, timed.reference
+        if reference is None or timed.swept is None:
+            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
+        horizon = self.settings.prediction if evading is None else evading
+        certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=not optimistic)
+        objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
+        verdict = path_verdict(
+            self.skill, self.graph, query, self.graph.sigma_at(latent), path,
+            float(np.min(certificate.clearance)), timed.correction,
+            None if objection is None else f"on the best path {objection}",
+        )  # fmt: skip
+        found = self.certifier.certified(reference, certificate) if verdict.ok else None
+        return Plan(found, state.time, verdict)
+
+    def _timed(self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool) -> _Timed:
+        """The motion along a path, from memory where nothing that it depends on has changed."""
+        memory = self._memory
+        if memory is None or not memory.is_of(query, state) or len(memory.timed) >= _MOST_REMEMBERED:
+            memory = self._memory = _Memory(query, state, {})
+        key = (path.polyline.tobytes(), width, to_goal)
+        if key not in memory.timed:
+            memory.timed[key] = self._timed_anew(query, state, path, width, to_goal)
+        return memory.timed[key]
+
+    def _timed_anew(
+        self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool
+    ) -> _Timed:
+        """Smooth, decode, transport, meet the ends exactly, time."""
         step = float(np.min(self.graph.grid.spacing))
         latent = smooth_latent(resample_latent(path.polyline, step), width)
         held, objection = query.configurations_along(latent, state.position)
         if objection:
-            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection, **query.misfits))
+            return _Timed(latent, objection)
         curve = smooth_latent(held, width)
-        curve, correction = _meeting(curve, state.position, query.goal if evading is None else curve[-1])
+        curve, correction = _meeting(curve, state.position, query.goal if to_goal else curve[-1])
         reference = timed_joint_reference(
             curve, latent, self.limits, state.velocity, state.acceleration, tool=self.tool
         )
         if reference is None:
             reason = "stopping first: the path to the goal turns off the present motion, or leaves the joints' limits"
-            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
-        horizon = self.settings.prediction if evading is None else evading
-        certificate = self.certifier.certify(reference, obstacles, horizon, beyond=not optimistic)
-        objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
-        verdict = path_verdict(
-            self.skill, self.graph, query, self.graph.sigma_at(latent), path,
-            float(np.min(certificate.clearance)), correction,
-            None if objection is None else f"on the best path {objection}",
-        )  # fmt: skip
-        found = self.certifier.certified(reference, certificate) if verdict.ok else None
-        return Plan(found, state.time, verdict)
+            return _Timed(latent, reason)
+        return _Timed(latent, "", correction, reference, self.certifier.swept(reference))
 
 
 class _Search:

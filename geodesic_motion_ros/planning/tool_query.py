@@ -16,15 +16,14 @@ from geodesic_motion_ros.graph.metric_field import MetricField
 from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
-from geodesic_motion_ros.graph.transport import blended
+from geodesic_motion_ros.graph.transport import blended, carried
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent
-from geodesic_motion_ros.planning.pose_path import decoded_path
 from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder
 from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -97,8 +96,10 @@ def _poses_along(
     graph: PoseGraph, query: Query, frame: TaskFrame, latent: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Poses (m, 3), (m, 4) of the base frame that a latent curve (m, d) stands for, and its progress (m,)."""
-    path = decoded_path(graph, query, latent)
-    return *frame.to_base(path.positions, path.quaternions), graph.progress_map(latent)[0]
+    progress, shares = graph.progress_map(latent)
+    displacements = query.offsets.displacements(progress, shares)
+    positions, quaternions = carried(*graph.decoder.poses(latent), displacements)
+    return *frame.to_base(positions, continuous_signs(quaternions)), progress
 
 
 def _tau(query: Query, progress: np.ndarray) -> np.ndarray:

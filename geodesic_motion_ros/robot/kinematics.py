@@ -241,21 +241,27 @@ def link_frames(q, chain):
     rotations = np.zeros((count + 1, 3, 3))
     origins = np.zeros((count + 1, 3))
     unit(rotations[0])
-    joint_rotation = np.empty((3, 3))
-    turned = np.empty((3, 3))
+    turn = np.empty((3, 3))
+    # Numbers instead of rows: looking at a row of an array costs more than what is done with it.
     for k in range(count):
-        parent = rotations[k]
-        for i in range(3):
-            origins[k + 1, i] = origins[k, i]
-            for j in range(3):
-                origins[k + 1, i] += parent[i, j] * offset_translations[k, j]
         turns = joint_index[k] >= 0 and not prismatic[k]
-        multiply(parent, offset_rotations[k], turned if turns else rotations[k + 1])
         if turns:
-            _axis_rotation(axes[k], q[joint_index[k]], joint_rotation)
-            multiply(turned, joint_rotation, rotations[k + 1])
-        elif prismatic[k]:
-            for i in range(3):
+            _axis_rotation(axes[k], q[joint_index[k]], turn)
+        for i in range(3):
+            x, y, z = rotations[k, i, 0], rotations[k, i, 1], rotations[k, i, 2]
+            origins[k + 1, i] = (
+                origins[k, i] + x * offset_translations[k, 0] + y * offset_translations[k, 1]
+                + z * offset_translations[k, 2]
+            )  # fmt: skip
+            a = x * offset_rotations[k, 0, 0] + y * offset_rotations[k, 1, 0] + z * offset_rotations[k, 2, 0]
+            b = x * offset_rotations[k, 0, 1] + y * offset_rotations[k, 1, 1] + z * offset_rotations[k, 2, 1]
+            c = x * offset_rotations[k, 0, 2] + y * offset_rotations[k, 1, 2] + z * offset_rotations[k, 2, 2]
+            if turns:
+                for j in range(3):
+                    rotations[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
+                continue
+            rotations[k + 1, i, 0], rotations[k + 1, i, 1], rotations[k + 1, i, 2] = a, b, c
+            if prismatic[k]:
                 for j in range(3):
                     origins[k + 1, i] += rotations[k + 1, i, j] * axes[k, j] * q[joint_index[k]]
     return rotations, origins
@@ -296,12 +302,11 @@ def forward(q, chain):
     return origins[-1].copy(), quaternion_of(rotations[-1])
 
 
-@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
-def jacobian(q, chain):
-    """Geometric Jacobian (6, n): column of a revolute joint (a x (p - o); a), of a prismatic one (a; 0)."""
-    rotations, origins = link_frames(q, chain)
+@numba.njit(cache=True, nogil=True)
+def write_jacobian(rotations, origins, chain, out):
+    """Write the geometric Jacobian at the frames of the links (`link_frames`) into zeros (6 or more, n)."""
     axes, joint_index, prismatic = chain[2], chain[3], chain[4]
-    out, a, arm = np.zeros((6, len(q))), np.empty(3), np.empty(3)
+    a, arm = np.empty(3), np.empty(3)
     for k in range(len(joint_index)):
         column = joint_index[k]
         if column < 0:
@@ -315,4 +320,12 @@ def jacobian(q, chain):
             out[0, column] = a[1] * arm[2] - a[2] * arm[1]
             out[1, column] = a[2] * arm[0] - a[0] * arm[2]
             out[2, column] = a[0] * arm[1] - a[1] * arm[0]
+
+
+@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
+def jacobian(q, chain):
+    """Geometric Jacobian (6, n): column of a revolute joint (a x (p - o); a), of a prismatic one (a; 0)."""
+    rotations, origins = link_frames(q, chain)
+    out = np.zeros((6, len(q)))
+    write_jacobian(rotations, origins, chain, out)
     return out
