@@ -85,7 +85,7 @@ EVASION_LOOKAHEAD = 2.0
 #: Where no evasion path was found another is searched after so long [s].
 EVASION_PERIOD = 0.05
 #: Evasion targets are searched up to so many grid steps around, among so many nodes.
-EVASION_STEPS, EVASION_NODES = 15, 500
+EVASION_STEPS, EVASION_NODES = 30, 500
 #: So many of them are tried, in directions of which any two have no larger cosine than this.
 EVASION_TARGETS, EVASION_COSINE = 4, 0.7
 #: From there the goal must be reachable, without obstacles, at less than this share, up to 1, of what a path may cost.

@@ -240,13 +240,11 @@ class Solver:
         horizon : obstacles are expected to move on for so long [s].
         """
         reshaping = self._reshaping(query, obstacles.swept(horizon))
-        # As of every path: a start closer to an obstacle than the margin may stay so.
-        here, _ = obstacle_clearance(self.collision, self.robot, state.position, obstacles)
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        margin = min(apart, 0.5 * here)
         start, steps = _latent_start(query, state), constants.EVASION_STEPS
         for path in paths_to_targets(self.graph, query, start, reshaping, steps, apart):
-            plan = self._certified(query, state, path, obstacles, margin, 1.0, True, horizon)
+            # To pass what is coming narrowly is better than to be met by it.
+            plan = self._certified(query, state, path, obstacles, 0.0, 1.0, True, horizon)
             if plan.trajectory is not None:
                 return plan
             if deadline.passed:
