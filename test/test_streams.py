@@ -17,8 +17,8 @@ A planner is replayed through an adapter (`Replay`); another planner needs anoth
 
 The rest, reactions to moving spheres above all, may change for the better: then it is recorded anew.
 
-Other processors repeat the motion within the rounding of the record. The scenes *gate* 0 and 2 of panda_pouring are left
-out: there a discrete choice differs, and for some ticks the verdict or the motion does, by up to 6 mm.
+Other processors repeat the motion within the rounding of the record. The scenes *gate* 0 and 2 of panda_pouring are
+left out: there a discrete choice differs, and for some ticks the verdict or the motion does, by up to 6 mm.
 """
 
 from __future__ import annotations
