@@ -28,7 +28,7 @@ methods   ours; ours, hard (no soft metric); ours, soft (the soft metric alone, 
           pip install 'geodesic_motion_ros[benchmark]'
 columns   success: the goal within 10 mm and 0.1 rad, no contact; moving: scenes that ended as the arm touched a sphere
           in motion or within 0.5 s after it, standing: as a sphere touched the arm that had stood for longer; refused:
-          ended short of the goal, untouched, with a reason told; lost: without a reason, or not there after 15 s;
+          ended short of the goal, untouched, with a stated reason; lost: without one, or not there after 15 s;
           least, clear: least and median smallest clearance, of scenes with spheres; dtw, orient: distance and angle
           from the closest demonstration; avoiding: dtw in the scenes in which replay fails, so that something had to be
           avoided; jerk: root mean square [rad/s^3]; time: to the goal; p50, p99: processor time of ticks that answered
@@ -47,7 +47,7 @@ scenes    --save-scenes FILE plays nothing and writes the scenes that would be p
           scenes_DIGEST of the file's own; `judge` judges motions of other programs in them
 lag       --lag SECONDS: the arm plays all that it is sent so late, trajectories and what replaces them, and is behind
           by what it moves in that time; how far at most the title says. Ours counts how late and how far off its
-          path the arm is measured to be, as the planner node does; the others are not told
+          path the arm is measured to be, as the planner node does; the others do not
 held out  with --held-out every method is given two thirds of the demonstrations, a skill trained on these alone; a
           scene goes from where one of the others began to where it ended, and dtw and orient are distance and angle
           from this one, which no method has seen: the control is no distance from what it replays, but it is from

@@ -12,7 +12,7 @@ distance of the collision meshes, where they are measured to be, from each spher
 
 Success is the first of these. A contact is one *in motion* where the arm moved within `AFTER_MOTION` before it, and
 *standing* otherwise; of one in motion there was *no room* where the sphere, when it was first there, was too near for
-an arm at rest to be told of it in time. For a standing one the outcome says whether an arm that had waited at the
+an arm at rest to react to it in time. For a standing one the outcome says whether an arm that had waited at the
 start of the scene, for `LONGEST`, would have been touched too.
 """
 

@@ -2,7 +2,8 @@
 
 This is a delay of all that the controller is handed: trajectories begin later by the lag, and what replaces them comes
 later by it, so that the arm passes exactly where it was sent, after the lag. How far it is behind follows from how fast
-it moves, and is measured: `Outcome.lag`. Methods that count where the arm is measured to be (`TracksArm`) are told.
+it moves, and is measured: `Outcome.lag`. Methods that count how the arm follows (`TracksArm`) are given the measured
+joints.
 """
 
 from __future__ import annotations

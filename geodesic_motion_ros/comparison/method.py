@@ -68,8 +68,8 @@ class Method(Protocol):
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """Called every 10 ms of simulated time with true positions and velocities of the obstacles, all that are there.
 
-        Every method knows what it has sent: none is told where the arm is measured to be, but those that track an arm
-        that lags. What is answered reaches the arm one tick later, however long it was thought about.
+        Every method knows what it has sent; the measured joints are given to those alone that track an arm that lags
+        (`TracksArm`). What is answered reaches the arm one tick later, however long it was thought about.
         """
 
 

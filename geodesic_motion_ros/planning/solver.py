@@ -136,7 +136,7 @@ class _Memory(NamedTuple):
 
 
 class Solver:
-    """Plans single paths on one skill; holds no state that an answer depends on."""
+    """Plans single paths on one skill, for any thread; holds no state that an answer depends on."""
 
     def __init__(
         self,
@@ -201,6 +201,7 @@ class Solver:
             return Plan(None, state.time, search)
         margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
+        tried: set[tuple[bytes, bool, float]] = set()
         for number, attempt in enumerate(attempts):
             if number > 0 and deadline.passed:
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
@@ -210,8 +211,10 @@ class Solver:
                 return Plan(None, state.time, verdict if verdict.reason else path)
             if known is not None and is_same_path(path.nodes, known):
                 return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
-            if search.repeats(path, attempt):
+            drawn = path.nodes.tobytes(), attempt.refine, attempt.width
+            if drawn in tried:
                 continue
+            tried.add(drawn)
             curve = search.refined(path, attempt.multiple) if attempt.refine else path
             plan = self._certified(query, state, curve, obstacles, margin, attempt.width, attempt.optimistic)
             if plan.trajectory is not None:
@@ -360,7 +363,6 @@ class _Search:
         self._graph, self._query, self._start, self._reshaping = graph, query, start, reshaping
         self._deadline, self._margin, self._largest = deadline, margin, largest
         self._paths: dict[float, LatentPath | Verdict] = {}
-        self._tried: set[tuple[bytes, bool, float]] = set()
 
     def margin(self, multiple: float) -> float:
         """What is kept from obstacles [m] for a multiple of the margin."""
@@ -374,13 +376,6 @@ class _Search:
                 self._graph, self._query, self._start, self._reshaping, margin, self._deadline
             )
         return self._paths[margin]
-
-    def repeats(self, path: LatentPath, attempt: Attempt) -> bool:
-        """Whether an earlier attempt drew the same curve."""
-        drawn = path.nodes.tobytes(), attempt.refine, attempt.width
-        repeated = drawn in self._tried
-        self._tried.add(drawn)
-        return repeated
 
     def refined(self, path: LatentPath, multiple: float) -> LatentPath:
         """A path made a continuous one that keeps the same."""

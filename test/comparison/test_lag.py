@@ -1,4 +1,4 @@
-"""An arm that lags: it passes where it was sent, later, and methods that count that are told where it is."""
+"""An arm that lags: it passes where it was sent, later, and methods that count that are given the measured joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from geodesic_motion_ros.comparison.results import Played
 from geodesic_motion_ros.comparison.run import BenchmarkSettings
 from geodesic_motion_ros.comparison.scene import draw_scene
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.planner_settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 
 #: So late is the arm [s]: so many of the postures that the judge keeps, 50 a second.
@@ -44,18 +44,18 @@ def test_an_arm_that_lags_passes_where_it_was_sent_later(arena) -> None:
     assert prompt.lag == 0.0
 
 
-def test_ours_is_told_and_counts_where_the_arm_is(arena) -> None:
-    scene, told = draw_scene(arena, "none", 0, 0), []
+def test_ours_is_given_the_measured_joints_and_counts_them(arena) -> None:
+    scene, tracked = draw_scene(arena, "none", 0, 0), []
 
     class Listening(Geodesics):
         def track(self, measured: np.ndarray, now: float) -> None:
             super().track(measured, now)
-            told.append((now, measured))
+            tracked.append((now, measured))
 
     outcome, _ = LateStage(arena, LAG).play(scene, Listening(arena, planner=COARSE))
     assert outcome.success
-    assert len(told) == outcome.ticks
-    np.testing.assert_allclose(told[0][1], scene.start, atol=1e-6)
+    assert len(tracked) == outcome.ticks
+    np.testing.assert_allclose(tracked[0][1], scene.start, atol=1e-6)
 
 
 def test_results_of_an_arm_that_lags_are_kept_apart_and_said(reach_skill, tmp_path, arena) -> None:
