@@ -9,6 +9,8 @@ import pytest
 
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -170,6 +172,30 @@ def test_an_arm_that_has_no_path_evades_what_comes_to_where_it_stands(
     plan = stream.run(2.0 * nominal.duration)[-1]
     assert plan.verdict.ok, plan.verdict.reason
     assert stream.off(goal) < 1e-9
+
+
+def test_an_arm_that_can_only_evade_narrowly_does(stream, goal, nominal, least_clearance) -> None:
+    """What is coming is first seen 2 cm beside the hand. The control: the arm as it stands would be hit."""
+    planner, radius, velocity = stream.planner, np.array([0.04]), np.array([0.0, 0.1, 0.0])
+    stream.run(0.5 * nominal.duration)
+    wall, _ = planner.robot.forward(goal)
+    planner.set_obstacles(wall[None], np.array([0.05]))
+    stream.run(0.6)
+    stood = stream.state()[0]
+    begin, _ = planner.robot.forward(stood)
+    while least_clearance([stood], (begin[None], radius)) < 0.02:
+        begin = begin - 0.001 * velocity / np.linalg.norm(velocity)
+    places, velocities = np.stack([wall, begin]), np.stack([np.zeros(3), velocity])
+    planner.set_obstacles(places, np.array([0.05, radius[0]]), velocities, stream.now)
+    plan = stream.run(stream.period)[0]
+    assert plan.mode is Mode.EVADING
+    narrow = constants.DYNAMIC_MARGIN_FACTOR * planner.settings.obstacle_margin
+    assert 0.0 < plan.verdict.clearance < narrow
+    coming = stream.period * np.arange(round(planner.settings.prediction / stream.period))
+    evading = [plan.reference.sample(stream.now + time - plan.begin)[0] for time in coming]
+    spheres = [((begin + (time + stream.period) * velocity)[None], radius) for time in coming]
+    assert min(least_clearance([stood], sphere) for sphere in spheres) < 0.0
+    assert min(least_clearance([one], sphere) for one, sphere in zip(evading, spheres, strict=True)) > 0.0
 
 
 def stopping_sphere(stream, shown: float) -> float:
