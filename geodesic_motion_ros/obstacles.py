@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,8 @@ class Obstacles:
     solids, solid_velocities : (b, 16) rows as of `solids.py`, (b, 3) [m/s].
     cloud : distances from a point cloud, which stands.
     age : what moves was last seen so long before `time`, and has been expected to move on since [s].
+    velocity_errors, solid_velocity_errors : (o,), (b,) [m/s] how far velocities may be off: so fast obstacles grow, to
+        every side, as they are expected to move on. Not at all where none are given.
     """
 
     centres: np.ndarray
@@ -35,6 +37,14 @@ class Obstacles:
     cloud: DistanceField
     time: float = 0.0
     age: float = 0.0
+    velocity_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    solid_velocity_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if not len(self.velocity_errors):
+            object.__setattr__(self, "velocity_errors", np.zeros(len(self.velocities)))
+        if not len(self.solid_velocity_errors):
+            object.__setattr__(self, "solid_velocity_errors", np.zeros(len(self.solid_velocities)))
 
     @classmethod
     def none(cls) -> Obstacles:
@@ -74,22 +84,24 @@ class Obstacles:
         return replace(
             self, centres=self.centres[spheres], radii=self.radii[spheres], velocities=self.velocities[spheres],
             solids=self.solids[solids], solid_velocities=self.solid_velocities[solids], cloud=cloud,
+            velocity_errors=self.velocity_errors[spheres], solid_velocity_errors=self.solid_velocity_errors[solids],
         )  # fmt: skip
 
     def objection(self) -> str:
         """What is wrong with the first obstacle that is not one, or ''."""
         good = np.all((np.abs(self.centres) <= LARGEST_NUMBER) & (np.abs(self.velocities) <= LARGEST_NUMBER), axis=1)
-        good &= (self.radii > 0.0) & (self.radii <= LARGEST_NUMBER)
+        good &= (self.radii > 0.0) & (self.radii <= LARGEST_NUMBER) & _are_errors(self.velocity_errors)
         if not good.all():
             i = int(np.argmin(good))
             return (
                 f"obstacle {i} has centre {self.centres[i].tolist()}, radius {self.radii[i]} and velocity "
-                f"{self.velocities[i].tolist()}: all must be finite, at most {LARGEST_NUMBER:g}, and the radius "
-                "positive"
+                f"{self.velocities[i].tolist()}, which may be off by {self.velocity_errors[i]}: all must be finite, at "
+                f"most {LARGEST_NUMBER:g}, the radius positive and the last not negative"
             )
         if not len(self.solids):
             return ""
         good = np.all(np.abs(np.hstack([self.solids, self.solid_velocities])) <= LARGEST_NUMBER, axis=1)
+        good &= _are_errors(self.solid_velocity_errors)
         extents, radii = self.solids[:, 3:6], self.solids[:, 6]
         good &= np.all(extents >= 0.0, axis=1) & (radii >= 0.0) & (extents.min(axis=1, initial=np.inf) + radii > 0.0)
         turns = self.solids[:, 7:].reshape(-1, 3, 3)
@@ -120,13 +132,13 @@ class Obstacles:
 
     def distinct(self) -> Obstacles:
         """In an order of their own: what is told twice, by two sensors, is one obstacle."""
-        spheres = _distinct_rows(np.column_stack([self.centres, self.radii, self.velocities]))
-        solids = _distinct_rows(np.column_stack([self.solids, self.solid_velocities]))
-        centres, radii, velocities = np.split(spheres, [3, 4], axis=1)
+        spheres = _distinct_rows(np.column_stack([self.centres, self.radii, self.velocities, self.velocity_errors]))
+        rows = np.column_stack([self.solids, self.solid_velocities, self.solid_velocity_errors])
+        centres, radii, velocities, errors = _columns(spheres, 3, 4, 7)
+        solids, solid_velocities, solid_errors = _columns(_distinct_rows(rows), NUMBERS, NUMBERS + 3)
         return replace(
-            self, centres=np.ascontiguousarray(centres), radii=np.ascontiguousarray(radii[:, 0]),
-            velocities=np.ascontiguousarray(velocities), solids=np.ascontiguousarray(solids[:, :NUMBERS]),
-            solid_velocities=np.ascontiguousarray(solids[:, NUMBERS:]),
+            self, centres=centres, radii=radii[:, 0], velocities=velocities, solids=solids,
+            solid_velocities=solid_velocities, velocity_errors=errors[:, 0], solid_velocity_errors=solid_errors[:, 0],
         )  # fmt: skip
 
     def moved(self, rotation: np.ndarray, translation: np.ndarray) -> Obstacles:
@@ -154,17 +166,25 @@ class Obstacles:
             return self
         half = 0.5 * duration
         solids = _shifted(self.solids, half * self.solid_velocities)
-        solids[:, 6] += half * np.linalg.norm(self.solid_velocities, axis=1)
-        radii = self.radii + half * np.linalg.norm(self.velocities, axis=1)
+        solids[:, 6] += half * np.linalg.norm(self.solid_velocities, axis=1) + duration * self.solid_velocity_errors
+        radii = self.radii + half * np.linalg.norm(self.velocities, axis=1) + duration * self.velocity_errors
         return replace(self, centres=self.centres + half * self.velocities, radii=radii, solids=solids)
 
     def at(self, time: float, prediction: float) -> Obstacles:
         """Moved on linearly to `time` [s], by `prediction` [s] at most."""
         elapsed = min(max(time - self.time, 0.0), prediction)
-        return Obstacles(
-            self.centres + elapsed * self.velocities, self.radii, self.velocities,
-            _shifted(self.solids, elapsed * self.solid_velocities), self.solid_velocities, self.cloud, time,
-            self.age + float(elapsed),
+        return replace(self._moved_on(elapsed), time=time, age=self.age + float(elapsed))
+
+    def _moved_on(self, by: float) -> Obstacles:
+        """Moved on linearly for so long [s], and grown by what velocities may be off; back in time where negative."""
+        solids = self.solids
+        if len(solids):
+            solids = solids.copy()
+            solids[:, :3] += by * self.solid_velocities
+            solids[:, 6] += by * self.solid_velocity_errors
+        return replace(
+            self, centres=self.centres + by * self.velocities, radii=self.radii + by * self.velocity_errors,
+            solids=solids,
         )  # fmt: skip
 
     def swept(self, prediction: float, count: int = 3) -> Obstacles:
@@ -174,14 +194,11 @@ class Obstacles:
         """
         if self.stand:
             return self
-        steps = np.linspace(0.0, prediction, count)
-        centres = (self.centres + steps[:, None, None] * self.velocities).reshape(-1, 3)
-        solids = self.solids
-        if len(solids):
-            solids = np.concatenate([_shifted(solids, step * self.solid_velocities) for step in steps])
+        places = [self._moved_on(step) for step in np.linspace(0.0, prediction, count)]
+        centres, solids = (np.concatenate([getattr(at, name) for at in places]) for name in ("centres", "solids"))
         return Obstacles(
-            centres, np.tile(self.radii, count), np.zeros_like(centres), solids, np.zeros((len(solids), 3)),
-            self.cloud, self.time,
+            centres, np.concatenate([at.radii for at in places]), np.zeros_like(centres), solids,
+            np.zeros((len(solids), 3)), self.cloud, self.time,
         )  # fmt: skip
 
     def stopping_places(self, duration: float, count: int) -> Obstacles:
@@ -197,12 +214,11 @@ class Obstacles:
         """Where they were when they were last seen, enlarged so that where they are at two times so far apart [s]
         covers where they are between.
         """
-        half = 0.5 * apart
-        solids = _shifted(self.solids, -self.age * self.solid_velocities)
-        if len(solids):
-            solids[:, 6] += half * np.linalg.norm(self.solid_velocities, axis=1)
-        radii = np.hypot(self.radii, half * np.linalg.norm(self.velocities, axis=1))
-        return replace(self, centres=self.centres - self.age * self.velocities, radii=radii, solids=solids, age=0.0)
+        half, seen = 0.5 * apart, self._moved_on(-self.age)
+        radii = np.hypot(seen.radii, half * np.linalg.norm(self.velocities, axis=1))
+        solids = seen.solids.copy()
+        solids[:, 6] += half * np.linalg.norm(self.solid_velocities, axis=1)
+        return replace(seen, radii=radii, solids=solids, age=0.0)
 
 
 def _shifted(solids: np.ndarray, by: np.ndarray) -> np.ndarray:
@@ -211,6 +227,15 @@ def _shifted(solids: np.ndarray, by: np.ndarray) -> np.ndarray:
     result = solids.copy()
     result[:, :3] += by
     return result
+
+
+def _are_errors(values: np.ndarray) -> np.ndarray:
+    return (values >= 0.0) & (values <= LARGEST_NUMBER)
+
+
+def _columns(rows: np.ndarray, *at: int) -> list[np.ndarray]:
+    """Rows (n, k) split at columns, each part contiguous."""
+    return [np.ascontiguousarray(part) for part in np.split(rows, at, axis=1)]
 
 
 def _distinct_rows(rows: np.ndarray) -> np.ndarray:

@@ -31,12 +31,13 @@ def clearances_in_motion(
 ) -> tuple[np.ndarray, np.ndarray]:
     """`sphere_clearances` from obstacles of every kind, which are where they are at time 0."""
     clearance, nearest = sphere_clearances(
-        times, placed, bulges, radii, spheres, obstacles.centres, obstacles.radii, obstacles.velocities, horizon
-    )
+        times, placed, bulges, radii, spheres, obstacles.centres, obstacles.radii, obstacles.velocities,
+        obstacles.velocity_errors, horizon,
+    )  # fmt: skip
     if len(obstacles.solids):
         lower_by_solids(
             times, placed, bulges, radii, spheres, obstacles.solids, bounding_radii(obstacles.solids),
-            obstacles.solid_velocities, horizon, clearance, nearest,
+            obstacles.solid_velocities, obstacles.solid_velocity_errors, horizon, clearance, nearest,
         )  # fmt: skip
     if obstacles.cloud.squares.size:
         lower_by_cloud(placed, bulges, radii, spheres, *obstacles.cloud, clearance, nearest)
@@ -97,6 +98,7 @@ def sphere_clearances(
     centres: np.ndarray,
     obstacle_radii: np.ndarray,
     obstacle_velocities: np.ndarray,
+    velocity_errors: np.ndarray,
     horizon: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Guaranteed clearance [m] from obstacles between knots, (n - 1,), and the sphere that has it, (n - 1,).
@@ -107,6 +109,7 @@ def sphere_clearances(
     bulges : (n - 1, S) how far [m] centres may leave the segments between knots.
     radii : (S,) [m]. spheres : numbers (k,) of those that are checked.
     centres, obstacle_radii, obstacle_velocities : (o, 3) [m], (o,) [m], (o, 3) [m/s] at time 0.
+    velocity_errors : (o,) how far the velocities may be off [m/s]: obstacles grow so fast.
     horizon : obstacles move linearly for this long [s] and then stand: predictions are not trusted for longer.
 
     Without obstacles, or without spheres, the clearance is inf and the sphere -1.
@@ -131,7 +134,7 @@ def sphere_clearances(
                 middles[k, o] = 0.5 * (begins[o, k] + ends[o, k])
                 speed += obstacle_velocities[o, k] ** 2
             speed = math.sqrt(speed)
-            reaches[o] = obstacle_radii[o] + turn * speed
+            reaches[o] = obstacle_radii[o] + turn * speed + max(0.0, last) * velocity_errors[o]
             bounds[o] = reaches[o] + 0.5 * (last - first) * speed
         # The pair that was nearest before is likely to be near: most others are then left out by their middles.
         best = _closest_approach(placed[i, sphere], placed[i + 1, sphere], begins[obstacle], ends[obstacle])
@@ -166,11 +169,13 @@ def lower_by_solids(
     solids: np.ndarray,
     sizes: np.ndarray,
     solid_velocities: np.ndarray,
+    velocity_errors: np.ndarray,
     horizon: float,
     clearances: np.ndarray,
     worst: np.ndarray,
 ) -> None:
-    """Take account of solids (b, 16), with velocities (b, 3) [m/s], in what `sphere_clearances` has returned.
+    """Take account of solids (b, 16), with velocities (b, 3) and what these may be off (b,) [m/s], in what
+    `sphere_clearances` has returned.
 
     sizes : (b,) radii of spheres around the solids [m]; the rest as in `sphere_clearances`.
     """
@@ -200,7 +205,8 @@ def lower_by_solids(
                 solids[solid, 1] + half_way * vy,
                 solids[solid, 2] + half_way * vz,
             )
-            bound = sizes[solid] + (turn + 0.5 * (last - first)) * speed
+            off = turn * speed + max(0.0, last) * velocity_errors[solid]
+            bound = sizes[solid] + off + 0.5 * (last - first) * speed
             for n in range(nearest if b < 0 else 0, nearest + 1 if b < 0 else count):
                 dx, dy, dz = middles[n, 0] - x, middles[n, 1] - y, middles[n, 2] - z
                 far = clearances[i] + reaches[n] + bound
@@ -211,7 +217,7 @@ def lower_by_solids(
                 for k in range(3):
                     begin[k] = placed[i, s, k] - first * solid_velocities[solid, k]
                     end[k] = placed[i + 1, s, k] - last * solid_velocities[solid, k]
-                inside = radii[s] + bulges[i, s] + turn * speed
+                inside = radii[s] + bulges[i, s] + off
                 clearance = solid_approach(begin, end, solids, solid, clearances[i] + inside) - inside
                 if clearance < clearances[i]:
                     clearances[i], worst[i] = clearance, s

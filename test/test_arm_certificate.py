@@ -102,6 +102,23 @@ def test_it_is_never_optimistic_and_costs_a_millimetre():
     assert np.max(np.concatenate(costs)) < 0.015
 
 
+def test_it_holds_for_every_velocity_within_the_errors() -> None:
+    optimistic = 0
+    for seed in range(30):
+        reference, spheres = scene(seed)
+        solids, off = solids_in(seed), np.random.default_rng(seed).normal(scale=0.2, size=(4, 3))
+        errors = np.linalg.norm(off, axis=1)
+        truly = replace(spheres, velocities=spheres.velocities + off)
+        true, _ = densely(reference, truly)
+        assert np.all(certified(reference, replace(spheres, velocity_errors=errors)).clearance <= true + 1e-9)
+        optimistic += np.any(certified(reference, spheres).clearance > true + 1e-3)
+        truly = replace(solids, solid_velocities=solids.solid_velocities + off)
+        true = densely_of_solids(reference, truly)
+        assert np.all(certified(reference, replace(solids, solid_velocity_errors=errors)).clearance <= true + 1e-9)
+        optimistic += np.any(certified(reference, solids).clearance > true + 1e-3)
+    assert optimistic > 20
+
+
 def test_what_is_left_of_a_motion_is_certified_like_a_motion_of_its_own():
     """But for the interval in which it begins: that counts as a whole."""
     for seed in range(30):
@@ -161,19 +178,22 @@ def solids_in(seed: int) -> Obstacles:
     return replace(Obstacles.none(), solids=solids, solid_velocities=random.normal(scale=0.5, size=(4, 3)))
 
 
+def densely_of_solids(reference: JointReference, obstacles: Obstacles) -> np.ndarray:
+    """What 60 samples an interval find: clearance from solids, (n - 1,)."""
+    times = np.linspace(reference.times[:-1], reference.times[1:], 60, axis=1).ravel()
+    spheres = placed_at(reference, times)[:, MOVING]
+    moved = [obstacles.at(time, HORIZON) for time in times]
+    true = [np.min(solid_distances(s, o.solids) - RADII[MOVING]) for s, o in zip(spheres, moved, strict=True)]
+    return np.reshape(true, (-1, 60)).min(axis=1)
+
+
 def test_among_moving_solids_it_is_never_optimistic_and_costs_little_more():
     costs = []
     for seed in range(40):
         reference, _ = scene(seed)
         obstacles = solids_in(seed)
         certificate = CERTIFIER.certify(reference, obstacles, HORIZON)
-        times = np.linspace(reference.times[:-1], reference.times[1:], 60, axis=1).ravel()
-        spheres = placed_at(reference, times)[:, MOVING]
-        moved = [obstacles.at(time, HORIZON) for time in times]
-        true = np.array(
-            [np.min(solid_distances(s, o.solids) - RADII[MOVING]) for s, o in zip(spheres, moved, strict=True)]
-        )
-        true = true.reshape(-1, 60).min(axis=1)
+        true = densely_of_solids(reference, obstacles)
         assert np.all(certificate.clearance <= true + 1e-9)
         assert np.all(certificate.sphere >= 1)
         costs.append(true - certificate.clearance)
@@ -210,7 +230,7 @@ def test_without_the_bulge_it_would_be_optimistic():
         straight = np.zeros((len(reference.times) - 1, len(RADII)))
         clearance, _ = sphere_clearances(
             reference.times, spheres, straight, RADII, MOVING,
-            obstacles.centres, obstacles.radii, obstacles.velocities, HORIZON,
+            obstacles.centres, obstacles.radii, obstacles.velocities, obstacles.velocity_errors, HORIZON,
         )  # fmt: skip
         true, own = densely(reference, obstacles)
         optimistic += np.any(clearance > true + 1e-6)
@@ -244,12 +264,14 @@ def test_culling_changes_nothing():
     """Against every sphere, obstacle and pair in turn."""
     for seed in range(40):
         reference, obstacles = scene(seed)
+        obstacles = replace(obstacles, velocity_errors=np.random.default_rng(seed).uniform(0.0, 0.3, 4))
         certificate = certified(reference, obstacles)
         spheres, bulges = placed_at(reference, reference.times), bulges_of(reference)
         each = [
             sphere_clearances(
                 reference.times, spheres, bulges, RADII, np.array([s]),
-                obstacles.centres[[o]], obstacles.radii[[o]], obstacles.velocities[[o]], HORIZON,
+                obstacles.centres[[o]], obstacles.radii[[o]], obstacles.velocities[[o]],
+                obstacles.velocity_errors[[o]], HORIZON,
             )[0]
             for s in MOVING for o in range(4)
         ]  # fmt: skip

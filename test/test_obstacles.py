@@ -25,6 +25,8 @@ def scene(seed: int = 0) -> Obstacles:
         random.normal(size=(2, 3)),
         DistanceField.of(random.uniform(-0.5, 0.5, (20, 3)), 0.02, 0.02, 0.05),
         1.0,
+        velocity_errors=random.uniform(0.0, 0.3, 3),
+        solid_velocity_errors=random.uniform(0.0, 0.3, 2),
     )
 
 
@@ -55,6 +57,8 @@ def test_a_scene_has_nothing_to_object_to():
         ("solids", (1, 6), -0.01, "not negative"),
         ("solids", (0, 7), 2.0, "rotation"),
         ("solid_velocities", (1, 0), np.nan, "solid 1"),
+        ("velocity_errors", 1, -0.1, "not negative"),
+        ("solid_velocity_errors", 1, np.inf, "solid 1"),
     ],
 )
 def test_what_is_no_obstacle_is_named(name, index, value, said):
@@ -80,13 +84,12 @@ def test_what_is_told_twice_is_one_obstacle():
         one,
         centres=np.tile(one.centres, (2, 1)), radii=np.tile(one.radii, 2), velocities=np.tile(one.velocities, (2, 1)),
         solids=np.tile(one.solids, (2, 1)), solid_velocities=np.tile(one.solid_velocities, (2, 1)),
+        velocity_errors=np.tile(one.velocity_errors, 2), solid_velocity_errors=np.tile(one.solid_velocity_errors, 2),
     )  # fmt: skip
     distinct = twice.distinct()
     assert (len(distinct.radii), len(distinct.solids)) == (3, 2)
     np.testing.assert_array_equal(np.sort(distinct.velocities, axis=0), np.sort(one.velocities, axis=0))
-    np.testing.assert_array_equal(
-        np.sort(distinct.solid_velocities, axis=0), np.sort(one.solid_velocities, axis=0)
-    )
+    np.testing.assert_array_equal(np.sort(distinct.solid_velocities, axis=0), np.sort(one.solid_velocities, axis=0))
     np.testing.assert_array_equal(clearances(distinct, PLACES), clearances(one, PLACES))
 
 
@@ -95,7 +98,9 @@ def test_obstacles_move_on_linearly_and_not_for_ever():
     later = obstacles.at(1.2, prediction=0.5)
     np.testing.assert_allclose(later.centres, obstacles.centres + 0.2 * obstacles.velocities)
     np.testing.assert_allclose(later.solids[:, :3], obstacles.solids[:, :3] + 0.2 * obstacles.solid_velocities)
-    np.testing.assert_array_equal(later.solids[:, 3:], obstacles.solids[:, 3:])
+    np.testing.assert_array_equal(later.solids[:, 7:], obstacles.solids[:, 7:])
+    np.testing.assert_allclose(later.radii, obstacles.radii + 0.2 * obstacles.velocity_errors)
+    np.testing.assert_allclose(later.solids[:, 6], obstacles.solids[:, 6] + 0.2 * obstacles.solid_velocity_errors)
     assert later.time == 1.2
     assert obstacles.at(9.0, 0.5).same_places(obstacles.at(1.5, 0.5))
     swept = obstacles.swept(0.4)

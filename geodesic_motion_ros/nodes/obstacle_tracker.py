@@ -48,9 +48,11 @@ class ObstacleSet:
     radii : (n,) [m].
     labels : n + b texts `source/namespace/id`, in the same order.
     version : grows by one whenever the set changes; equal versions mean the same obstacles.
-    velocities : (n, 3) [m/s] by the updates until the newest one of each sphere (`obstacle_velocity.py`).
+    velocities, velocity_errors : (n, 3), (n,) [m/s] by the updates until the newest one of each sphere
+        (`obstacle_velocity.py`).
     times : (n,) [s] when each sphere was where its newest update says, on the clock that is passed in.
-    solids, solid_velocities, solid_times : (b, 16) rows as of `solids.py`, (b, 3), (b,), likewise.
+    solids, solid_velocities, solid_velocity_errors, solid_times : (b, 16) rows as of `solids.py`, (b, 3), (b,), (b,),
+        likewise.
     cloud : distances from the points of the newest cloud, which stands.
     """
 
@@ -59,9 +61,11 @@ class ObstacleSet:
     labels: tuple[str, ...]
     version: int
     velocities: np.ndarray
+    velocity_errors: np.ndarray
     times: np.ndarray
     solids: np.ndarray = field(default_factory=no_solids)
     solid_velocities: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    solid_velocity_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
     solid_times: np.ndarray = field(default_factory=lambda: np.zeros(0))
     cloud: DistanceField = field(default_factory=DistanceField.none)
 
@@ -74,14 +78,16 @@ class ObstacleSet:
 
         time : what `now` is on the clock of the planner [s].
         """
-        ages, solid_ages = (np.clip(now - times, 0.0, longest)[:, None] for times in (self.times, self.solid_times))
+        ages, solid_ages = (np.clip(now - times, 0.0, longest) for times in (self.times, self.solid_times))
         moving = np.any(self.velocities, axis=1), np.any(self.solid_velocities, axis=1)
         oldest = np.max(np.concatenate([ages[moving[0]], solid_ages[moving[1]]]), initial=0.0)
         solids = self.solids.copy()
-        solids[:, :3] += solid_ages * self.solid_velocities
+        solids[:, :3] += solid_ages[:, None] * self.solid_velocities
+        solids[:, 6] += solid_ages * self.solid_velocity_errors
         return Obstacles(
-            self.centres + ages * self.velocities, self.radii, self.velocities, solids, self.solid_velocities,
-            self.cloud, time, float(oldest),
+            self.centres + ages[:, None] * self.velocities, self.radii + ages * self.velocity_errors, self.velocities,
+            solids, self.solid_velocities, self.cloud, time, float(oldest), self.velocity_errors,
+            self.solid_velocity_errors,
         )  # fmt: skip
 
 
@@ -415,9 +421,11 @@ class ObstacleTracker:
             tuple(_label(source, key) for source, key, _ in sorted(alive, key=lambda item: item[2].solid is not None)),
             self._version,
             _velocities(spheres),
+            _velocity_errors(spheres),
             np.array([track.since for track in spheres], dtype=float),
             np.array([track.solid for track in solids], dtype=float).reshape(-1, 16),
             _velocities(solids),
+            _velocity_errors(solids),
             np.array([track.since for track in solids], dtype=float),
             self._cloud,
         )
@@ -429,3 +437,7 @@ def _label(source: str, key: Key) -> str:
 
 def _velocities(tracks: list[_Track]) -> np.ndarray:
     return np.array([track.motion.velocity for track in tracks], dtype=float).reshape(-1, 3)
+
+
+def _velocity_errors(tracks: list[_Track]) -> np.ndarray:
+    return np.array([track.motion.error if track.moves else 0.0 for track in tracks], dtype=float)

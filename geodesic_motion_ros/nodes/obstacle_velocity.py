@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from geodesic_motion_ros.velocity_history import VelocityHistory
+
 Point = tuple[float, float, float]
 
 # Positions of this last time [s] count: noise of 1 mm (standard deviation, each axis) at 60 Hz makes 11 mm/s (rms), and
@@ -17,6 +19,8 @@ FASTEST = 3.0
 SHORTEST_INTERVAL = 0.01
 #: Times that differ by less [s] are of one instant: a stamp is compared by two clocks, read one after the other.
 SAME_INSTANT = 0.001
+# What that noise changes in the velocity within two seconds [m/s].
+_NOISE = 0.03
 
 
 class ObstacleVelocity:
@@ -29,18 +33,20 @@ class ObstacleVelocity:
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, Point]] = []
+        self._history = VelocityHistory(_NOISE)
 
     def see(self, centre: Point, time: float) -> None:
         """Take the newest position [m], seen at `time` [s] of one clock."""
         if self._seen and abs(time - self._seen[-1][0]) < SAME_INSTANT:
             time = self._seen[-1][0]
         if self._seen and not self._continues(centre, time):
-            self._seen = []
+            self._seen, self._history = [], VelocityHistory(_NOISE)
         if self._seen and time == self._seen[-1][0]:
             self._seen.pop()
         self._seen.append((time, centre))
         while len(self._seen) > 2 and self._seen[0][0] < time - WINDOW:
             del self._seen[0]
+        self._history.see(centre, time)
 
     @property
     def known(self) -> bool:
@@ -63,6 +69,11 @@ class ObstacleVelocity:
             along_z += weight * (point[2] - z)
             spread += weight * weight
         return along_x / spread, along_y / spread, along_z / spread
+
+    @property
+    def error(self) -> float:
+        """How far that may be off [m/s], as it has changed of late."""
+        return self._history.error(self.velocity)
 
     def _continues(self, centre: Point, time: float) -> bool:
         before, last = self._seen[-1]

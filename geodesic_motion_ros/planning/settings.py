@@ -67,9 +67,11 @@ ATTEMPTS = (
     Attempt(1.0, True, 1.0), Attempt(1.0, False, 2.0), Attempt(4.0, True, 1.0), Attempt(4.0, False, 2.0),
     Attempt(4.0, False, 1.0), Attempt(1.0, True, 1.0, optimistic=True), Attempt(1.0, False, 2.0, optimistic=True),
 )  # fmt: skip
+#: Configurations that hold a path of tool poses are smoothed by so many times an attempt's width, from 1 on: that takes
+#: out kinks of the decoder and of the corrections along ridges, of a millimetre or two.
+TOOL_SMOOTHING_FACTOR = 3.0
 #: The same of `PosePathPlanner`: multiples of the obstacle margin, and for each of them smoothing widths in grid steps,
-#: of the latent path and of the poses decoded from it. The second smooths out kinks of the decoder and of the
-#: corrections along ridges, by a millimetre or two.
+#: of the latent path and of the poses decoded from it.
 MARGIN_MULTIPLES = (1.0, 2.5)
 SMOOTHING_WIDTHS = ((1.5, 3.0), (0.7, 1.5), (0.0, 1.0))
 #: A path may enter the graph this many grid steps from the start.

@@ -149,7 +149,9 @@ class Solver:
     ) -> None:
         self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
         self.collision, self.limits = collision, limits
-        self.tool = LimitedTool(robot, settings.tool_limits(isinstance(graph, PoseGraph)))
+        of_tool_poses = isinstance(graph, PoseGraph)
+        self.tool = LimitedTool(robot, settings.tool_limits(of_tool_poses))
+        self._smoothing_factor = constants.TOOL_SMOOTHING_FACTOR if of_tool_poses else 1.0
         self.attempts = tuple(attempt for attempt in constants.ATTEMPTS if settings.refine or not attempt.refine)
         self.certifier = ArmCertifier(robot, collision)
         self._memory: _Memory | None = None
@@ -332,7 +334,7 @@ class Solver:
         held, objection = query.configurations_along(latent, state.position)
         if objection:
             return _Timed(latent, objection)
-        curve = smooth_latent(held, width)
+        curve = smooth_latent(held, self._smoothing_factor * width)
         curve, correction = _meeting(curve, state.position, query.goal if to_goal else curve[-1])
         reference = timed_joint_reference(
             curve, latent, self.limits, state.velocity, state.acceleration, tool=self.tool

@@ -291,6 +291,25 @@ def test_what_moves_has_its_velocity_and_the_time_of_its_newest_update():
     np.testing.assert_allclose(seen.times, [29 / 60.0, 0.0])
 
 
+@pytest.mark.parametrize("solid", [False, True])
+def test_what_has_turned_is_larger_the_longer_ago_it_was_seen(solid: bool) -> None:
+    """The control is what moves straight on."""
+    tracker = ObstacleTracker()
+    for time in np.arange(0.0, 2.0, 1.0 / 60.0).tolist():
+        places = np.array([0.2 * time, 0.2 * max(0.0, time - 1.0), 0.0]), np.array([0.2 * time, 1.0, 0.0])
+        for number, place in enumerate(places):
+            row = box(place) if solid else None
+            tracker.put("obstacles", ("", number), place, 0.05, now=time, solid=row)
+    seen = tracker.current(2.0)
+    errors = seen.solid_velocity_errors if solid else seen.velocity_errors
+    assert errors[0] == pytest.approx(0.2 * np.sqrt(2.0), rel=0.01)
+    assert errors[1] == 0.0
+    now, later = seen.moved_on(2.0, 0.5, 0.0), seen.moved_on(2.2, 0.5, 0.0)
+    sizes = [one.solids[:, 6] if solid else one.radii for one in (now, later)]
+    np.testing.assert_allclose(sizes[1] - sizes[0], 0.2 * errors, atol=1e-9)
+    np.testing.assert_array_equal(later.solid_velocity_errors if solid else later.velocity_errors, errors)
+
+
 def test_velocities_are_told_by_stamps_where_there_are_any():
     tracker = ObstacleTracker()
     moved(tracker, 0.5, stamped=True)

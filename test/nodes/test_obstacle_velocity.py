@@ -42,6 +42,22 @@ def test_noise_of_a_millimetre_at_60_hz_is_no_motion() -> None:
     assert np.quantile(speeds, 0.99) < 0.03
 
 
+def test_noise_is_no_turn_and_a_turn_is_one_until_the_obstacle_is_lost() -> None:
+    generator = np.random.default_rng(0)
+    times = np.arange(0.0, 6.0, 1.0 / 60.0)
+    angle = np.maximum(0.0, times - 3.0)
+    velocities = 0.2 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    centres = np.cumsum(velocities / 60.0, axis=0) + generator.normal(scale=1e-3, size=velocities.shape)
+    motion, errors = ObstacleVelocity(), []
+    for centre, time in zip(centres.tolist(), times.tolist(), strict=True):
+        motion.see(tuple(centre), STAMP + time)
+        errors.append(motion.error)
+    assert np.quantile(np.array(errors)[times < 3.0], 0.98) < 0.02
+    assert np.all(np.array(errors)[times > 4.0] > 0.1)
+    motion.see(tuple(centres[-1]), STAMP + times[-1] + LONGEST_GAP + 0.1)
+    assert motion.error == 0.0
+
+
 def test_late_and_early_arrivals_of_an_even_motion_hardly_matter() -> None:
     generator = np.random.default_rng(1)
     times = np.arange(300) / 60.0

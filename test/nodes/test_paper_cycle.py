@@ -18,7 +18,7 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 
 PERIOD, LATENCY = 0.01, 0.03
-NOTHING = ObstacleSet(np.zeros((0, 3)), np.zeros(0), (), 0, np.zeros((0, 3)), np.zeros(0))
+NOTHING = ObstacleSet(np.zeros((0, 3)), np.zeros(0), (), 0, np.zeros((0, 3)), np.zeros(0), np.zeros(0))
 OFFSETS = 0.1, 0.5
 
 
@@ -97,7 +97,7 @@ def moving_sphere(planner: PaperPlanner):
         centre = middle + 0.15 * np.sin(0.02 * number) * np.array([0.3, 0.2, 1.0])
         seen = dataclasses.replace(
             NOTHING, centres=centre[None], radii=np.array([0.06]), labels=("",), version=1 + number // 3,
-            velocities=np.zeros((1, 3)), times=np.array([PERIOD * number]),
+            velocities=np.zeros((1, 3)), velocity_errors=np.zeros(1), times=np.array([PERIOD * number]),
         )  # fmt: skip
         return dataclasses.replace(inputs, obstacles=seen) if number % 3 == 0 else inputs
 

@@ -197,6 +197,19 @@ def test_what_has_passed_since_it_was_last_detected_may_have_halted_right_beyond
     assert situation.stoppable(Plan(rest, situation.state.time, OK)).verdict.ok is goes_on
 
 
+@pytest.mark.parametrize(("error", "goes_on"), [(0.0, True), (0.15, False)])
+def test_what_may_turn_towards_the_path_is_not_passed(error: float, goes_on: bool) -> None:
+    """A sphere moves along beside the path of the tool, 5 cm off the hand at least, and does not come nearer."""
+    stream = going()
+    beside = ball(ROBOT.ready + TURN)
+    hand, outwards = beside.centres[0], beside.centres[0] * [1.0, 1.0, 0.0]
+    passing = replace(
+        beside, centres=(hand + 0.2 * outwards / np.linalg.norm(outwards))[None], velocities=np.array([[0.0, 0.0, 0.15]]),
+        velocity_errors=np.array([error]),
+    )  # fmt: skip
+    assert (at(stream, 0.1, passing).free_path(QUERY) is not None) is goes_on
+
+
 @pytest.mark.parametrize(
     ("clearance", "nearest", "optimistic", "longer", "gain"),
     [

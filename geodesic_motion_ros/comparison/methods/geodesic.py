@@ -19,8 +19,12 @@ from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.velocity_history import VelocityHistory
 
 Part = Literal["whole", "hard", "soft"]
+
+#: What is within this of where a sphere was the tick before is the same sphere [m].
+SAME_SPHERE = 0.02
 
 
 class Geodesics:
@@ -45,12 +49,14 @@ class Geodesics:
             settings = replace(settings, avoid=arena.guard)
             self._planner = ReactivePlanner(arena.skill, settings)
         self._tracking = TrackingMonitor(self._planner.robot, self._planner.collision)
+        self._seen: list[tuple[np.ndarray, VelocityHistory]] = []
         self._whole_arm = arena.whole_arm
         self.settings = {"part": part, **asdict(settings)}
 
     def reset(self, scene: Scene) -> None:
         """Forget all that was before."""
         self._tracking.forget()
+        self._seen = []
         self._planner.set_tracking(Tracking())
         self._planner.take_obstacles(Obstacles.none())
         self._planner.stand_at(scene.start, 0.0)
@@ -67,12 +73,24 @@ class Geodesics:
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """As the planner node's cycle."""
-        self._planner.take_obstacles(obstacles)
+        self._planner.take_obstacles(replace(obstacles, velocity_errors=self._velocity_errors(now, obstacles)))
         plan = self._planner.tick(now)
         refusal = "" if plan.verdict.ok else f"{plan.verdict.code.name}: {plan.verdict.reason}"
         if plan.reference is None or now >= plan.begin + plan.reference.duration:
             return Answer(refusal=refusal)
         return Answer.playing(plan.reference, plan.begin, refusal)
+
+    def _velocity_errors(self, now: float, obstacles: Obstacles) -> np.ndarray:
+        """(o,) [m/s] by where the spheres were in the ticks before, as the planner node's tracker."""
+        before, self._seen = self._seen, []
+        for centre in obstacles.centres:
+            apart = [float(np.linalg.norm(centre - place)) for place, _ in before]
+            nearest = int(np.argmin(apart)) if apart and min(apart) <= SAME_SPHERE else None
+            history = VelocityHistory() if nearest is None else before[nearest][1]
+            history.see(centre, now)
+            self._seen.append((centre, history))
+        pairs = zip(self._seen, obstacles.velocities, strict=True)
+        return np.array([history.error(velocity) for (_, history), velocity in pairs])
 
 
 def no_body(robot: Robot) -> CollisionModel:
