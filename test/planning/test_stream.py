@@ -204,8 +204,8 @@ def test_what_may_turn_towards_the_path_is_not_passed(error: float, goes_on: boo
     beside = ball(ROBOT.ready + TURN)
     hand, outwards = beside.centres[0], beside.centres[0] * [1.0, 1.0, 0.0]
     passing = replace(
-        beside, centres=(hand + 0.2 * outwards / np.linalg.norm(outwards))[None], velocities=np.array([[0.0, 0.0, 0.15]]),
-        velocity_errors=np.array([error]),
+        beside, centres=(hand + 0.2 * outwards / np.linalg.norm(outwards))[None],
+        velocities=np.array([[0.0, 0.0, 0.15]]), velocity_errors=np.array([error]),
     )  # fmt: skip
     assert (at(stream, 0.1, passing).free_path(QUERY) is not None) is goes_on
 
