@@ -78,11 +78,11 @@ def timed_joint_reference(
     _check(path, latent, velocity, acceleration, joints)
     tool = None if tool is None or not tool.limits.limited else tool
     curve = _PathCurve.through(path, latent, limits)
-    constraints = None if tool is None else tool.constraints(curve.grid_motion, _VELOCITY_SHARE, _ACCELERATION_SHARE)
+    constraints = _constraints(curve.grid_motion, limits, tool)
     state = np.stack([path[0], velocity, acceleration])
-    slow = np.ones(len(curve.grid))
+    slow, width = np.ones(len(curve.grid)), averaging_width(_SMOOTHING, limits)
     for attempts in range(1, _ATTEMPTS + 1):
-        law, begin = _planned_law(curve, limits, constraints, slow, velocity, acceleration)
+        law, begin = _planned_law(curve, limits, constraints, slow, width, velocity, acceleration)
         attempt, fading = _played(curve, law, begin, limits, tool, state, period)
         inside, strain = attempt.judged(limits)
         if tool is not None:
@@ -184,29 +184,34 @@ def _pass_at(motion: np.ndarray, law: np.ndarray) -> None:
             motion[1, k, j] *= rate
 
 
+def _constraints(grid_motion: np.ndarray, limits: JointLimits, tool: LimitedTool | None) -> np.ndarray:
+    """q', q'', largest speeds and accelerations (4, g, eta) of a path (3, g, eta), and of the "joints" of the tool."""
+    joints = np.empty((4, *grid_motion.shape[1:]))
+    joints[:2] = grid_motion[1:]
+    joints[2:] = np.stack([_VELOCITY_SHARE * limits.velocity, _ACCELERATION_SHARE * limits.acceleration])[:, None]
+    if tool is None:
+        return joints
+    return np.concatenate([joints, tool.constraints(grid_motion, _VELOCITY_SHARE, _ACCELERATION_SHARE)], axis=2)
+
+
 def _planned_law(
     curve: _PathCurve,
     limits: JointLimits,
-    constraints: np.ndarray | None,
+    constraints: np.ndarray,
     slow: np.ndarray,
+    width: float,
     velocity: np.ndarray,
     acceleration: np.ndarray,
 ) -> tuple[SmoothLaw, float]:
     """The averaged law along a curve, slowed down by factors (g,) of the rate, and when in it the motion begins.
 
-    constraints : (4, g, 4) of the tool (`LimitedTool.constraints`).
+    constraints : as of `_constraints`. width : as of `SmoothLaw` [s].
     """
-    width = averaging_width(_SMOOTHING, limits)
-    speeds = np.outer(_VELOCITY_SHARE * slow, limits.velocity)
-    accelerations = np.outer(_ACCELERATION_SHARE * slow**2, limits.acceleration)
-    _, slopes, bends = curve.grid_motion
-    slope, bend = slopes[0] / limits.acceleration, bends[0] / limits.acceleration
-    if constraints is not None:
-        slopes, bends = np.hstack([slopes, constraints[0]]), np.hstack([bends, constraints[1]])
-        speeds = np.hstack([speeds, slow[:, None] * constraints[2]])
-        accelerations = np.hstack([accelerations, slow[:, None] ** 2 * constraints[3]])
+    slopes, bends = constraints[:2]
+    speeds, accelerations = slow[:, None] * constraints[2], slow[:, None] ** 2 * constraints[3]
+    slope, bend = curve.grid_motion[1:, 0] / limits.acceleration
     length = float(slope @ slope)
-    moving = length > 0.0 and bool(np.any(velocity) or np.any(acceleration))
+    moving = length > 0.0 and (velocity.any() or acceleration.any())
     if not moving:
         rates = fastest_rates(curve.grid, slopes, bends, speeds, accelerations, 0.0)
         return SmoothLaw.along(curve.grid, rates, width), -width
@@ -235,7 +240,8 @@ def _played(
         length = max(length, _correction_length(tool.mismatch(state[0], mismatch), tool.accelerations, tool.jerks))
     times = knot_times(max(law.end - begin, length), period)
     passed = law.sample(begin + times)
-    fading = np.stack([mismatch, np.zeros_like(mismatch)], axis=1)
+    fading = np.zeros((3, 2, mismatch.shape[1]))
+    fading[:, 0] = mismatch
     motion = curve.motion(passed) + quintic_samples(np.array([0.0, length]), *fading, times)
     motion[:, 0] = state
     return ending_at_rest(times, *motion, interpolated(passed[0], curve.knots, curve.latent)), length

@@ -146,7 +146,7 @@ def _carrier(robot: Robot, frame: int) -> tuple[int, np.ndarray]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _joint_terms(chain):
+def joint_terms(chain):
     """What the joints' frames are made of, per moving joint j.
 
     Returns terms (eta, 3, 3, 3), matrices C, A, B of the rotation C + cos q A + sin q B from the frame of joint j to
@@ -205,7 +205,7 @@ def _joint_terms(chain):
 
 
 @numba.njit(cache=True, nogil=True)
-def _place_joints(q, terms, translations, slides, rotations, origins):
+def place_joints(q, terms, translations, slides, rotations, origins):
     """Write rotations (eta + 1, 3, 3) and origins (eta + 1, 3) of the base and of the moving joints' frames."""
     for joint in range(len(terms)):
         parent, child = rotations[joint], rotations[joint + 1]
@@ -244,14 +244,14 @@ def place_body_points(configurations, frames, offsets, chain):
 
     frames (K,) and offsets (K, 3) [m] are those of `BodyPoints`, chain that of `Robot`.
     """
-    terms, translations, slides, mounts, mount_origins, carriers = _joint_terms(chain)
+    terms, translations, slides, mounts, mount_origins, carriers = joint_terms(chain)
     joints, points = _mounted(frames, offsets, mounts, mount_origins, carriers)
     rotations = np.zeros((len(terms) + 1, 3, 3))
     unit(rotations[0])
     origins = np.zeros((len(terms) + 1, 3))
     placed = np.empty((len(configurations), len(frames), 3))
     for i in range(len(configurations)):
-        _place_joints(configurations[i], terms, translations, slides, rotations, origins)
+        place_joints(configurations[i], terms, translations, slides, rotations, origins)
         for k in range(len(frames)):
             rotation, x, y, z = rotations[joints[k]], points[k, 0], points[k, 1], points[k, 2]
             for row in range(3):
@@ -267,7 +267,7 @@ def body_point_jacobians(configurations, frames, offsets, chain):
     frames (K,) and offsets (K, 3) [m] are those of `BodyPoints`, chain that of `Robot`.
     """
     axes, joint_index, prismatic = chain[2], chain[3], chain[4]
-    terms, translations, slides, mounts, mount_origins, carriers = _joint_terms(chain)
+    terms, translations, slides, mounts, mount_origins, carriers = joint_terms(chain)
     joints, points = _mounted(frames, offsets, mounts, mount_origins, carriers)
     moving = np.flatnonzero(joint_index >= 0)
     rotations = np.zeros((len(terms) + 1, 3, 3))
@@ -277,7 +277,7 @@ def body_point_jacobians(configurations, frames, offsets, chain):
     arm = np.empty(3)
     jacobians = np.zeros((len(configurations), len(frames), 3, len(terms)))
     for i in range(len(configurations)):
-        _place_joints(configurations[i], terms, translations, slides, rotations, origins)
+        place_joints(configurations[i], terms, translations, slides, rotations, origins)
         for joint in range(len(terms)):
             for row in range(3):
                 directions[joint, row] = 0.0
@@ -319,7 +319,7 @@ def end_effector_poses(configurations, chain):
 
     `kinematics.forward` for many; successive quaternions may differ in sign.
     """
-    terms, translations, slides, mounts, mount_origins, _ = _joint_terms(chain)
+    terms, translations, slides, mounts, mount_origins, _ = joint_terms(chain)
     rotations = np.zeros((len(terms) + 1, 3, 3))
     unit(rotations[0])
     origins = np.zeros((len(terms) + 1, 3))
@@ -327,7 +327,7 @@ def end_effector_poses(configurations, chain):
     positions = np.empty((len(configurations), 3))
     quaternions = np.empty((len(configurations), 4))
     for i in range(len(configurations)):
-        _place_joints(configurations[i], terms, translations, slides, rotations, origins)
+        place_joints(configurations[i], terms, translations, slides, rotations, origins)
         last = rotations[-1]
         for row in range(3):
             positions[i, row] = origins[-1, row]

@@ -14,8 +14,11 @@ from functools import cached_property
 import numba
 import numpy as np
 
-from geodesic_motion_ros.robot.kinematics import CHAIN, Robot, link_frames
+from geodesic_motion_ros.robot.body_points import joint_terms, place_joints
+from geodesic_motion_ros.robot.kinematics import CHAIN, Robot, unit
 from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
+
+Vector = tuple[float, float, float]
 
 #: Stands for a limit that is not there [m/s], [m/s^2], ...; finite: products with 0 stay 0.
 _UNLIMITED = 1e9
@@ -49,6 +52,11 @@ class LimitedTool:
         """Largest jerks (2,): infinite."""
         return _read_only(math.inf, math.inf)
 
+    @cached_property
+    def _limits(self) -> np.ndarray:
+        """`speeds` and `accelerations` (2, 2)."""
+        return np.stack([self.speeds, self.accelerations])
+
     def constraints(self, path: np.ndarray, speed_share: float, acceleration_share: float) -> np.ndarray:
         """First and second derivatives, largest speeds and accelerations (4, g, 4) of the "joints" of the tool.
 
@@ -60,7 +68,7 @@ class LimitedTool:
     def mismatch(self, position: np.ndarray, mismatch: np.ndarray) -> np.ndarray:
         """Of the tool's position and orientation (3, 2), where the joints' one (3, eta) is small, at q (eta,)."""
         moved = mismatch @ self.robot.jacobian(position).T
-        return np.linalg.norm(moved.reshape(3, 2, 3), axis=2)
+        return _norms(moved.reshape(3, 2, 3))
 
     def limit_ratio(self, samples: np.ndarray, inherited: int, fading: float) -> np.ndarray:
         """Speeds and accelerations over their limits (2, n - 1) between knots, of the worse of both.
@@ -73,8 +81,8 @@ class LimitedTool:
         inherited : number of intervals in which the first knot's speeds and accelerations count as limits where they
             are larger: no motion can leave its initial state at once. fading : time [s] of these intervals.
         """
-        norms = np.linalg.norm(tool_motions(samples, self.robot.chain), axis=2).reshape(2, 2, -1)
-        return _limit_ratio(norms, np.stack([self.speeds, self.accelerations]), inherited, fading)
+        norms = _norms(tool_motions(samples, self.robot.chain)).reshape(2, 2, -1)
+        return _limit_ratio(norms, self._limits, inherited, fading)
 
 
 def _read_only(*limits: float) -> np.ndarray:
@@ -84,11 +92,40 @@ def _read_only(*limits: float) -> np.ndarray:
 
 
 @numba.njit(cache=True, nogil=True)
-def _add_cross(left: np.ndarray, right: np.ndarray, factor: float, out: np.ndarray) -> None:
-    """Add factor * left x right to out (3,)."""
-    out[0] += factor * (left[1] * right[2] - left[2] * right[1])
-    out[1] += factor * (left[2] * right[0] - left[0] * right[2])
-    out[2] += factor * (left[0] * right[1] - left[1] * right[0])
+def _plus(start: Vector, factor: float, step: Vector) -> Vector:
+    """start + factor * step."""
+    return start[0] + factor * step[0], start[1] + factor * step[1], start[2] + factor * step[2]
+
+
+@numba.njit(cache=True, nogil=True)
+def _cross(left: Vector, right: Vector) -> Vector:
+    """left x right."""
+    return (
+        left[1] * right[2] - left[2] * right[1],
+        left[2] * right[0] - left[0] * right[2],
+        left[0] * right[1] - left[1] * right[0],
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _turned(rotation: np.ndarray, vector: np.ndarray) -> Vector:
+    """A vector (3,) turned by a rotation (3, 3)."""
+    x, y, z = vector[0], vector[1], vector[2]
+    return (
+        rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z,
+        rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z,
+        rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z,
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _between(origins: np.ndarray, joint: int) -> Vector:
+    """The arm from the origin (3,) before a joint to that joint's."""
+    return (
+        origins[joint + 1, 0] - origins[joint, 0],
+        origins[joint + 1, 1] - origins[joint, 1],
+        origins[joint + 1, 2] - origins[joint, 2],
+    )
 
 
 @numba.njit((numba.types.Array(numba.float64, 3, "C", readonly=True), CHAIN), cache=True, nogil=True)
@@ -97,37 +134,47 @@ def tool_motions(motion, chain):
 
     motion : (3, k, n) joint positions and their first and second derivatives; with respect to any parameter.
 
-    From link to link, over the arm r from one origin to the next, and the axis a of the joint there:
+    From joint to joint, over the arm r from one origin to the next, and the axis a of the joint there:
     v += w x r, v' += w' x r + w x (w x r); turning about a: w' += a q'' + w x a q', w += a q'; sliding along a:
-    v += a q', v' += a q'' + 2 w x a q'.
+    v += a q', v' += a q'' + 2 w x a q'. The last arm leads to the tool.
     """
     axes, joint_index, prismatic = chain[2], chain[3], chain[4]
-    result = np.zeros((4, motion.shape[1], 3))
-    arm, moved, axis = np.empty(3), np.empty(3), np.empty(3)
+    terms, translations, slides, _, mount_origins, _ = joint_terms(chain)
+    moving = np.flatnonzero(joint_index >= 0)
+    rotations, origins = np.zeros((len(terms) + 1, 3, 3)), np.zeros((len(terms) + 1, 3))
+    unit(rotations[0])
+    result = np.empty((4, motion.shape[1], 3))
     for k in range(motion.shape[1]):
-        rotations, origins = link_frames(motion[0, k], chain)
-        v, w, dv, dw = result[0, k], result[1, k], result[2, k], result[3, k]
-        for link in range(len(joint_index)):
-            for i in range(3):
-                arm[i], moved[i] = origins[link + 1, i] - origins[link, i], 0.0
-            _add_cross(w, arm, 1.0, moved)
-            _add_cross(dw, arm, 1.0, dv)
-            _add_cross(w, moved, 1.0, dv)
-            for i in range(3):
-                v[i] += moved[i]
-            joint = joint_index[link]
-            if joint < 0:
-                continue
+        place_joints(motion[0, k], terms, translations, slides, rotations, origins)
+        v = w = dv = dw = (0.0, 0.0, 0.0)
+        for joint in range(len(terms) + 1):
+            beyond = joint == len(terms)
+            arm = _turned(rotations[joint], mount_origins[-1]) if beyond else _between(origins, joint)
+            moved = _cross(w, arm)
+            v = _plus(v, 1.0, moved)
+            dv = _plus(_plus(dv, 1.0, _cross(dw, arm)), 1.0, _cross(w, moved))
+            if beyond:
+                break
             rate, change = motion[1, k, joint], motion[2, k, joint]
-            for i in range(3):
-                axis[i] = 0.0
-                for j in range(3):
-                    axis[i] += rotations[link + 1, i, j] * axes[link, j]
-            slides = prismatic[link]
-            _add_cross(w, axis, 2.0 * rate if slides else rate, dv if slides else dw)
-            for i in range(3):
-                (dv if slides else dw)[i] += change * axis[i]
-                (v if slides else w)[i] += rate * axis[i]
+            axis = _turned(rotations[joint + 1], axes[moving[joint]])
+            if prismatic[moving[joint]]:
+                dv = _plus(_plus(dv, change, axis), 2.0 * rate, _cross(w, axis))
+                v = _plus(v, rate, axis)
+            else:
+                dw = _plus(_plus(dw, change, axis), rate, _cross(w, axis))
+                w = _plus(w, rate, axis)
+        for i in range(3):
+            result[0, k, i], result[1, k, i], result[2, k, i], result[3, k, i] = v[i], w[i], dv[i], dw[i]
+    return result
+
+
+@numba.njit(cache=True, nogil=True)
+def _norms(vectors: np.ndarray) -> np.ndarray:
+    """Norms (m, k) of vectors (m, k, 3)."""
+    result = np.empty(vectors.shape[:2])
+    for i in range(vectors.shape[0]):
+        for k in range(vectors.shape[1]):
+            result[i, k] = math.sqrt(vectors[i, k, 0] ** 2 + vectors[i, k, 1] ** 2 + vectors[i, k, 2] ** 2)
     return result
 
 
