@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -63,8 +64,18 @@ class LatentGraph:
         window = tuple(slice(max(0, c - steps), c + steps + 1) for c in centre)
         candidates = self._number[window].reshape(-1)
         candidates = candidates[candidates >= 0]
-        distance = np.sum(((self.latent[candidates] - latent) / self.grid.spacing) ** 2, axis=1)
-        return candidates[np.argsort(distance, kind="stable")]
+        distances = _squared_distances(candidates, self.latent, np.asarray(latent, dtype=float), self.grid.spacing)
+        return candidates[np.argsort(distances, kind="stable")]
+
+
+@numba.njit(cache=True, nogil=True)
+def _squared_distances(nodes: np.ndarray, latent: np.ndarray, point: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+    """Of nodes (c,) at latent points (n, d) from a point (d,), in grid steps: (c,)."""
+    result = np.zeros(len(nodes))
+    for i in range(len(nodes)):
+        for a in range(len(point)):
+            result[i] += ((latent[nodes[i], a] - point[a]) / spacing[a]) ** 2
+    return result
 
 
 def refuse_unsupported(kept: np.ndarray, sigma_limit: float, unit: str) -> None:

@@ -308,3 +308,16 @@ def look_at(nodes: np.ndarray, reshaping: Reshaping) -> None:
             solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads, listed,
             following, looked, factors, touched, clearance,
         )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True)
+def first_clear(nodes: np.ndarray, goal: int, reshaping: Reshaping, margin: float) -> int:
+    """The first of some nodes (k,) with a clearance of a margin [m] at least, or the goal's; -1 where there is none.
+
+    What obstacles do to the nodes after it is not worked out.
+    """
+    for i in range(len(nodes)):
+        look_at(nodes[i : i + 1], reshaping)
+        if nodes[i] == goal or reshaping.clearance[nodes[i]] >= margin:
+            return nodes[i]
+    return -1

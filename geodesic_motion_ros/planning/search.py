@@ -12,7 +12,7 @@ from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.node_body import NodeBody
-from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
+from geodesic_motion_ros.graph.reshaping import Reshaping, first_clear
 from geodesic_motion_ros.graph.search_from_both_ends import load_search_from_both_ends, shortest_path_from_both_ends
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
@@ -115,13 +115,9 @@ def _entry(
     graph: LatentGraph, query: SearchQuery, start: np.ndarray, reshaping: Reshaping, margin: float
 ) -> int | None:
     """The nearest free node to the start from which the goal can be reached."""
-    for node in graph.nodes_near(start, ENTRY_STEPS):
-        if not math.isfinite(query.to_goal[node]):
-            continue
-        look_at(np.array([node]), reshaping)
-        if node == query.goal_node or reshaping.clearance[node] >= margin:
-            return int(node)
-    return None
+    near = graph.nodes_near(start, ENTRY_STEPS)
+    found = first_clear(near[np.isfinite(query.to_goal[near])], query.goal_node, reshaping, margin)
+    return None if found < 0 else found
 
 
 def path_verdict(
