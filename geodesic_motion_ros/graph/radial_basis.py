@@ -19,7 +19,7 @@ def radial_basis(latent: np.ndarray, centres: np.ndarray, rate: float, weights: 
 
     Kernels below exp(-40), which is below the rounding of the others' sum wherever a point is near any, are left out.
     """
-    latent, weights = np.ascontiguousarray(latent, dtype=float), np.ascontiguousarray(weights)
+    latent, centres, weights = (np.ascontiguousarray(a, dtype=float) for a in (latent, centres.T, weights.T))
     if len(latent) < _MANY:
         return _radial_basis(latent, centres, rate, weights)
     parts = np.array_split(latent, os.cpu_count() or 1)
@@ -30,14 +30,16 @@ def radial_basis(latent: np.ndarray, centres: np.ndarray, rate: float, weights: 
 
 @numba.njit(cache=True, nogil=True)
 def _radial_basis(latent: np.ndarray, centres: np.ndarray, rate: float, weights: np.ndarray) -> np.ndarray:
-    outputs = np.zeros((len(latent), len(weights)))
+    """As `radial_basis`, for centres (d, K) and weights (K, outputs): numbers used one after the other stand so."""
+    outputs, squared = np.zeros((len(latent), weights.shape[1])), np.empty(len(weights))
     for i in range(len(latent)):
-        for k in range(len(centres)):
-            squared = 0.0
-            for j in range(latent.shape[1]):
-                squared += (latent[i, j] - centres[k, j]) ** 2
-            if rate * squared < 40.0:
-                activation = math.exp(-rate * squared)
-                for j in range(len(weights)):
-                    outputs[i, j] += weights[j, k] * activation
+        squared[:] = 0.0
+        for j in range(len(centres)):
+            for k in range(len(squared)):
+                squared[k] += (latent[i, j] - centres[j, k]) ** 2
+        for k in range(len(squared)):
+            if rate * squared[k] < 40.0:
+                activation = math.exp(-rate * squared[k])
+                for j in range(weights.shape[1]):
+                    outputs[i, j] += weights[k, j] * activation
     return outputs
