@@ -150,11 +150,14 @@ def ending_at_rest(
 
 @numba.njit(cache=True, nogil=True)
 def interpolated(at: np.ndarray, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (n, d) at knots (n,), linearly at `at` (k,): (k, d)."""
+    """Values (n, d) at knots (n,), not decreasing, linearly at `at` (k,): (k, d); held at both ends."""
     result = np.empty((len(at), values.shape[1]))
     for k in range(len(at)):
-        i = min(max(int(np.searchsorted(knots, at[k], side="right")) - 1, 0), len(knots) - 2)
-        share = min(max((at[k] - knots[i]) / (knots[i + 1] - knots[i]), 0.0), 1.0)
+        i = int(np.searchsorted(knots, at[k], side="right")) - 1
+        if i < 0 or i >= len(knots) - 1:
+            result[k] = values[0 if i < 0 else len(knots) - 1]
+            continue
+        share = (at[k] - knots[i]) / (knots[i + 1] - knots[i])
         for a in range(values.shape[1]):
             result[k, a] = (1.0 - share) * values[i, a] + share * values[i + 1, a]
     return result

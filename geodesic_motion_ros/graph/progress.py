@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
-from scipy.ndimage import binary_dilation, distance_transform_edt, map_coordinates
+from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from geodesic_motion_ros.graph.grid import LatentGrid
 from geodesic_motion_ros.graph.ridge import Ridges
@@ -17,14 +18,13 @@ class ProgressMap:
 
     def __init__(self, progress: np.ndarray, shares: np.ndarray, grid: LatentGrid) -> None:
         """progress (n,) and shares (n, K), K may be 0, at all the n nodes of the grid."""
-        self._grid = grid
-        self._tables = [column.reshape(grid.shape) for column in (progress, *shares.T)]
+        self._grid, self._shape = grid, np.array(grid.shape)
+        self._table = np.column_stack([progress, shares])
 
     def __call__(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """tau (n,) and shares (n, K) of latent points (n, d)."""
-        at = self._grid.coordinates(latent).T
-        progress, *shares = (map_coordinates(table, at, order=1, mode="nearest") for table in self._tables)
-        return progress, np.stack(shares, axis=1) if shares else np.empty((len(latent), 0))
+        """tau (n,) and shares (n, K) of latent points (n, d); beyond the grid, those at its rim."""
+        rows = _multilinear(self._table, self._shape, self._grid.coordinates(latent))
+        return rows[:, 0].copy(), rows[:, 1:].copy()
 
     @classmethod
     def from_ridges(cls, ridges: Ridges, grid: LatentGrid, kept: np.ndarray | None = None) -> ProgressMap:
@@ -62,6 +62,33 @@ class ProgressMap:
             weight = np.exp(-rate * (squared - squared.min(axis=1, keepdims=True)))
             progress[begin : begin + 512] = weight @ share / weight.sum(axis=1)
         return cls(progress, np.empty((len(nodes), 0)), grid)
+
+
+@numba.njit(cache=True, nogil=True)
+def _multilinear(table: np.ndarray, shape: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Rows of a table (prod(shape), K), one for each lattice point, last axis fastest, between them at (n, d): (n, K).
+
+    The sum over the corners of a cell, each with the product over the axes of 1 - f, or f at the upper end.
+    """
+    count, d = at.shape
+    result, fractions = np.zeros((count, table.shape[1])), np.empty(d)
+    for i in range(count):
+        first = 0
+        for a in range(d):
+            place = min(max(at[i, a], 0.0), shape[a] - 1.0)
+            left = min(int(place), shape[a] - 2)
+            fractions[a] = place - left
+            first = first * shape[a] + left
+        for corner in range(1 << d):
+            row, weight, stride = first, 1.0, 1
+            for a in range(d - 1, -1, -1):
+                upper = corner >> a & 1
+                row += upper * stride
+                weight *= fractions[a] if upper else 1.0 - fractions[a]
+                stride *= shape[a]
+            for k in range(table.shape[1]):
+                result[i, k] += weight * table[row, k]
+    return result
 
 
 def _tube_width(codes: np.ndarray) -> float:

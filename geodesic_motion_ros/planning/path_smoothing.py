@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
+import numba
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from geodesic_motion_ros.demonstrations.curves import Pose, arc_length_fractions
+from geodesic_motion_ros.graph.metric_field import evenly
 from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
 
 
 def resample_latent(path: np.ndarray, spacing: float, minimum: int = 40) -> np.ndarray:
     """Points (n, d) evenly spaced by latent arc length on a polyline (m, d), at most `spacing` apart, ends kept."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    count = max(minimum, int(np.ceil(length[-1] / spacing)) + 1)
-    at = np.linspace(0.0, length[-1], count)
-    return np.stack([np.interp(at, length, column) for column in path.T], axis=1)
+    length = float(np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))[-1])
+    return evenly(path, max(minimum, math.ceil(length / spacing) + 1) - 1)
 
 
 def smooth_latent(points: np.ndarray, width: float) -> np.ndarray:
@@ -27,12 +28,27 @@ def smooth_latent(points: np.ndarray, width: float) -> np.ndarray:
     if width <= 0.0:
         return points
     width = min(width, (len(points) - 1) / 4.0)
-    pad = int(np.ceil(4.0 * width))
-    before = 2.0 * points[0] - points[pad:0:-1]
-    after = 2.0 * points[-1] - points[-2 : -pad - 2 : -1]
-    smooth = gaussian_filter1d(np.concatenate([before, points, after]), width, axis=0, truncate=4.0)[pad:-pad]
-    smooth[0], smooth[-1] = points[0], points[-1]
-    return smooth
+    weights = np.exp(-0.5 * (np.arange(int(4.0 * width + 0.5) + 1) / width) ** 2)
+    return _filtered(np.ascontiguousarray(points), weights / (2.0 * np.sum(weights) - weights[0]))
+
+
+@numba.njit(cache=True, nogil=True)
+def _filtered(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Points (n, d) as weighted means of those up to r < n samples away on both sides, weights (r + 1,)."""
+    last = len(points) - 1
+    result = points.copy()
+    for i in range(1, last):
+        for a in range(points.shape[1]):
+            mean = weights[0] * points[i, a]
+            for k in range(1, len(weights)):
+                before, after = points[abs(i - k), a], points[last - abs(last - i - k), a]
+                if k > i:
+                    before = 2.0 * points[0, a] - before
+                if k > last - i:
+                    after = 2.0 * points[last, a] - after
+                mean += weights[k] * (before + after)
+            result[i, a] = mean
+    return result
 
 
 def smooth_poses(positions: np.ndarray, quaternions: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.robot.inverse_kinematics import pose_difference
 from geodesic_motion_ros.robot.kinematics import (
     Robot,
@@ -51,9 +52,9 @@ class Posture:
 
     def at(self, progress: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """q^ and n, (k, eta) each, at progress (k,)."""
-        rows = (np.stack([np.interp(progress, self.progress, column) for column in table.T], axis=1)
-                for table in (self.configurations, self.nulls))  # fmt: skip
-        configurations, nulls = map(np.ascontiguousarray, rows)
+        configurations, nulls = (
+            interpolated(progress, self.progress, table) for table in (self.configurations, self.nulls)
+        )
         lengths = np.linalg.norm(nulls, axis=1, keepdims=True)
         return configurations, nulls / np.where(lengths > 0.0, lengths, 1.0)
 
