@@ -549,7 +549,7 @@ class ReactivePlanner:
     def _improved(self, situation: Situation, query: Query, followed: Followed) -> _Decision:
         """What is followed and free, or a new path where that is a gain."""
         attempts = self._solver.attempts[:1]
-        plan = self._solved(situation, query, attempts, followed.known)
+        plan = self._solved(situation, query, attempts, followed.known, situation.longest_gain(followed))
         if not situation.late.passed and situation.gains(plan, followed):
             return self._taken(situation, query, plan, self._memory.after(plan, query, None, attempts, situation))
         found_again = plan.trajectory is None and plan.verdict.ok
@@ -580,10 +580,15 @@ class ReactivePlanner:
         return _Decision(step or situation.stopped(plan.verdict), query, memory)
 
     def _solved(
-        self, situation: Situation, query: Query, attempts: tuple[Attempt, ...], known: np.ndarray | None = None
+        self,
+        situation: Situation,
+        query: Query,
+        attempts: tuple[Attempt, ...],
+        known: np.ndarray | None = None,
+        longest: float = math.inf,
     ) -> Plan:
-        state, obstacles = situation.state, situation.expected
-        return situation.stoppable(self._solver.solve(query, state, obstacles, attempts, situation.deadline, known))
+        state, obstacles, deadline = situation.state, situation.expected, situation.deadline
+        return situation.stoppable(self._solver.solve(query, state, obstacles, attempts, deadline, known, longest))
 
     def _taken(self, situation: Situation, query: Query, plan: Plan, memory: _SearchMemory) -> _Decision:
         """A new path; found too late, the evasion path being played stays where it is free."""

@@ -7,6 +7,7 @@ whether the arm can still stop: each answer is a value, and what a tick comes to
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -245,7 +246,17 @@ class Situation:
         if followed.optimistic and not plan.optimistic:
             return True
         safer = self.settings.avoidance and followed.close and plan.verdict.clearance > followed.verdict.clearance
-        return safer or self.played.end - self.state.time > constants.WORTHWHILE_RATIO * plan.reference.duration
+        return safer or plan.reference.duration < self._worthwhile
+
+    @property
+    def _worthwhile(self) -> float:
+        """In less time [s] than this another path leads to the goal clearly sooner than what is being played."""
+        return (self.played.end - self.state.time) / constants.WORTHWHILE_RATIO
+
+    def longest_gain(self, followed: Followed) -> float:
+        """In what time [s] or more a new path is no gain over what is being followed, however safe; inf: in none."""
+        safer_counts = followed.optimistic or (self.settings.avoidance and followed.close)
+        return math.inf if safer_counts else self._worthwhile
 
     def mode(self, step: Step) -> Mode:
         """What the arm does after a step."""

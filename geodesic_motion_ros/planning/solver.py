@@ -6,6 +6,7 @@ does when its trajectory cannot stay.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -174,16 +175,18 @@ class Solver:
         attempts: tuple[Attempt, ...],
         deadline: Deadline = NEVER,
         known: np.ndarray | None = None,
+        longest: float = math.inf,
     ) -> Plan:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
 
         known : nodes of a path that need not be judged again: where the search finds it again, that is the answer, OK.
+        longest : motions that take so long [s] or longer are not wanted, and need not be certified.
         """
-        plan = self._first_certified(query, state, obstacles, _alike(attempts, False), deadline, known)
+        plan = self._first_certified(query, state, obstacles, _alike(attempts, False), deadline, known, longest)
         optimistic = _alike(attempts, True)
         blocked = plan.trajectory is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
         if blocked and optimistic and not obstacles.stand and not deadline.passed:
-            other = self._first_certified(query, state, obstacles, optimistic, deadline)
+            other = self._first_certified(query, state, obstacles, optimistic, deadline, None, longest)
             if other.trajectory is not None:
                 return replace(other, optimistic=True)
         return plan
@@ -195,7 +198,8 @@ class Solver:
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
         deadline: Deadline,
-        known: np.ndarray | None = None,
+        known: np.ndarray | None,
+        longest: float,
     ) -> Plan:
         """`solve` with attempts of which all are optimistic, or none."""
         search = self._search(query, state, obstacles, attempts[0].optimistic, deadline)
@@ -218,7 +222,9 @@ class Solver:
                 continue
             tried.add(drawn)
             curve = search.refined(path, attempt.multiple) if attempt.refine else path
-            plan = self._certified(query, state, curve, obstacles, margin, attempt.width, attempt.optimistic)
+            plan = self._certified(
+                query, state, curve, obstacles, margin, attempt.width, attempt.optimistic, longest=longest
+            )
             if plan.trajectory is not None:
                 return replace(plan, nodes=path.nodes) if attempt == self.attempts[0] else plan
             verdict = plan.verdict
@@ -295,15 +301,20 @@ class Solver:
         width: float,
         optimistic: bool,
         evading: float | None = None,
+        longest: float = math.inf,
     ) -> Plan:
         """Time a path (`_timed`), and judge the very motion that will be played.
 
         evading : the path does not lead to the goal, but ends where it ends; obstacles move on for so long [s].
+        longest : as of `solve`.
         """
         timed = self._timed(query, state, path, width, evading is None)
         latent, reference = timed.latent, timed.reference
         if reference is None or timed.swept is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
+        if reference.duration >= longest:
+            reason = f"the best path takes {reference.duration:.2f} s, and is wanted in less than {longest:.2f} s"
+            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
         horizon = self.settings.prediction if evading is None else evading
         certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=not optimistic)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None

@@ -231,6 +231,7 @@ def test_a_new_path_is_a_gain_where_it_is_safer_or_takes_clearly_less_time(
     plan = Plan(slower, 0.0, replace(OK, clearance=clearance))
     followed = replace(stream.followed, verdict=replace(OK, clearance=nearest), optimistic=optimistic)
     assert situation.gains(plan, followed) is gain
+    assert not gain or plan.reference.duration < situation.longest_gain(followed)
     assert not situation.gains(replace(plan, trajectory=None), followed)
 
 
