@@ -223,7 +223,7 @@ class Solver:
             tried.add(drawn)
             curve = search.refined(path, attempt.multiple) if attempt.refine else path
             plan = self._certified(
-                query, state, curve, obstacles, margin, attempt.width, attempt.optimistic, longest=longest
+                query, state, curve, obstacles, margin, attempt.width, attempt.optimistic, None, longest
             )
             if plan.trajectory is not None:
                 return replace(plan, nodes=path.nodes) if attempt == self.attempts[0] else plan

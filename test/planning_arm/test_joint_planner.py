@@ -115,8 +115,8 @@ def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start
     certified = solver._certified
     monkeypatch.setattr(solver, "attempts", tuple(attempt for attempt in solver.attempts if not attempt.refine))
 
-    def picky(query, state, path, obstacles, margin, width, optimistic):
-        plan = certified(query, state, path, obstacles, margin, width, optimistic)
+    def picky(query, state, path, obstacles, margin, width, *others):
+        plan = certified(query, state, path, obstacles, margin, width, *others)
         return plan if width == 1.0 else Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, "not this"))
 
     monkeypatch.setattr(solver, "_certified", picky)
