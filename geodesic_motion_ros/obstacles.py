@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.solids import NUMBERS, no_solids, solid_rows, solids_moved
+from geodesic_motion_ros.solids import no_solids, solid_rows, solids_moved
 
 #: Nothing that an arm has to do with is farther away or larger [m], has turned further [rad], or is faster [m/s].
 LARGEST_NUMBER = 1000.0
@@ -24,9 +24,12 @@ class Obstacles:
     centres, radii, velocities : (o, 3), (o,) [m], (o, 3) [m/s] of spheres.
     solids, solid_velocities : (b, 16) rows as of `solids.py`, (b, 3) [m/s].
     cloud : distances from a point cloud, which stands.
-    age : what moves was last seen so long before `time`, and has been expected to move on since [s].
-    velocity_errors, solid_velocity_errors : (o,), (b,) [m/s] how far velocities may be off: so fast obstacles grow, to
-        every side, as they are expected to move on. Not at all where none are given.
+    ages, solid_ages : (o,), (b,) [s] each was last detected so long before `time`, and has been expected to move on
+        since.
+    velocity_errors, solid_velocity_errors : (o,), (b,) [m/s] bounds of the errors of the velocities: a moving obstacle
+        is enlarged by its bound times the time for which it is expected to move on.
+
+    Ages and errors are 0 where none are given.
     """
 
     centres: np.ndarray
@@ -36,15 +39,16 @@ class Obstacles:
     solid_velocities: np.ndarray
     cloud: DistanceField
     time: float = 0.0
-    age: float = 0.0
+    ages: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    solid_ages: np.ndarray = field(default_factory=lambda: np.zeros(0))
     velocity_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
     solid_velocity_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        if not len(self.velocity_errors):
-            object.__setattr__(self, "velocity_errors", np.zeros(len(self.velocities)))
-        if not len(self.solid_velocity_errors):
-            object.__setattr__(self, "solid_velocity_errors", np.zeros(len(self.solid_velocities)))
+        for kind, count in (("", len(self.centres)), ("solid_", len(self.solids))):
+            for name in (f"{kind}ages", f"{kind}velocity_errors"):
+                if len(getattr(self, name)) == 0:
+                    object.__setattr__(self, name, np.zeros(count))
 
     @classmethod
     def none(cls) -> Obstacles:
@@ -84,6 +88,7 @@ class Obstacles:
         return replace(
             self, centres=self.centres[spheres], radii=self.radii[spheres], velocities=self.velocities[spheres],
             solids=self.solids[solids], solid_velocities=self.solid_velocities[solids], cloud=cloud,
+            ages=self.ages[spheres], solid_ages=self.solid_ages[solids],
             velocity_errors=self.velocity_errors[spheres], solid_velocity_errors=self.solid_velocity_errors[solids],
         )  # fmt: skip
 
@@ -96,7 +101,7 @@ class Obstacles:
             return (
                 f"obstacle {i} has centre {self.centres[i].tolist()}, radius {self.radii[i]} and velocity "
                 f"{self.velocities[i].tolist()}, which may be off by {self.velocity_errors[i]}: all must be finite, at "
-                f"most {LARGEST_NUMBER:g}, the radius positive and the last not negative"
+                f"most {LARGEST_NUMBER:g}, the radius positive and the error not negative"
             )
         if not len(self.solids):
             return ""
@@ -112,9 +117,9 @@ class Obstacles:
         i = int(np.argmin(good))
         return (
             f"solid {i} has centre {self.solids[i, :3].tolist()}, half extents {extents[i].tolist()}, radius "
-            f"{radii[i]} and velocity {self.solid_velocities[i].tolist()}: all must be finite, at most "
-            f"{LARGEST_NUMBER:g}, extents and radius not negative, each extent with the radius positive, and the "
-            "rotation one"
+            f"{radii[i]} and velocity {self.solid_velocities[i].tolist()}, which may be off by "
+            f"{self.solid_velocity_errors[i]}: all must be finite, at most {LARGEST_NUMBER:g}, extents, radius and "
+            "error not negative, each extent with the radius positive, and the rotation one"
         )
 
     def same_places(self, other: Obstacles) -> bool:
@@ -132,14 +137,15 @@ class Obstacles:
 
     def distinct(self) -> Obstacles:
         """In an order of their own: what is told twice, by two sensors, is one obstacle."""
-        spheres = _distinct_rows(np.column_stack([self.centres, self.radii, self.velocities, self.velocity_errors]))
-        rows = np.column_stack([self.solids, self.solid_velocities, self.solid_velocity_errors])
-        centres, radii, velocities, errors = _columns(spheres, 3, 4, 7)
-        solids, solid_velocities, solid_errors = _columns(_distinct_rows(rows), NUMBERS, NUMBERS + 3)
-        return replace(
-            self, centres=centres, radii=radii[:, 0], velocities=velocities, solids=solids,
-            solid_velocities=solid_velocities, velocity_errors=errors[:, 0], solid_velocity_errors=solid_errors[:, 0],
-        )  # fmt: skip
+        names = "centres", "radii", "velocities", "ages", "velocity_errors"
+        solid_names = "solids", "solid_velocities", "solid_ages", "solid_velocity_errors"
+        return replace(self, **self._distinct(names), **self._distinct(solid_names))
+
+    def _distinct(self, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+        """Values of several names, of as many obstacles each, without obstacles of which all are the same."""
+        values = [getattr(self, name) for name in names]
+        chosen = _distinct_rows(np.column_stack(values))
+        return {name: np.ascontiguousarray(value[chosen]) for name, value in zip(names, values, strict=True)}
 
     def moved(self, rotation: np.ndarray, translation: np.ndarray) -> Obstacles:
         """Seen from another frame: p -> rotation p + translation, (3, 3) and (3,) [m]."""
@@ -173,18 +179,19 @@ class Obstacles:
     def at(self, time: float, prediction: float) -> Obstacles:
         """Moved on linearly to `time` [s], by `prediction` [s] at most."""
         elapsed = min(max(time - self.time, 0.0), prediction)
-        return replace(self._moved_on(elapsed), time=time, age=self.age + float(elapsed))
+        moved = self._moved_on(np.full(len(self.radii), elapsed), np.full(len(self.solids), elapsed))
+        return replace(moved, time=time)
 
-    def _moved_on(self, by: float) -> Obstacles:
-        """Moved on linearly for so long [s], and grown by what velocities may be off; back in time where negative."""
-        solids = self.solids
+    def _moved_on(self, by: np.ndarray, solids_by: np.ndarray) -> Obstacles:
+        """Each moved on linearly, or back, for a time of its own, (o,) and (b,) [s], and enlarged by the error of its
+        velocity times that.
+        """
+        solids = _shifted(self.solids, solids_by[:, None] * self.solid_velocities)
         if len(solids):
-            solids = solids.copy()
-            solids[:, :3] += by * self.solid_velocities
-            solids[:, 6] += by * self.solid_velocity_errors
+            solids[:, 6] += solids_by * self.solid_velocity_errors
         return replace(
-            self, centres=self.centres + by * self.velocities, radii=self.radii + by * self.velocity_errors,
-            solids=solids,
+            self, centres=self.centres + by[:, None] * self.velocities, radii=self.radii + by * self.velocity_errors,
+            solids=solids, ages=self.ages + by, solid_ages=self.solid_ages + solids_by,
         )  # fmt: skip
 
     def swept(self, prediction: float, count: int = 3) -> Obstacles:
@@ -194,12 +201,17 @@ class Obstacles:
         """
         if self.stand:
             return self
-        places = [self._moved_on(step) for step in np.linspace(0.0, prediction, count)]
-        centres, solids = (np.concatenate([getattr(at, name) for at in places]) for name in ("centres", "solids"))
+        return self._along(np.full(len(self.radii), prediction), np.full(len(self.solids), prediction), count)
+
+    def _along(self, by: np.ndarray, solids_by: np.ndarray, count: int) -> Obstacles:
+        """As what stands: where each is at so many instants of a time of its own, (o,) and (b,) [s], the first now."""
+        places = [self._moved_on(share * by, share * solids_by) for share in np.linspace(0.0, 1.0, count)]
+        centres, radii, solids = (
+            np.concatenate([getattr(at, name) for at in places]) for name in ("centres", "radii", "solids")
+        )
         return Obstacles(
-            centres, np.concatenate([at.radii for at in places]), np.zeros_like(centres), solids,
-            np.zeros((len(solids), 3)), self.cloud, self.time,
-        )  # fmt: skip
+            centres, radii, np.zeros_like(centres), solids, np.zeros((len(solids), 3)), self.cloud, self.time
+        )
 
     def stopping_places(self, duration: float, count: int) -> Obstacles:
         """Wherever what moves may have come to a stand by so much later [s] since it was last seen, as what stands.
@@ -208,17 +220,14 @@ class Obstacles:
         """
         if self.stand:
             return self
-        return self.as_seen((self.age + duration) / (count - 1)).swept(self.age + duration, count)
-
-    def as_seen(self, apart: float) -> Obstacles:
-        """Where they were when they were last seen, enlarged so that where they are at two times so far apart [s]
-        covers where they are between.
-        """
-        half, seen = 0.5 * apart, self._moved_on(-self.age)
-        radii = np.hypot(seen.radii, half * np.linalg.norm(self.velocities, axis=1))
+        seen = self._moved_on(-self.ages, -self.solid_ages)
+        by, solids_by = self.ages + duration, self.solid_ages + duration
+        # Between two instants the middle of what moves is no farther from both than half of what it moves.
+        half = 0.5 / (count - 1)
+        radii = np.hypot(seen.radii, half * by * np.linalg.norm(self.velocities, axis=1))
         solids = seen.solids.copy()
-        solids[:, 6] += half * np.linalg.norm(self.solid_velocities, axis=1)
-        return replace(seen, radii=radii, solids=solids, age=0.0)
+        solids[:, 6] += half * solids_by * np.linalg.norm(self.solid_velocities, axis=1)
+        return replace(seen, radii=radii, solids=solids)._along(by, solids_by, count)
 
 
 def _shifted(solids: np.ndarray, by: np.ndarray) -> np.ndarray:
@@ -233,15 +242,11 @@ def _are_errors(values: np.ndarray) -> np.ndarray:
     return (values >= 0.0) & (values <= LARGEST_NUMBER)
 
 
-def _columns(rows: np.ndarray, *at: int) -> list[np.ndarray]:
-    """Rows (n, k) split at columns, each part contiguous."""
-    return [np.ascontiguousarray(part) for part in np.split(rows, at, axis=1)]
-
-
 def _distinct_rows(rows: np.ndarray) -> np.ndarray:
-    """Rows (n, k) in lexical order, each once: numpy's `unique` takes half a millisecond for ten of them."""
-    rows = rows[np.lexsort(rows.T[::-1])]
-    return rows[np.append(True, np.any(rows[1:] != rows[:-1], axis=1))] if len(rows) > 1 else rows
+    """Numbers of rows (n, k) in lexical order, equal ones once: numpy's `unique` takes half a millisecond for ten."""
+    order = np.lexsort(rows.T[::-1])
+    ordered = rows[order]
+    return order[np.append(True, np.any(ordered[1:] != ordered[:-1], axis=1))] if len(rows) > 1 else order
 
 
 def nearness(clearance: float) -> str:

@@ -110,7 +110,15 @@ def test_it_holds_for_every_velocity_within_the_errors() -> None:
         errors = np.linalg.norm(off, axis=1)
         truly = replace(spheres, velocities=spheres.velocities + off)
         true, _ = densely(reference, truly)
-        assert np.all(certified(reference, replace(spheres, velocity_errors=errors)).clearance <= true + 1e-9)
+        uncertain = replace(spheres, velocity_errors=errors)
+        assert np.all(certified(reference, uncertain).clearance <= true + 1e-9)
+        # So too of what is left of the motion, and as long as moving obstacles count.
+        swept, middle = CERTIFIER.swept(reference), 0.5 * reference.duration
+        left = CERTIFIER.certify_swept(swept.since(middle), uncertain, HORIZON).clearance
+        assert np.all(left <= densely(reference.rest(middle), truly)[0] + 1e-9)
+        counted = reference.times[1:] <= HORIZON
+        until = CERTIFIER.certify(reference, uncertain, HORIZON, beyond=False).clearance
+        assert np.all(until[counted] <= true[counted] + 1e-9)
         optimistic += np.any(certified(reference, spheres).clearance > true + 1e-3)
         truly = replace(solids, solid_velocities=solids.solid_velocities + off)
         true = densely_of_solids(reference, truly)

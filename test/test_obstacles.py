@@ -85,6 +85,7 @@ def test_what_is_told_twice_is_one_obstacle():
         centres=np.tile(one.centres, (2, 1)), radii=np.tile(one.radii, 2), velocities=np.tile(one.velocities, (2, 1)),
         solids=np.tile(one.solids, (2, 1)), solid_velocities=np.tile(one.solid_velocities, (2, 1)),
         velocity_errors=np.tile(one.velocity_errors, 2), solid_velocity_errors=np.tile(one.solid_velocity_errors, 2),
+        ages=np.zeros(6), solid_ages=np.zeros(4),
     )  # fmt: skip
     distinct = twice.distinct()
     assert (len(distinct.radii), len(distinct.solids)) == (3, 2)
@@ -112,7 +113,10 @@ def test_obstacles_move_on_linearly_and_not_for_ever():
 
 
 def test_what_covers_a_while_covers_all_places_of_it_and_leaves_what_stands() -> None:
-    moving = Obstacles.one_of_each(np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.0, -0.4]), 1.0)
+    moving = replace(
+        Obstacles.one_of_each(np.array([0.1, 0.2, 0.3]), np.array([0.3, 0.0, -0.4]), 1.0),
+        velocity_errors=np.array([0.1]), solid_velocity_errors=np.array([0.2]),
+    )  # fmt: skip
     covering = moving.throughout(0.2)
     points = np.random.default_rng(0).uniform(-0.5, 0.8, (200, 3))
     for time in np.linspace(1.0, 1.2, 5):
@@ -121,8 +125,8 @@ def test_what_covers_a_while_covers_all_places_of_it_and_leaves_what_stands() ->
         assert np.all(spheres[1] <= spheres[0] + 1e-9)
         solids = [solid_distances(points, one.solids) for one in (there, covered)]
         assert np.all(solids[1] <= solids[0] + 1e-9)
-    # Not more than that: it is larger by what it moves in half of the time.
-    np.testing.assert_allclose(covering.radii, moving.radii + 0.5 * 0.2 * 0.5)
+    # Not more than that: it is larger by what it moves in half of the time, and by the error.
+    np.testing.assert_allclose(covering.radii, moving.radii + 0.5 * 0.2 * 0.5 + 0.2 * 0.1)
     standing = Obstacles.of_spheres(np.zeros((1, 3)), np.ones(1))
     assert standing.throughout(0.2) is standing
 
@@ -155,14 +159,16 @@ def test_places_where_what_moves_may_stop_leave_nothing_out_since_it_was_seen(se
     centres, velocities = random.normal(size=(2, 3, 3))
     box = solid_rows(random.normal(size=(1, 3)), np.eye(3)[None], np.full((1, 3), 0.04), np.full(1, 0.01))
     obstacles = Obstacles(
-        centres, random.uniform(0.02, 0.06, 3), velocities, box, random.normal(size=(1, 3)), DistanceField.none(), 2.0
-    ).at(2.2, 1.0)
-    assert obstacles.age == pytest.approx(0.2)
+        centres, random.uniform(0.02, 0.06, 3), velocities, box, random.normal(size=(1, 3)), DistanceField.none(), 2.0,
+        velocity_errors=random.uniform(0.0, 0.2, 3), solid_velocity_errors=random.uniform(0.0, 0.2, 1),
+    ).at(2.2, 1.0)  # fmt: skip
+    seen = obstacles.radii - 0.2 * obstacles.velocity_errors
+    np.testing.assert_allclose(obstacles.ages, 0.2)
     places = obstacles.stopping_places(0.4, 6)
     assert places.stand
     for time in np.linspace(-0.2, 0.4, 101):
         out = random.normal(size=(50, 3, 3))
-        out *= obstacles.radii[:, None] / np.linalg.norm(out, axis=2, keepdims=True)
+        out *= (seen + (0.2 + time) * obstacles.velocity_errors)[:, None] / np.linalg.norm(out, axis=2, keepdims=True)
         on = obstacles.centres + time * velocities + out
         gaps = np.linalg.norm(on.reshape(-1, 1, 3) - places.centres, axis=2) - places.radii
         assert np.max(np.min(gaps, axis=1)) < 1e-9
@@ -171,8 +177,27 @@ def test_places_where_what_moves_may_stop_leave_nothing_out_since_it_was_seen(se
         assert np.max(solid_distances(inside, places.solids)) < 1e-9
     # No more than needed: a place is enlarged by less than half of what is between two of them.
     apart = np.linalg.norm(velocities, axis=1) * 0.6 / 5
-    assert np.all(places.radii.reshape(6, 3) <= obstacles.radii + 0.5 * apart + 1e-12)
+    grown = np.linspace(0.0, 0.6, 6)[:, None] * obstacles.velocity_errors
+    assert np.all(places.radii.reshape(6, 3) <= seen + grown + 0.5 * apart + 1e-12)
     assert obstacles.at_rest().stopping_places(0.4, 6).centres.size == 0
+
+
+def test_where_an_obstacle_may_stop_does_not_depend_on_when_others_were_seen() -> None:
+    """A sphere just detected, beside one of a slow camera that is far away."""
+    near = replace(
+        Obstacles.of_spheres(np.zeros((1, 3)), np.array([0.05]), np.array([[0.3, 0.0, 0.0]])),
+        ages=np.array([0.005]), velocity_errors=np.array([0.3]),
+    )  # fmt: skip
+    both = replace(
+        Obstacles.of_spheres(
+            np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]]), np.full(2, 0.05), np.array([[0.3, 0.0, 0.0], [0.1, 0.0, 0.0]])
+        ),
+        ages=np.array([0.005, 0.8]), velocity_errors=np.array([0.3, 0.0]),
+    )  # fmt: skip
+    alone, beside = near.stopping_places(0.3, 12), both.stopping_places(0.3, 12)
+    np.testing.assert_allclose(beside.radii[::2], alone.radii)
+    np.testing.assert_allclose(beside.centres[::2], alone.centres)
+    assert alone.radii[-1] < 0.05 + 0.31 * 0.3 + 0.01
 
 
 @pytest.mark.parametrize(

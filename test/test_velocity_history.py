@@ -7,9 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geodesic_motion_ros.velocity_history import INTERVAL, REMEMBERED, VelocityHistory
-
-MEMORY = INTERVAL * (REMEMBERED - 1)
+from geodesic_motion_ros.velocity_history import MEMORY, VelocityHistory
 
 
 def turning(speed: float, rate: float, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -21,12 +19,12 @@ def turning(speed: float, rate: float, times: np.ndarray) -> tuple[np.ndarray, n
     return speed / rate * np.stack([np.sin(angles), -np.cos(angles), np.zeros_like(angles)], axis=1), velocities
 
 
-def errors(positions: np.ndarray, velocities: np.ndarray, times: np.ndarray, noise: float = 0.0) -> np.ndarray:
+def errors(positions: np.ndarray, velocities: np.ndarray, times: np.ndarray, **options: float) -> np.ndarray:
     """(n,) after each of them."""
-    history, result = VelocityHistory(noise), []
+    history, result = VelocityHistory(**options), []
     for position, velocity, time in zip(positions.tolist(), velocities.tolist(), times.tolist(), strict=True):
-        history.see(position, time)
-        result.append(history.error(velocity))
+        history.see(tuple(position), time)
+        result.append(history.error(tuple(velocity)))
     return np.array(result)
 
 
@@ -40,7 +38,7 @@ def test_what_moves_straight_on_goes_on(speed: float, rate: float) -> None:
 
 def test_what_turns_faster_has_a_larger_error_up_to_its_speed() -> None:
     times = np.arange(0.0, 4.0, 0.01)
-    settled = [errors(*turning(0.2, rate, times), times)[-1] for rate in (0.02, 0.05, 0.1, 2.0)]
+    settled = [errors(*turning(0.2, rate, times), times)[-1] for rate in (0.02, 0.05, 0.1, 1.5)]
     assert 0.0 < settled[0] < settled[1] < settled[2] <= settled[3]
     assert settled[3] == pytest.approx(0.2)
 
@@ -66,9 +64,19 @@ def test_a_turn_is_forgotten() -> None:
     np.testing.assert_allclose(error[times > 2.0 + MEMORY + 0.2], 0.0, atol=1e-9)
 
 
-def test_changes_that_may_be_noise_do_not_count() -> None:
-    random, times = np.random.default_rng(0), np.arange(0.0, 10.0, 1.0 / 60.0)
-    positions, velocities = turning(0.2, 0.0, times)
-    noisy = positions + random.normal(scale=1e-3, size=positions.shape)
-    assert np.max(errors(noisy, velocities, times)[200:]) > 0.05
-    assert np.max(errors(noisy, velocities, times, noise=0.03)) == 0.0
+@pytest.mark.parametrize("rate", [4.0, 10.0, 30.0, 60.0])
+def test_it_remembers_two_seconds_however_often_an_obstacle_is_detected(rate: float) -> None:
+    times = np.arange(0.0, 8.0, 1.0 / rate) + np.random.default_rng(0).uniform(0.0, 0.2 / rate, int(8.0 * rate))
+    velocities = np.where(times[:, None] < 2.0, [0.1, 0.0, 0.0], [0.0, 0.1, 0.0])
+    positions = np.stack([0.1 * np.minimum(times, 2.0), 0.1 * np.maximum(times - 2.0, 0.0), 0.0 * times], axis=1)
+    error = errors(positions, velocities, times, noise_factor=0.0)
+    assert np.all(error[(times > 2.01) & (times < 1.6 + MEMORY)] > 0.05)
+    np.testing.assert_allclose(error[times > 2.0 + MEMORY + 1.0 / rate + 0.1], 0.0, atol=1e-9)
+
+
+def test_an_obstacle_of_which_little_is_known_has_no_error() -> None:
+    history = VelocityHistory()
+    assert history.error((0.1, 0.0, 0.0)) == 0.0
+    for time in (0.0, 0.1, 0.15, 0.2):
+        history.see((time**2, 0.0, 0.0), time)
+    assert history.error((0.1, 0.0, 0.0)) == 0.0

@@ -78,15 +78,16 @@ class ObstacleSet:
 
         time : what `now` is on the clock of the planner [s].
         """
-        ages, solid_ages = (np.clip(now - times, 0.0, longest) for times in (self.times, self.solid_times))
-        moving = np.any(self.velocities, axis=1), np.any(self.solid_velocities, axis=1)
-        oldest = np.max(np.concatenate([ages[moving[0]], solid_ages[moving[1]]]), initial=0.0)
+        ages, solid_ages = (
+            np.where(np.any(velocities, axis=1), np.clip(now - times, 0.0, longest), 0.0)
+            for velocities, times in ((self.velocities, self.times), (self.solid_velocities, self.solid_times))
+        )
         solids = self.solids.copy()
         solids[:, :3] += solid_ages[:, None] * self.solid_velocities
         solids[:, 6] += solid_ages * self.solid_velocity_errors
         return Obstacles(
             self.centres + ages[:, None] * self.velocities, self.radii + ages * self.velocity_errors, self.velocities,
-            solids, self.solid_velocities, self.cloud, time, float(oldest), self.velocity_errors,
+            solids, self.solid_velocities, self.cloud, time, ages, solid_ages, self.velocity_errors,
             self.solid_velocity_errors,
         )  # fmt: skip
 
@@ -137,11 +138,12 @@ class _Track:
         """Itself, and, once it is not told any more, where it may have come to a stand since it was last seen."""
         if not self.doubted(now):
             return [self]
-        reach = min(now + _GROWS_EVERY - self.since, _GROWS_FOR) * np.array(self.motion.velocity)
+        passed = min(now + _GROWS_EVERY - self.since, _GROWS_FOR)
+        reach, grown = passed * np.array(self.motion.velocity), passed * self.motion.error
         length = float(np.linalg.norm(reach))
         count = min(2 + int(length / _APART), _MOST_PLACES)
         half = 0.5 * length / (count - 1)
-        return [self, *(self._standing(share * reach, half) for share in np.linspace(0.0, 1.0, count))]
+        return [self, *(self._standing(share * reach, half, share * grown) for share in np.linspace(0.0, 1.0, count))]
 
     def doubted(self, now: float) -> bool:
         """Whether it moved and has not been told for too long."""
@@ -155,15 +157,17 @@ class _Track:
             return self.arrival + MOTION_LASTS
         return now + _GROWS_EVERY if now < self.since + _GROWS_FOR else math.inf
 
-    def _standing(self, shift: np.ndarray, half: float) -> _Track:
+    def _standing(self, shift: np.ndarray, half: float, grown: float) -> _Track:
+        """Where it stands after a shift (3,) [m], enlarged by half of the distance to the next place [m] and by how far
+        off its line it may be there [m].
+        """
         solid = None if self.solid is None else self.solid.copy()
         if solid is not None:
             solid[:3] += shift
-            solid[6] += half
+            solid[6] += half + grown
         centre = tuple(float(c) for c in np.array(self.centre) + shift)
-        return replace(
-            self, centre=centre, radius=math.hypot(self.radius, half), solid=solid, motion=ObstacleVelocity()
-        )
+        radius = math.hypot(self.radius + grown, half)
+        return replace(self, centre=centre, radius=radius, solid=solid, motion=ObstacleVelocity())
 
 
 class ObstacleTracker:

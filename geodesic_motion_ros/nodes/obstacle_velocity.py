@@ -19,8 +19,6 @@ FASTEST = 3.0
 SHORTEST_INTERVAL = 0.01
 #: Times that differ by less [s] are of one instant: a stamp is compared by two clocks, read one after the other.
 SAME_INSTANT = 0.001
-# What that noise changes in the velocity within two seconds [m/s].
-_NOISE = 0.03
 
 
 class ObstacleVelocity:
@@ -33,14 +31,14 @@ class ObstacleVelocity:
 
     def __init__(self) -> None:
         self._seen: list[tuple[float, Point]] = []
-        self._history = VelocityHistory(_NOISE)
+        self._history = VelocityHistory()
 
     def see(self, centre: Point, time: float) -> None:
         """Take the newest position [m], seen at `time` [s] of one clock."""
         if self._seen and abs(time - self._seen[-1][0]) < SAME_INSTANT:
             time = self._seen[-1][0]
         if self._seen and not self._continues(centre, time):
-            self._seen, self._history = [], VelocityHistory(_NOISE)
+            self._seen, self._history = [], VelocityHistory()
         if self._seen and time == self._seen[-1][0]:
             self._seen.pop()
         self._seen.append((time, centre))
@@ -72,7 +70,7 @@ class ObstacleVelocity:
 
     @property
     def error(self) -> float:
-        """How far that may be off [m/s], as it has changed of late."""
+        """Bound of the error of that [m/s], by how it has changed in the last two seconds."""
         return self._history.error(self.velocity)
 
     def _continues(self, centre: Point, time: float) -> bool:

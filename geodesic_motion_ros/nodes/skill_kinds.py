@@ -133,12 +133,14 @@ class CertifiedKind(SkillKind):
         return np.concatenate([centres, model.radii[:, None]], axis=1)[model.moving]
 
     def margins(self) -> dict[str, float]:
-        settings, tracking = self.planner.settings, self.planner.tracking
+        settings, tracking, obstacles = self.planner.settings, self.planner.tracking, self.planner.obstacles
+        errors = np.concatenate([obstacles.velocity_errors, obstacles.solid_velocity_errors])
         return {
             "obstacle_margin": settings.obstacle_margin,
             "tracking_error": tracking.error,
             "tracking_lag": tracking.lag,
             "obstacle_position_error": settings.obstacle_position_error,
+            "obstacle_velocity_error": float(np.max(errors, initial=0.0)),
         }
 
     def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:

@@ -395,6 +395,11 @@ class ReactivePlanner:
             return Verdict(VerdictCode.BAD_INPUT, f"{reason}: expected as many of each")
         return self.take_obstacles(Obstacles.of_spheres(centres, radii, velocities, time))
 
+    @property
+    def obstacles(self) -> Obstacles:
+        """Those that were taken last."""
+        return self._inputs.obstacles
+
     def take_obstacles(self, obstacles: Obstacles) -> Verdict:
         """Replace all obstacles by others of every kind, in the base frame.
 
@@ -549,7 +554,7 @@ class ReactivePlanner:
     def _improved(self, situation: Situation, query: Query, followed: Followed) -> _Decision:
         """What is followed and free, or a new path where that is a gain."""
         attempts = self._solver.attempts[:1]
-        plan = self._solved(situation, query, attempts, followed.known, situation.longest_gain(followed))
+        plan = self._solved(situation, query, attempts, followed.known, situation.longest_worthwhile(followed))
         if not situation.late.passed and situation.gains(plan, followed):
             return self._taken(situation, query, plan, self._memory.after(plan, query, None, attempts, situation))
         found_again = plan.trajectory is None and plan.verdict.ok

@@ -134,9 +134,10 @@ class PlannerSettings:
     ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
     cost_cap : paths that cost more than so many times what a demonstration costs without obstacles count as blocked.
     query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.
-    prediction : obstacles are expected to move on linearly for so long [s], and to stand then; where that leaves
-        no path, what moves is not counted after it. It must be longer than a stop takes, latency included,
-        which is 0.5 s: what comes into sight later cannot be stopped for.
+    prediction : obstacles are expected to move on linearly for so long [s], enlarged by what their velocities may be
+        off (`velocity_history.py`), and to stand then; where that leaves no path, what moves is not counted after it.
+        It must be longer than a stop takes, latency included, which is 0.5 s: what comes into sight later cannot be
+        stopped for.
     avoidance : False ignores obstacles altogether; for control experiments only.
     avoid : "arm", or "tool": of the arm the tool's spheres alone are kept away from obstacles.
     grid_shape, neighbours : of the latent graph; None: the skill's own.

@@ -253,7 +253,7 @@ class Situation:
         """In less time [s] than this another path leads to the goal clearly sooner than what is being played."""
         return (self.played.end - self.state.time) / constants.WORTHWHILE_RATIO
 
-    def longest_gain(self, followed: Followed) -> float:
+    def longest_worthwhile(self, followed: Followed) -> float:
         """In what time [s] or more a new path is no gain over what is being followed, however safe; inf: in none."""
         safer_counts = followed.optimistic or (self.settings.avoidance and followed.close)
         return math.inf if safer_counts else self._worthwhile

@@ -106,8 +106,10 @@ class TestStates:
         bench.add(PlannerNode, **planner_options | {"obstacle_margin": 0.004, "obstacle_position_error": 0.02})
         bench.send_joint_states(start_joints)
         bench.wait_for_code("NO_GOAL")
-        names = ("obstacle_margin", "tracking_error", "tracking_lag", "obstacle_position_error")
-        assert [float(bench.status()[name]) for name in names] == [0.004, 0.0, 0.0, 0.02]
+        names = "obstacle_margin", "tracking_error", "tracking_lag"
+        assert [float(bench.status()[name]) for name in names] == [0.004, 0.0, 0.0]
+        names = "obstacle_position_error", "obstacle_velocity_error"
+        assert [float(bench.status()[name]) for name in names] == [0.02, 0.0]
 
 
 class TestPlanService:

@@ -303,7 +303,7 @@ def test_what_has_turned_is_larger_the_longer_ago_it_was_seen(solid: bool) -> No
     seen = tracker.current(2.0)
     errors = seen.solid_velocity_errors if solid else seen.velocity_errors
     assert errors[0] == pytest.approx(0.2 * np.sqrt(2.0), rel=0.01)
-    assert errors[1] == 0.0
+    assert errors[1] == pytest.approx(0.0, abs=1e-9)
     now, later = seen.moved_on(2.0, 0.5, 0.0), seen.moved_on(2.2, 0.5, 0.0)
     sizes = [one.solids[:, 6] if solid else one.radii for one in (now, later)]
     np.testing.assert_allclose(sizes[1] - sizes[0], 0.2 * errors, atol=1e-9)
@@ -358,7 +358,7 @@ def test_what_moved_and_is_not_told_again_may_have_stopped_anywhere_since():
         if now < 0.2 + MOTION_LASTS - 1e-9:
             obstacles = seen.moved_on(now, 1.6, now)
             np.testing.assert_allclose(obstacles.centres[0], last + [0.4 * (now - 0.2), 0.0, 0.0], atol=1e-9)
-            assert obstacles.age == pytest.approx(now - 0.2)
+            assert obstacles.ages[0] == pytest.approx(now - 0.2)
     obstacles = seen.moved_on(now, 1.6, now)
     # It may as well move on.
     np.testing.assert_allclose(obstacles.velocities[0], [0.4, 0.0, 0.0], atol=1e-9)

@@ -42,20 +42,36 @@ def test_noise_of_a_millimetre_at_60_hz_is_no_motion() -> None:
     assert np.quantile(speeds, 0.99) < 0.03
 
 
-def test_noise_is_no_turn_and_a_turn_is_one_until_the_obstacle_is_lost() -> None:
-    generator = np.random.default_rng(0)
-    times = np.arange(0.0, 6.0, 1.0 / 60.0)
+def errors(centres: np.ndarray, times: np.ndarray, noise: float) -> np.ndarray:
+    """Errors of the velocity (n,) after each of the positions (n, 3) with noise [m]."""
+    noisy = centres + np.random.default_rng(0).normal(scale=noise, size=centres.shape)
+    motion, result = ObstacleVelocity(), []
+    for centre, time in zip(noisy.tolist(), times.tolist(), strict=True):
+        motion.see(tuple(centre), time)
+        result.append(motion.error)
+    return np.array(result)
+
+
+@pytest.mark.parametrize("rate", [10.0, 30.0, 60.0])
+@pytest.mark.parametrize("noise", [1e-3, 5e-3, 1e-2])
+@pytest.mark.parametrize("speed", [0.0, 0.2])
+def test_noise_is_no_turn(rate: float, noise: float, speed: float) -> None:
+    """Whatever its size: how noisy positions are is found out."""
+    times = STAMP + np.arange(int(60.0 * rate)) / rate
+    error = errors(np.outer(times - STAMP, [speed, 0.0, 0.0]), times, noise)
+    assert np.mean(error > 0.0) < 0.1
+    assert np.quantile(error, 0.95) <= 10.0 * noise
+
+
+@pytest.mark.parametrize("rate", [10.0, 30.0, 60.0])
+def test_a_turn_is_no_noise_until_the_obstacle_is_lost(rate: float) -> None:
+    times = np.arange(0.0, 6.0, 1.0 / rate)
     angle = np.maximum(0.0, times - 3.0)
     velocities = 0.2 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    centres = np.cumsum(velocities / 60.0, axis=0) + generator.normal(scale=1e-3, size=velocities.shape)
-    motion, errors = ObstacleVelocity(), []
-    for centre, time in zip(centres.tolist(), times.tolist(), strict=True):
-        motion.see(tuple(centre), STAMP + time)
-        errors.append(motion.error)
-    assert np.quantile(np.array(errors)[times < 3.0], 0.98) < 0.02
-    assert np.all(np.array(errors)[times > 4.0] > 0.1)
-    motion.see(tuple(centres[-1]), STAMP + times[-1] + LONGEST_GAP + 0.1)
-    assert motion.error == 0.0
+    centres = np.cumsum(velocities / rate, axis=0)
+    assert np.all(errors(centres, STAMP + times, 1e-3)[times > 4.5] > 0.1)
+    gap = np.append(times, times[-1] + LONGEST_GAP + 0.1)
+    assert errors(np.append(centres, centres[-1:], axis=0), STAMP + gap, 1e-3)[-1] == 0.0
 
 
 def test_late_and_early_arrivals_of_an_even_motion_hardly_matter() -> None:

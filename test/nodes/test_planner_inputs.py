@@ -112,7 +112,7 @@ class TestLate:
         assert not snapshot.silent_sources
         assert not snapshot.late_sources
         # a stop is kept free of all places since it was seen
-        assert snapshot.obstacles.moved_on(snapshot.heard, 1.6, 0.0).age == pytest.approx(0.4)
+        assert snapshot.obstacles.moved_on(snapshot.heard, 1.6, 0.0).ages == pytest.approx(0.4)
 
     def test_without_a_stamp_it_lags_behind(self, bench):
         bench.move(late=None, delay=0.4)

@@ -189,7 +189,7 @@ def test_what_has_passed_since_it_was_last_detected_may_have_halted_right_beyond
     stream = going(settings)
     crossing = ball(ROBOT.ready + 0.82 * TURN, np.array([0.0, 0.0, -speed]))
     time = 0.3
-    passed = replace(crossing, centres=crossing.centres - [0.0, 0.0, 0.1], age=age, time=time)
+    passed = replace(crossing, centres=crossing.centres - [0.0, 0.0, 0.1], ages=np.array([age]), time=time)
     situation = at(stream, time - SETTINGS.latency, passed, settings=settings)
     assert situation.can_still_stop(stream.played) is goes_on
     assert (situation.free_path(QUERY) is not None) is goes_on
@@ -231,7 +231,7 @@ def test_a_new_path_is_a_gain_where_it_is_safer_or_takes_clearly_less_time(
     plan = Plan(slower, 0.0, replace(OK, clearance=clearance))
     followed = replace(stream.followed, verdict=replace(OK, clearance=nearest), optimistic=optimistic)
     assert situation.gains(plan, followed) is gain
-    assert not gain or plan.reference.duration < situation.longest_gain(followed)
+    assert not gain or plan.reference.duration < situation.longest_worthwhile(followed)
     assert not situation.gains(replace(plan, trajectory=None), followed)
 
 

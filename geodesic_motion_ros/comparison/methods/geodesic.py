@@ -81,16 +81,16 @@ class Geodesics:
         return Answer.playing(plan.reference, plan.begin, refusal)
 
     def _velocity_errors(self, now: float, obstacles: Obstacles) -> np.ndarray:
-        """(o,) [m/s] by where the spheres were in the ticks before, as the planner node's tracker."""
+        """(o,) [m/s] by where the spheres were in the ticks before; the node's tracker allows for noise besides."""
         before, self._seen = self._seen, []
         for centre in obstacles.centres:
             apart = [float(np.linalg.norm(centre - place)) for place, _ in before]
             nearest = int(np.argmin(apart)) if apart and min(apart) <= SAME_SPHERE else None
-            history = VelocityHistory() if nearest is None else before[nearest][1]
-            history.see(centre, now)
+            history = VelocityHistory(noise_factor=0.0) if nearest is None else before[nearest][1]
+            history.see(tuple(centre.tolist()), now)
             self._seen.append((centre, history))
         pairs = zip(self._seen, obstacles.velocities, strict=True)
-        return np.array([history.error(velocity) for (_, history), velocity in pairs])
+        return np.array([history.error(tuple(velocity.tolist())) for (_, history), velocity in pairs])
 
 
 def no_body(robot: Robot) -> CollisionModel:
