@@ -30,8 +30,8 @@ UPPER = re.compile(rf"{PACKAGE}\.(manifold|experiments|benchmarks|comparison|cli
 MAY_TRAIN = {"manifold", "experiments", "cli"}
 GROUND = {
     "graph", "robot", "skill", "sheet", "joint_sheet", "regression", "quaternions", "errors", "verdict", "deadline",
-    "shared_files", "obstacles", "solids", "distance_field", "checked_files", "checked_numbers", "skill_description",
-    "skill_folder", "convex_hull",
+    "shared_files", "obstacles", "velocity_history", "solids", "distance_field", "checked_files", "checked_numbers",
+    "skill_description", "skill_folder", "convex_hull",
 }  # fmt: skip
 RUN = {
     *GROUND, "task_frame", "joint_reference", "joint_timing", "joint_stop", "horizon", "joint_time_law",

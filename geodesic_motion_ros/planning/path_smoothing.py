@@ -14,7 +14,12 @@ from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
 
 
 def resample_latent(path: np.ndarray, spacing: float, minimum: int = 40) -> np.ndarray:
-    """Points (n, d) evenly spaced by latent arc length on a polyline (m, d), at most `spacing` apart, ends kept."""
+    """Points (n, d) evenly spaced by latent arc length on a polyline (m, d), at most `spacing` apart, ends kept.
+
+    Of a polyline of one point, as of a tool that is at its goal, that point `minimum` times.
+    """
+    if len(path) == 1:
+        return np.repeat(path, minimum, axis=0)
     length = float(np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))[-1])
     return evenly(path, max(minimum, math.ceil(length / spacing) + 1) - 1)
 

@@ -12,6 +12,11 @@ def staircase(count: int = 12) -> np.ndarray:
     return np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
 
 
+def test_a_path_of_one_point_stays_there() -> None:
+    point = np.array([[0.3, -0.2]])
+    np.testing.assert_array_equal(resample_latent(point, 0.1, 5), np.repeat(point, 5, axis=0))
+
+
 def test_resampling_is_even_and_keeps_the_ends():
     points = resample_latent(staircase(), 0.1)
     np.testing.assert_array_equal(points[[0, -1]], staircase()[[0, -1]])
