@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.joint_reference import PERIOD, joined
+from geodesic_motion_ros.joint_reference import PERIOD, interpolated, joined
 from geodesic_motion_ros.joint_stop import bridge_to_rest
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -62,3 +62,11 @@ def test_an_old_reference_is_repeated_until_a_new_one_takes_over(motions, since,
     assert whole.times[0] == pytest.approx(0.0, abs=1e-9)
     assert len(whole.times) == len(whole.latent)
     assert whole.keeps(LIMITS)
+
+
+def test_values_are_interpolated_as_by_numpy_also_between_equal_knots_and_beyond_the_ends() -> None:
+    random = np.random.default_rng(0)
+    knots = np.sort(random.integers(0, 10, 30) / 10.0)
+    values, at = random.normal(size=(30, 3)), np.append(random.uniform(-0.5, 1.5, 200), [-1.0, 2.0])
+    expected = np.stack([np.interp(at, knots, column) for column in values.T], axis=1)
+    np.testing.assert_allclose(interpolated(at, knots, values), expected, atol=1e-12)

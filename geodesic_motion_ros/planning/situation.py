@@ -250,11 +250,13 @@ class Situation:
 
     @property
     def _worthwhile(self) -> float:
-        """In less time [s] than this another path leads to the goal clearly sooner than what is being played."""
+        """Duration [s] below which another path leads to the goal clearly sooner than what is being played."""
         return (self.played.end - self.state.time) / constants.WORTHWHILE_RATIO
 
     def longest_worthwhile(self, followed: Followed) -> float:
-        """In what time [s] or more a new path is no gain over what is being followed, however safe; inf: in none."""
+        """Duration [s] from which on a new path is no gain over what is being followed, however safe; inf where its
+        clearance counts, too.
+        """
         safer_counts = followed.optimistic or (self.settings.avoidance and followed.close)
         return math.inf if safer_counts else self._worthwhile
 

@@ -180,7 +180,7 @@ class Solver:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
 
         known : nodes of a path that need not be judged again: where the search finds it again, that is the answer, OK.
-        longest : motions that take so long [s] or longer are not wanted, and need not be certified.
+        longest : a motion that takes so long [s] or longer is no gain, and is not certified.
         """
         plan = self._first_certified(query, state, obstacles, _alike(attempts, False), deadline, known, longest)
         optimistic = _alike(attempts, True)
@@ -313,7 +313,7 @@ class Solver:
         if reference is None or timed.swept is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         if reference.duration >= longest:
-            reason = f"the best path takes {reference.duration:.2f} s, and is wanted in less than {longest:.2f} s"
+            reason = f"the best path takes {reference.duration:.2f} s; only less than {longest:.2f} s would be a gain"
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
         horizon = self.settings.prediction if evading is None else evading
         certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=not optimistic)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.graph.ambient import ambient_factor, cloud_factor, obstacle_clearances, solid_factor
 from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
-from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
+from geodesic_motion_ros.graph.reshaping import Reshaping, first_clear, look_at
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -105,3 +105,17 @@ def test_a_node_is_looked_at_once_and_alone() -> None:
     reshaping.factors[7] = -1.0
     look_at(np.array([7]), reshaping)
     assert np.all(reshaping.factors[7] == -1.0)
+
+
+def test_the_first_clear_node_is_found_without_a_look_at_those_after_it() -> None:
+    margin, whole = 0.02, Reshaping.of(body(), obstacles(12), 1e3, 0.5, 0.1)
+    look_at(np.arange(NODES), whole)
+    nodes = np.argsort(whole.clearance, kind="stable")
+    number = int(np.argmax(whole.clearance[nodes] >= margin))
+    assert 0 < number < NODES - 1
+    reshaping = Reshaping.of(body(), obstacles(12), 1e3, 0.5, 0.1)
+    assert first_clear(nodes, -1, reshaping, margin) == nodes[number]
+    assert np.flatnonzero(reshaping.looked).tolist() == sorted(nodes[: number + 1].tolist())
+    # A goal may be nearer to an obstacle.
+    assert first_clear(nodes, int(nodes[0]), reshaping, margin) == nodes[0]
+    assert first_clear(nodes[:number], -1, reshaping, margin) == -1

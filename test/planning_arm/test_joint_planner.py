@@ -17,7 +17,7 @@ from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import solver
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
 from geodesic_motion_ros.solids import solid_distances, solid_rows
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -85,6 +85,25 @@ def test_a_refined_way_is_shorter_and_one_that_is_refused_gives_way_to_the_graph
 
     monkeypatch.setattr(solver, "refined", astray)
     assert length(planner.plan_configurations(start, choice)) == length(plain)
+
+
+def test_a_motion_that_would_be_no_gain_is_not_certified(planner, start, goal) -> None:
+    planner.take_obstacles(Obstacles.none())
+    planner.clear_goal()
+    planner.stand_at(start, 0.0)
+    query, still = planner.prepared_configuration(goal).query, np.zeros_like(start)
+    single = Solver(
+        planner.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits
+    )
+    state = MotionState(0.0, start, still, still, None)
+    plan = single.solve(query, state, Obstacles.none(), single.attempts[:1])
+    duration = plan.reference.duration
+    longer = single.solve(query, state, Obstacles.none(), single.attempts[:1], longest=1.001 * duration)
+    np.testing.assert_array_equal(longer.reference.positions, plan.reference.positions)
+    refused = single.solve(query, state, Obstacles.none(), single.attempts[:1], longest=duration)
+    assert refused.trajectory is None
+    assert refused.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+    assert "would be a gain" in refused.verdict.reason
 
 
 def test_a_way_that_is_found_again_while_no_obstacle_is_near_gets_no_second_look(stream, on_elbow, monkeypatch) -> None:

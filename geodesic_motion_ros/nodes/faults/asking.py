@@ -70,9 +70,12 @@ class Asking:
         stamp = self._node.get_clock().now().to_msg()
         return pose_message(pose[:3], pose[3:], frame or self._skill.base_frame, stamp)
 
-    def plan(self) -> list[Any]:
-        """The poses of a plan from the skill's start to its goal, as messages; none where there is no plan."""
-        request = GetPlan.Request(start=self.goal_message(self._skill.start_pose), goal=self.goal_message())
+    def plan(self, start: np.ndarray | None = None) -> list[Any]:
+        """The poses of a plan from a pose (7,), or the skill's start, to its goal, as messages; none where there is no
+        plan.
+        """
+        start = self._skill.start_pose if start is None else start
+        request = GetPlan.Request(start=self.goal_message(start), goal=self.goal_message())
         return [pose.pose for pose in self.call(GetPlan, "plan", request).plan.poses]
 
     def publish(self, topic: str, message: Any) -> None:
