@@ -170,7 +170,7 @@ class MadeAsking(asking.Asking):
 
     made: MadeBench
 
-    def plan(self) -> list[Any]:
+    def plan(self, start: np.ndarray | None = None) -> list[Any]:
         drifts = self.made.planner.ticks if "plans otherwise" in self.made.planner.flaws else 0
         points = [SimpleNamespace(x=x, y=y + drifts, z=z) for x, y, z in WAY]
         return [SimpleNamespace(position=point) for point in points]
