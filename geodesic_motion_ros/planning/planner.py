@@ -125,12 +125,16 @@ class _Inputs:
 
 @dataclass(frozen=True)
 class _Blocked:
-    """What was tried for an arm at rest among obstacles that stand, and found no path: it need not be tried again."""
+    """What was tried for an arm at rest among obstacles that stand, and found no path: it need not be tried again.
+
+    unfinished : one of the attempts, with this posture or one before, was out of time.
+    """
 
     query: Query
     obstacles: Obstacles
     attempts: frozenset[Attempt]
     verdict: Verdict
+    unfinished: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,10 +180,15 @@ class _SearchMemory:
         self, plan: Plan, query: Query, blocked: _Blocked | None, attempts: tuple[Attempt, ...], situation: Situation
     ) -> _SearchMemory:
         """With what a search came to; blocked : what was tried before in the same situation."""
-        still = self.blocked if plan.verdict.code is VerdictCode.DEADLINE_MISSED else None
-        if plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH and situation.expected.stand and situation.at_rest:
-            tried = frozenset(attempts) if blocked is None else blocked.attempts.union(attempts)
-            still = _Blocked(query, situation.obstacles, tried, plan.verdict)
+        still, out_of_time = None, plan.verdict.code is VerdictCode.DEADLINE_MISSED
+        without = out_of_time or plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+        if without and situation.expected.stand and situation.at_rest:
+            before = blocked or _Blocked(query, situation.obstacles, frozenset(), plan.verdict)
+            # The first time all attempts share a tick, also with what holds a posture; later each has one of its own.
+            shared = out_of_time and query is not self.without_path
+            tried = before.attempts if shared else before.attempts.union(attempts)
+            unfinished = before.unfinished or (out_of_time and not shared)
+            still = _Blocked(query, situation.obstacles, tried, plan.verdict, unfinished)
         return replace(self, without_path=query if plan.trajectory is None else None, blocked=still)
 
 
@@ -541,11 +550,11 @@ class ReactivePlanner:
         if followed is not None:
             return self._improved(situation, query, followed)
         blocked = memory.still_blocked(query, situation.obstacles)
-        held = self._held(situation, query, blocked)
+        held, tried = self._held(situation, query, blocked)
         if held is None:
             assert blocked is not None
             return _Decision(situation.stopped(blocked.verdict), query, memory)
-        return self._searched(situation, held, blocked if held is query else None)
+        return self._searched(situation, held, tried)
 
     def _is_unchanged(self, followed: Followed, situation: Situation) -> bool:
         """Whether what is followed is still the best path, as nothing has changed."""
@@ -562,12 +571,21 @@ class ReactivePlanner:
         updated = replace(followed, obstacles=situation.obstacles, searched=situation.now, drawn=drawn)
         return _Decision(situation.continued(updated), query, self._memory)
 
-    def _held(self, situation: Situation, query: Query, blocked: _Blocked | None) -> Query | None:
-        """A query in the posture in which it is searched next; None where every posture was tried."""
-        if blocked is not None:
-            return self._queries.other_posture(query) if blocked.attempts.issuperset(self._solver.cautious) else query
-        # Another posture was for obstacles that stood.
-        return self._queries.first_posture(query) if situation.at_rest else query
+    def _held(
+        self, situation: Situation, query: Query, blocked: _Blocked | None
+    ) -> tuple[Query | None, _Blocked | None]:
+        """A query in the posture in which it is searched next, and what was tried with that; None where every posture
+        was tried in full.
+        """
+        if blocked is None:
+            # Another posture was for obstacles that stood.
+            return (self._queries.first_posture(query) if situation.at_rest else query), None
+        if not blocked.attempts.issuperset(self._solver.cautious):
+            return query, blocked
+        other = self._queries.other_posture(query)
+        if other is None and blocked.unfinished:
+            return self._queries.first_posture(query), None
+        return other, replace(blocked, attempts=frozenset())
 
     def _searched(self, situation: Situation, query: Query, blocked: _Blocked | None) -> _Decision:
         """A new path, or what an arm without one does; blocked : what was tried already."""

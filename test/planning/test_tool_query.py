@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_query import Pose
@@ -149,6 +150,21 @@ def test_a_sphere_on_the_elbow_s_path_is_not_touched_and_the_tool_alone_would_le
         assert nearest(planner, model, arm, sphere) > 0.0
     else:
         np.testing.assert_array_equal(arm[0], arm[-1])
+
+
+@pytest.mark.parametrize("deadline", [NEVER, Deadline(-np.inf)], ids=["enough time", "no time"])
+def test_an_arm_at_rest_tries_its_other_postures_however_little_time_a_tick_has(planner, deadline) -> None:
+    """In the first posture a sphere above the upper arm blocks every path; a tick may be too short for one search."""
+    planner.take_obstacles(Obstacles.none())
+    planner.clear_goal()
+    start = planner.plan(START.position, START.quaternion, GOAL.position, GOAL.quaternion).reference.positions[0]
+    planner.stand_at(start, 0.0)
+    assert planner.set_goal(GOAL.position, GOAL.quaternion).ok
+    planner.take_obstacles(Obstacles.of_spheres(np.array([[-0.09, -0.065, 0.65]]), np.array([0.038])))
+    ticks = (planner.tick(number * TICK, deadline) for number in range(60))
+    codes = [plan.verdict.code for plan in ticks]
+    assert codes[0] is not VerdictCode.OK
+    assert VerdictCode.OK in codes
 
 
 def test_the_tool_s_spheres_stay_clear_where_only_they_avoid(planner) -> None:
