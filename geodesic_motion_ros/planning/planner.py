@@ -127,10 +127,12 @@ class _Inputs:
 class _Blocked:
     """What was tried for an arm at rest among obstacles that stand, and found no path: it need not be tried again.
 
-    unfinished : one of the attempts, with this posture or one before, was out of time.
+    origin : the query that the arm stopped on, in the place of which others are tried.
+    unfinished : one of the attempts, with this query or one before, was out of time.
     """
 
     query: Query
+    origin: Query
     obstacles: Obstacles
     attempts: frozenset[Attempt]
     verdict: Verdict
@@ -162,6 +164,10 @@ class _SearchMemory:
             return None
         return blocked
 
+    def origin(self, query: Query) -> Query:
+        """The query in the place of which another one was tried."""
+        return self.blocked.origin if self.blocked is not None and self.blocked.query is query else query
+
     def chosen_attempts(self, solver: Solver, query: Query, now: float) -> tuple[tuple[Attempt, ...], _SearchMemory]:
         """What is tried at a time [s] by an arm that follows no path to a query's goal, and the memory of that.
 
@@ -183,12 +189,12 @@ class _SearchMemory:
         still, out_of_time = None, plan.verdict.code is VerdictCode.DEADLINE_MISSED
         without = out_of_time or plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
         if without and situation.expected.stand and situation.at_rest:
-            before = blocked or _Blocked(query, situation.obstacles, frozenset(), plan.verdict)
+            before = blocked or _Blocked(query, query, situation.obstacles, frozenset(), plan.verdict)
             # The first time all attempts share a tick, also with what holds a posture; later each has one of its own.
             shared = out_of_time and query is not self.without_path
             tried = before.attempts if shared else before.attempts.union(attempts)
             unfinished = before.unfinished or (out_of_time and not shared)
-            still = _Blocked(query, situation.obstacles, tried, plan.verdict, unfinished)
+            still = _Blocked(query, before.origin, situation.obstacles, tried, plan.verdict, unfinished)
         return replace(self, without_path=query if plan.trajectory is None else None, blocked=still)
 
 
@@ -550,7 +556,7 @@ class ReactivePlanner:
         if followed is not None:
             return self._improved(situation, query, followed)
         blocked = memory.still_blocked(query, situation.obstacles)
-        held, tried = self._held(situation, query, blocked)
+        held, tried = self._held(situation, query, blocked, mission.active.goal)
         if held is None:
             assert blocked is not None
             return _Decision(situation.stopped(blocked.verdict), query, memory)
@@ -572,19 +578,23 @@ class ReactivePlanner:
         return _Decision(situation.continued(updated), query, self._memory)
 
     def _held(
-        self, situation: Situation, query: Query, blocked: _Blocked | None
+        self, situation: Situation, query: Query, blocked: _Blocked | None, goal: Goal
     ) -> tuple[Query | None, _Blocked | None]:
-        """A query in the posture in which it is searched next, and what was tried with that; None where every posture
-        was tried in full.
+        """The query that is searched next, and what was tried with that; None where everything was tried in full.
+
+        The first is the one that the arm stopped on; then the same goal from where it stands, in each posture.
         """
         if blocked is None:
-            # Another posture was for obstacles that stood.
-            return (self._queries.first_posture(query) if situation.at_rest else query), None
+            # Another query was for obstacles that stood.
+            origin = self._memory.origin(query)
+            return (self._queries.first_posture(origin) if situation.at_rest else origin), None
         if not blocked.attempts.issuperset(self._solver.cautious):
             return query, blocked
-        other = self._queries.other_posture(query)
+        position = situation.state.position
+        anew = None if np.array_equal(query.start, position) else self._queries.build(position, goal)
+        other = self._queries.other_posture(query) if anew is None or isinstance(anew, Verdict) else anew
         if other is None and blocked.unfinished:
-            return self._queries.first_posture(query), None
+            return self._queries.first_posture(blocked.origin), None
         return other, replace(blocked, attempts=frozenset())
 
     def _searched(self, situation: Situation, query: Query, blocked: _Blocked | None) -> _Decision:
