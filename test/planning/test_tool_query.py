@@ -18,6 +18,7 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position
+from geodesic_motion_ros.simulation.scenes import LineObstacle
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -111,13 +112,18 @@ def test_a_start_from_which_the_path_cannot_be_held_is_refused_with_place_and_re
     assert {one.code for one in found} <= {VerdictCode.START_OUT_OF_SUPPORT, VerdictCode.NO_FEASIBLE_PATH}
 
 
-def played(planner: ReactivePlanner, obstacles: Obstacles, seconds: float = 12.0) -> np.ndarray:
-    """Commanded configurations (n, 7), from the skill's start to its goal."""
+def stand_at_the_start(planner: ReactivePlanner) -> None:
+    """At rest there, with the goal given and no obstacle."""
     planner.take_obstacles(Obstacles.none())
     planner.clear_goal()
     start = planner.plan(START.position, START.quaternion, GOAL.position, GOAL.quaternion).reference.positions[0]
     planner.stand_at(start, 0.0)
     assert planner.set_goal(GOAL.position, GOAL.quaternion).ok
+
+
+def played(planner: ReactivePlanner, obstacles: Obstacles, seconds: float = 12.0) -> np.ndarray:
+    """Commanded configurations (n, 7), from the skill's start to its goal."""
+    stand_at_the_start(planner)
     assert planner.take_obstacles(obstacles).ok
     commanded = []
     for number in range(int(seconds / TICK)):
@@ -152,14 +158,40 @@ def test_a_sphere_on_the_elbow_s_path_is_not_touched_and_the_tool_alone_would_le
         np.testing.assert_array_equal(arm[0], arm[-1])
 
 
+@pytest.mark.parametrize(
+    ("start", "end", "speed", "leaves"),
+    [
+        ([0.471, -0.561, 0.391], [0.430, -0.220, 0.337], 0.093, -1.45),
+        ([0.616, -0.479, 0.334], [0.424, -0.179, 0.340], 0.126, -0.28),
+    ],
+)
+def test_an_arm_that_was_stopped_goes_on_where_its_goal_would_be_reached_if_sent_again(
+    planner, start, end, speed, leaves
+) -> None:
+    """A sphere crosses and comes to rest beside the arm: the paths of the query that it began with are blocked there,
+    those of one from where it stands are not.
+    """
+    obstacle = LineObstacle(start, end, speed, 0.035, leaves)
+    way = np.subtract(end, start)
+    velocity, halts = speed * way / np.linalg.norm(way), leaves + np.linalg.norm(way) / speed
+    stand_at_the_start(planner)
+    codes = []
+    for number in range(1000):
+        now = number * TICK
+        moving = float(leaves <= now < halts) * velocity
+        planner.set_obstacles(obstacle.position(now)[None], np.array([obstacle.radius]), moving[None], now)
+        codes.append(planner.tick(now).verdict.code)
+    assert VerdictCode.NO_FEASIBLE_PATH in codes
+    if codes[-1] is not VerdictCode.OK:
+        planner.stand_at(planner.commanded(now)[0], now)
+        assert planner.set_goal(GOAL.position, GOAL.quaternion).ok
+        assert planner.tick(now).verdict.code is VerdictCode.NO_FEASIBLE_PATH
+
+
 @pytest.mark.parametrize("deadline", [NEVER, Deadline(-np.inf)], ids=["enough time", "no time"])
 def test_an_arm_at_rest_tries_its_other_postures_however_little_time_a_tick_has(planner, deadline) -> None:
     """In the first posture a sphere above the upper arm blocks every path; a tick may be too short for one search."""
-    planner.take_obstacles(Obstacles.none())
-    planner.clear_goal()
-    start = planner.plan(START.position, START.quaternion, GOAL.position, GOAL.quaternion).reference.positions[0]
-    planner.stand_at(start, 0.0)
-    assert planner.set_goal(GOAL.position, GOAL.quaternion).ok
+    stand_at_the_start(planner)
     planner.take_obstacles(Obstacles.of_spheres(np.array([[-0.09, -0.065, 0.65]]), np.array([0.038])))
     ticks = (planner.tick(number * TICK, deadline) for number in range(60))
     codes = [plan.verdict.code for plan in ticks]
