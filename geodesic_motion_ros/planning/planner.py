@@ -590,9 +590,11 @@ class ReactivePlanner:
             return (self._queries.first_posture(origin) if situation.at_rest else origin), None
         if not blocked.attempts.issuperset(self._solver.cautious):
             return query, blocked
-        position = situation.state.position
-        anew = None if np.array_equal(query.start, position) else self._queries.build(position, goal)
-        other = self._queries.other_posture(query) if anew is None or isinstance(anew, Verdict) else anew
+        other, position = None, situation.state.position
+        if query is blocked.origin and not np.array_equal(query.start, position):
+            anew = self._queries.build(position, goal)
+            other = None if isinstance(anew, Verdict) else anew
+        other = other or self._queries.other_posture(query)
         if other is None and blocked.unfinished:
             return self._queries.first_posture(blocked.origin), None
         return other, replace(blocked, attempts=frozenset())
