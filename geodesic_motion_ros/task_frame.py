@@ -35,6 +35,11 @@ class TaskFrame:
         """Points (n, 3) of the task frame as the base frame sees them."""
         return points if self.is_identity else self.origin + rotate(self.quaternion, points)
 
+    def covariances_to_base(self, covariances: np.ndarray) -> np.ndarray:
+        """Covariances (n, 3, 3) of positions of the task frame as the base frame sees them."""
+        axes = rotate(self.quaternion, np.eye(3))
+        return covariances if self.is_identity else axes.T @ covariances @ axes
+
     def to_task(self, positions: np.ndarray, quaternions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Poses (..., 3), (..., 4) of the base frame as the task frame sees them."""
         if self.is_identity:

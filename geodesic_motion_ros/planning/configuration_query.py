@@ -84,6 +84,10 @@ class ConfigurationQuery(CarriedQuery):
 
     decoded: ConfigurationGraph
 
+    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
+        """Covariances (m, 3, 3) themselves: configurations are of the base frame."""
+        return covariances
+
     def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
         """The configurations (m, eta) of a latent curve (m, d): of this kind of query every one is a configuration."""
         decoded = self.decoded.decoder.configurations(latent)

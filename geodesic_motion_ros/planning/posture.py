@@ -172,8 +172,11 @@ def _solve(matrix, right):
 
 
 @numba.njit(cache=True, nogil=True)
-def _newton(position, quaternion, null, posture, offset, q, chain):
-    """Solve FK(q) = pose, null . (q - posture) = offset from q (eta,), in place; whether it was found."""
+def hold_displaced(position, quaternion, null, posture, offset, q, chain):
+    """Solve FK(q) = pose, null . (q - posture) = offset from q (eta,), in place; whether it was found.
+
+    For use within compiled loops: position (3,), quaternion (4,), null and posture (eta,), chain of `Robot`.
+    """
     joints = len(q)
     matrix, right = np.empty((joints, joints)), np.empty(joints)
     for _ in range(_STEPS):
@@ -233,6 +236,17 @@ def _null_vector(q, before, chain):
 
 
 @numba.njit(cache=True, nogil=True)
+def null_vectors(configurations, chain):
+    """Unit null vectors (n, eta) of the tool's Jacobian along a path (n, eta), each on the side of the one before."""
+    result = np.zeros(configurations.shape)
+    null = np.zeros(configurations.shape[1])
+    for i in range(len(configurations)):
+        null = _null_vector(configurations[i], null, chain)
+        result[i] = null
+    return result
+
+
+@numba.njit(cache=True, nogil=True)
 def _inside(q, lower, upper):
     return np.all(q >= lower) and np.all(q <= upper)
 
@@ -245,7 +259,7 @@ def _hold_path(positions, quaternions, start, steps, lower, upper, chain):
     for i in range(count):
         null = _null_vector(q, null, chain)
         before = q.copy()
-        solved = _newton(positions[i], quaternions[i], null, before, steps[i], q, chain)
+        solved = hold_displaced(positions[i], quaternions[i], null, before, steps[i], q, chain)
         if not solved:
             q[:] = before
         held[i] = solved and _inside(q, lower, upper)
@@ -261,7 +275,7 @@ def _hold_beside(positions, quaternions, near, postures, nulls, lower, upper, ch
     q = near.copy()
     for i in range(count):
         before = q.copy()
-        solved = _newton(positions[i], quaternions[i], nulls[i], postures[i], 0.0, q, chain)
+        solved = hold_displaced(positions[i], quaternions[i], nulls[i], postures[i], 0.0, q, chain)
         if not solved:
             q[:] = before
         held[i] = solved and _inside(q, lower, upper)
@@ -278,7 +292,7 @@ def _hold_nodes(positions, quaternions, postures, nulls, seeds, first, neighbour
     q = np.empty(joints)
     for seed in seeds:
         q[:] = postures[seed]
-        if not held[seed] and _newton(positions[seed], quaternions[seed], nulls[seed], postures[seed], 0.0, q, chain):
+        if not held[seed] and hold_displaced(positions[seed], quaternions[seed], nulls[seed], postures[seed], 0.0, q, chain):
             found[seed] = q
             held[seed] = True
             queue[end] = seed
@@ -292,7 +306,7 @@ def _hold_nodes(positions, quaternions, postures, nulls, seeds, first, neighbour
                 continue
             tries[node] += 1
             q[:] = found[parent]
-            if _newton(positions[node], quaternions[node], nulls[node], postures[node], 0.0, q, chain):
+            if hold_displaced(positions[node], quaternions[node], nulls[node], postures[node], 0.0, q, chain):
                 found[node] = q
                 held[node] = True
                 queue[end] = node

@@ -93,6 +93,23 @@ EVASION_TARGETS, EVASION_COSINE = 4, 0.7
 #: From there the goal must be reachable, without obstacles, at less than this share, up to 1, of what a path may cost.
 EVASION_RETURN_SHARE = 0.5
 
+# ------------------------------------------------------------------ detours
+
+#: The coordinates of a detour: a sample of progress so often [m], displacements and swivels so far apart, at most [m],
+#: [rad], and so many swivels to either side.
+DETOUR_SPACING, DETOUR_LATTICE_SPACING, DETOUR_SWIVEL_SPACING, DETOUR_SWIVELS = 0.03, 0.075, 0.6, 2
+#: Turns of the tool and of the joints count so much along the base path, and a swivel so much beside it [m/rad].
+DETOUR_METRES_PER_RADIAN, DETOUR_METRES_PER_SWIVEL = 0.1, 0.05
+#: To leave the base path costs twice as much per length where the tool is displaced by the demonstrations' deviation,
+#: of which no less than this is taken [m], or the arm has swivelled by so much [rad].
+DETOUR_NARROWEST_SPREAD, DETOUR_SWIVEL_SPREAD = 0.02, 0.6
+#: Obstacles nearer than this [m] make a detour dearer, by this times its cost where they touch.
+DETOUR_FELT_CLEARANCE, DETOUR_NEARNESS_STRENGTH = 0.03, 4.0
+#: A detour drawn tight stays so much clearer than the margin [m], where it can.
+DETOUR_BAND_CLEARANCE = 0.01
+#: Between neighbours of the lattice no joint turns farther [rad].
+DETOUR_LARGEST_JOINT_STEP = 0.7
+
 # ------------------------------------------------------------------ goals and postures
 
 #: `plan` begins in the posture in which the arm stands where its tool is this near the requested start [m], [rad].

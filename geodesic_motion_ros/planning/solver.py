@@ -57,6 +57,10 @@ class HeldQuery(SearchQuery, Protocol):
     start_latent: np.ndarray
     field: MetricField
 
+    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
+        """Covariances (m, 3, 3) of positions in the frame of the skill, in the base frame."""
+        ...
+
     def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
         """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,), and where
         and why the arm cannot hold it, "" where it can.
@@ -339,14 +343,29 @@ class Solver:
     def _timed_anew(
         self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool
     ) -> _Timed:
-        """Smooth, decode, transport, meet the ends exactly, time."""
+        """Time what is held of it (`_held`)."""
+        latent, held = self._held(query, state.position, path, width, to_goal)
+        if isinstance(held, str):
+            return _Timed(latent, held)
+        curve, correction = held
+        return self._timed_curve(state, curve, latent, correction)
+
+    def _held(
+        self, query: HeldQuery, start: np.ndarray, path: LatentPath, width: float, to_goal: bool
+    ) -> tuple[np.ndarray, tuple[np.ndarray, float] | str]:
+        """Smooth a path, decode, transport, meet the ends exactly: the latent curve (m, d), and the configurations
+        (m, eta) with how far [rad] their ends were moved; or why the arm cannot hold it.
+        """
         step = float(np.min(self.graph.grid.spacing))
         latent = smooth_latent(resample_latent(path.polyline, step), width)
-        held, objection = query.configurations_along(latent, state.position)
+        held, objection = query.configurations_along(latent, start)
         if objection:
-            return _Timed(latent, objection)
+            return latent, objection
         curve = smooth_latent(held, self._smoothing_factor * width)
-        curve, correction = _meeting(curve, state.position, query.goal if to_goal else curve[-1])
+        return latent, _meeting(curve, start, query.goal if to_goal else curve[-1])
+
+    def _timed_curve(self, state: MotionState, curve: np.ndarray, latent: np.ndarray, correction: float) -> _Timed:
+        """Time configurations (m, eta) that begin where the arm is, with their latent points (m, d)."""
         reference = timed_joint_reference(
             curve, latent, self.limits, state.velocity, state.acceleration, tool=self.tool
         )
@@ -354,6 +373,19 @@ class Solver:
             reason = "stopping first: the path to the goal turns off the present motion, or leaves the joints' limits"
             return _Timed(latent, reason)
         return _Timed(latent, "", correction, reference, self.certifier.swept(reference))
+
+    def base_path(self, query: HeldQuery) -> tuple[np.ndarray, np.ndarray] | str:
+        """The path of a query where nothing is in the way: latent points (m, d) and configurations (m, eta); or why the
+        arm cannot hold it.
+        """
+        attempt, free = self.attempts[0], self._reshaping(query, Obstacles.none())
+        path = cheapest_path(self.graph, query, query.start_latent, free, 0.0)
+        if isinstance(path, Verdict):
+            return path.reason
+        if attempt.refine:
+            path = replace(path, polyline=refined(query.field, free, 0.0, path.polyline))
+        latent, held = self._held(query, query.start, path, attempt.width, True)
+        return held if isinstance(held, str) else (latent, held[0])
 
 
 class _Search:

@@ -78,6 +78,10 @@ class ToolQuery:
         """How far both ends are carried, under their names in a Verdict."""
         return self.poses.misfits
 
+    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
+        """Covariances (m, 3, 3) of positions in the task frame, in the base frame."""
+        return self.frame.covariances_to_base(covariances)
+
     def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
         """Configurations (m, eta) that hold a latent curve (m, d), the first of them near a configuration (eta,), and
         where and why the arm cannot hold it, "" where it can.

@@ -225,7 +225,7 @@ def place_joints(q, terms, translations, slides, rotations, origins):
 
 
 @numba.njit(cache=True, nogil=True)
-def _mounted(frames, offsets, mounts, mount_origins, carriers):
+def mounted(frames, offsets, mounts, mount_origins, carriers):
     """Number of joints (K,) that carry each point, and where it is (K, 3) in the frame of the last of them."""
     joints = np.empty(len(frames), dtype=np.int64)
     points = np.empty((len(frames), 3))
@@ -245,7 +245,7 @@ def place_body_points(configurations, frames, offsets, chain):
     frames (K,) and offsets (K, 3) [m] are those of `BodyPoints`, chain that of `Robot`.
     """
     terms, translations, slides, mounts, mount_origins, carriers = joint_terms(chain)
-    joints, points = _mounted(frames, offsets, mounts, mount_origins, carriers)
+    joints, points = mounted(frames, offsets, mounts, mount_origins, carriers)
     rotations = np.zeros((len(terms) + 1, 3, 3))
     unit(rotations[0])
     origins = np.zeros((len(terms) + 1, 3))
@@ -268,7 +268,7 @@ def body_point_jacobians(configurations, frames, offsets, chain):
     """
     axes, joint_index, prismatic = chain[2], chain[3], chain[4]
     terms, translations, slides, mounts, mount_origins, carriers = joint_terms(chain)
-    joints, points = _mounted(frames, offsets, mounts, mount_origins, carriers)
+    joints, points = mounted(frames, offsets, mounts, mount_origins, carriers)
     moving = np.flatnonzero(joint_index >= 0)
     rotations = np.zeros((len(terms) + 1, 3, 3))
     unit(rotations[0])

@@ -1,0 +1,95 @@
+"""Detours: where obstacles block every path that was demonstrated, the arm leaves them by as little as it can.
+
+The base path of a query is the one that the skill has where nothing is in the way. Beside it the cheapest path is
+searched that keeps the whole arm clear (`detour_search.py`), drawn tight (`detour_band.py`), and timed and certified as
+every other path is. It is an extension of the method of the paper.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
+from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
+from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
+from geodesic_motion_ros.planning.detour_search import cheapest_detour
+from geodesic_motion_ros.planning.path_smoothing import smooth_latent
+from geodesic_motion_ros.planning.solver import HeldQuery, Solver
+from geodesic_motion_ros.robot.collision_model import obstacle_clearance
+
+#: The band is smoothed by so many of its points.
+_SMOOTHING = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Detour:
+    """A path that leaves what was demonstrated.
+
+    Attributes
+    ----------
+    query : between whose start and goal it leads.
+    configurations : (m, eta) [rad]. latent : (m, d) latent points of the base path beside them.
+    displacement : largest one of the tool [m]. swivel : largest one of the arm [rad]. deviation : largest Mahalanobis
+        distance of a displacement from what was demonstrated. cost : of the lattice's path; evaluated : its nodes that
+        were.
+    """
+
+    query: HeldQuery
+    configurations: np.ndarray
+    latent: np.ndarray
+    displacement: float
+    swivel: float
+    deviation: float
+    cost: float
+    evaluated: int
+
+    @classmethod
+    def of(cls, query: HeldQuery, band: Band, cost: float, evaluated: int) -> Detour:
+        """Along a band."""
+        return cls(
+            query, smooth_latent(band.configurations, _SMOOTHING), band.latent,
+            float(np.max(np.linalg.norm(band.displacements, axis=1))), float(np.max(np.abs(band.swivels))),
+            float(np.max(band.deviations)), cost, evaluated,
+        )  # fmt: skip
+
+
+class DetourPlanner:
+    """Searches detours on one skill, for any thread."""
+
+    def __init__(self, solver: Solver) -> None:
+        self._solver = solver
+        self._spread = DemonstratedSpread.of(solver.skill, solver.robot)
+
+    def frame(self, query: HeldQuery) -> DetourFrame | str:
+        """The coordinates beside the base path of a query, or why the arm cannot hold that."""
+        base = self._solver.base_path(query)
+        if isinstance(base, str):
+            return base
+        latent, path = base
+        progress, shares = self._solver.graph.progress_map(latent)
+        covariances = query.turned_to_base(self._spread.at(progress, shares))
+        return DetourFrame.along(self._solver.robot, path, latent, covariances)
+
+    def find(self, query: HeldQuery, obstacles: Obstacles, reach: float) -> Detour | str:
+        """The cheapest detour with displacements up to `reach` [m], or why there is none."""
+        frame = self.frame(query)
+        if isinstance(frame, str):
+            return frame
+        solver = self._solver
+        swept = obstacles.swept(solver.settings.prediction)
+        ends = min(
+            obstacle_clearance(solver.collision, solver.robot, end, swept)[0] for end in (query.start, query.goal)
+        )
+        margin = min(solver.settings.obstacle_margin, 0.5 * ends)
+        arm = ArmInScene.of(solver.robot, solver.collision, swept)
+        path = cheapest_detour(frame, arm, reach, margin)
+        if isinstance(path, str):
+            return path
+        band = drawn_tight(frame, arm, path, margin + constants.DETOUR_BAND_CLEARANCE)
+        if band is None:
+            return "the arm cannot hold it between the nodes of the lattice"
+        return Detour.of(query, band, path.cost, path.evaluated)
