@@ -49,6 +49,8 @@ class Verdict:
     start_beyond, goal_beyond : how much of that [m] no demonstration shows: all of it on the raw sheet, the distance
         from the convex hull of the demonstrated offsets on a canonical one. start_beyond_angle, goal_beyond_angle :
         the same for the orientation [rad].
+    displacement, swivel : how far the tool [m] and the arm beside it [rad] leave what was demonstrated, where the path
+        is a detour; 0 elsewhere. deviation : the largest Mahalanobis distance of that, by the demonstrations' variance.
     """
 
     code: VerdictCode
@@ -66,6 +68,9 @@ class Verdict:
     goal_beyond: float = math.nan
     start_beyond_angle: float = math.nan
     goal_beyond_angle: float = math.nan
+    displacement: float = 0.0
+    swivel: float = 0.0
+    deviation: float = 0.0
 
     @property
     def ok(self) -> bool:

@@ -7,7 +7,7 @@ every other path is. It is an extension of the method of the paper.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
 from geodesic_motion_ros.planning.detour_search import cheapest_detour
 from geodesic_motion_ros.planning.path_smoothing import smooth_latent
-from geodesic_motion_ros.planning.solver import HeldQuery, Solver
+from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
 from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 
 #: The band is smoothed by so many of its points.
@@ -89,7 +89,16 @@ class DetourPlanner:
         path = cheapest_detour(frame, arm, reach, margin)
         if isinstance(path, str):
             return path
-        band = drawn_tight(frame, arm, path, margin + constants.DETOUR_BAND_CLEARANCE)
+        band = drawn_tight(frame, arm, path, reach, margin + constants.DETOUR_BAND_CLEARANCE)
         if band is None:
             return "the arm cannot hold it between the nodes of the lattice"
         return Detour.of(query, band, path.cost, path.evaluated)
+
+    def plan(self, detour: Detour, state: MotionState, obstacles: Obstacles) -> Plan:
+        """The certified motion along a detour from a state at its start, or why it is not certified."""
+        plan = self._solver.along(detour.query, state, detour.configurations, detour.latent, obstacles)
+        left = {name: getattr(detour, name) for name in ("displacement", "swivel", "deviation")}
+        reason = plan.verdict.reason
+        if plan.verdict.ok:
+            reason = f"a detour: it leaves what was demonstrated by {100 * detour.displacement:.1f} cm"
+        return replace(plan, verdict=replace(plan.verdict, reason=reason, **left))

@@ -50,9 +50,9 @@ class Band:
     deviations: np.ndarray
 
 
-def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, keep: float) -> Band | None:
-    """A path of the lattice made continuous, which stays as clear as `keep` [m] where it can; None where the arm cannot
-    hold it between the nodes.
+def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: float, keep: float) -> Band | None:
+    """A path of the lattice made continuous, with displacements up to `reach` [m], which stays as clear as `keep` [m]
+    where it can; None where the arm cannot hold it between the nodes.
     """
     # Lengths along all four axes [m].
     points = np.column_stack([
@@ -67,7 +67,7 @@ def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, keep: fl
         if found is None or not len(found):
             return None
         configurations = found
-        _draw(*held[:5], points, configurations, arm, keep, _ROUNDS)
+        _draw(*held[:5], points, configurations, arm, reach, keep, _ROUNDS)
     progress = points[:, 0] / frame.step
     precisions, displacements = held[4], points[:, 1:4]
     deviations = np.sqrt(np.einsum("ma,mab,mb->m", displacements, precisions, displacements))
@@ -141,6 +141,7 @@ def _draw(
     points: np.ndarray,
     configurations: np.ndarray,
     arm: ArmInScene,
+    reach: float,
     keep: float,
     rounds: int,
 ) -> None:
@@ -193,7 +194,8 @@ def _draw(
                 reached = -math.inf
                 if _hold_at(i, positions, quaternions, postures, nulls, trial, q, arm):
                     reached = clearance_at(q, arm, within)
-            if reached >= asked:
+            within_reach = trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2 <= reach * reach
+            if reached >= asked and within_reach:
                 clearance[i] = reached
                 configurations[i] = q
                 for a in range(4):

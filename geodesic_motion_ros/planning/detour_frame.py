@@ -107,7 +107,8 @@ class DetourFrame:
         turned = angle_between(quaternions[1:], quaternions[:-1])
         moved = np.linalg.norm(np.diff(positions, axis=0), axis=1)
         joints = np.linalg.norm(np.diff(path, axis=0), axis=1)
-        length = np.append(0.0, np.cumsum(np.hypot(moved, constants.DETOUR_METRES_PER_RADIAN * np.hypot(turned, joints))))
+        turns = constants.DETOUR_METRES_PER_RADIAN * np.hypot(turned, joints)
+        length = np.append(0.0, np.cumsum(np.hypot(moved, turns)))
         count = min(max(math.ceil(length[-1] / constants.DETOUR_SPACING), _FEWEST), _MOST) + 1
         at = np.linspace(0.0, length[-1], count)
         chosen, points, spread = (

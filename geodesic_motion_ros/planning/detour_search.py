@@ -129,8 +129,8 @@ def stretch(precision: np.ndarray, x: float, y: float, z: float, swivel: float) 
 def _hand_factors(
     configurations: np.ndarray, arm: ArmInScene, hand: np.ndarray, lattice: Lattice, margin: float
 ) -> np.ndarray:
-    """`nearness_factor` of the hand, whose spheres are `hand` (k,), at every progress and displacement (m, n, n, n); inf
-    where it is no clearer than a margin [m], or beyond the lattice's reach.
+    """`nearness_factor` of the hand, whose spheres are `hand` (k,), at every progress and displacement (m, n, n, n);
+    inf where it is less clear than a margin [m], or beyond the lattice's reach.
     """
     side, middle, spacing = lattice.side, lattice.side // 2, lattice.spacing
     factors = np.full((lattice.samples, side, side, side), np.inf)
@@ -156,22 +156,14 @@ def _hand_factors(
 
 @numba.njit(cache=True, nogil=True)
 def _hand_field(precisions: np.ndarray, step: float, factors: np.ndarray, lattice: Lattice) -> np.ndarray:
-    """Cost (m, n, n, n) from every progress and displacement of the hand to the goal, inf where it cannot pass: Dijkstra's
-    algorithm from the goal, against the moves.
+    """Cost (m, n, n, n) from every progress and displacement of the hand to the goal, inf where it cannot pass:
+    Dijkstra's algorithm from the goal, against the moves.
     """
-    samples, side, middle, spacing, moves = (
-        lattice.samples, lattice.side, lattice.side // 2, lattice.spacing, lattice.moves,
-    )  # fmt: skip
+    samples, side, middle, moves = lattice.samples, lattice.side, lattice.side // 2, lattice.moves
     cube = side**3
     count = samples * cube
-    cost, price = np.full(count, np.inf), np.full(count, np.inf)
-    for t in range(samples):
-        for node in range(cube):
-            i, j, k = node // (side * side), node // side % side, node % side
-            factor = factors[t, i, j, k]
-            if factor < np.inf:
-                phi = stretch(precisions[t], spacing * (i - middle), spacing * (j - middle), spacing * (k - middle), 0.0)
-                price[t * cube + node] = factor * phi
+    cost = np.full(count, np.inf)
+    price = _optimistic_prices(precisions, factors, lattice)[lattice.swivels // 2 :: lattice.swivels]
     keys, items, place = np.empty(count), np.empty(count, dtype=np.int32), np.full(count, WAITING, dtype=np.int32)
     goal = (samples - 1) * cube + (middle * side + middle) * side + middle
     if price[goal] == np.inf:
@@ -208,6 +200,27 @@ def move_length(moves: np.ndarray, b: int, step: float, lattice: Lattice) -> flo
 
 
 @numba.njit(cache=True, nogil=True)
+def _optimistic_prices(precisions: np.ndarray, factors: np.ndarray, lattice: Lattice) -> np.ndarray:
+    """phi times the hand's `factors` (m, n, n, n) at every node, one after the other as of (m, n, n, n, swivels); inf
+    where the hand does not pass.
+    """
+    samples, side, swivels, spacing = lattice.samples, lattice.side, lattice.swivels, lattice.spacing
+    middle, upright = side // 2, swivels // 2
+    prices = np.full((samples, side, side, side, swivels), np.inf)
+    for t in range(samples):
+        for i in range(side):
+            for j in range(side):
+                for k in range(side):
+                    if factors[t, i, j, k] == np.inf:
+                        continue
+                    x, y, z = spacing * (i - middle), spacing * (j - middle), spacing * (k - middle)
+                    for e in range(swivels):
+                        phi = stretch(precisions[t], x, y, z, lattice.swivel_spacing * (e - upright))
+                        prices[t, i, j, k, e] = factors[t, i, j, k] * phi
+    return prices.reshape(-1)
+
+
+@numba.njit(cache=True, nogil=True)
 def _search(
     positions: np.ndarray,
     quaternions: np.ndarray,
@@ -224,115 +237,107 @@ def _search(
     """The lazy A* of the module: nodes (p, 5), configurations (p, eta), the cost, and how many nodes were evaluated.
 
     A node that is taken from the queue was offered by the neighbour through which it seemed cheapest. Where that one
-    does not lead to it, or it is dearer than it seemed, the next best of those taken before offers it again: none of
-    the paths is lost.
+    does not lead to it, or it is dearer than it seemed, the best of those taken before offers it again: no path is
+    lost.
     """
-    samples, side, swivels, moves = lattice.samples, lattice.side, lattice.swivels, lattice.moves
-    middle, upright, spacing = side // 2, swivels // 2, lattice.spacing
-    joints, count = postures.shape[1], samples * side**3 * swivels
+    side, swivels, moves = lattice.side, lattice.swivels, lattice.moves
+    middle, upright, spacing, joints = side // 2, swivels // 2, lattice.spacing, postures.shape[1]
     lengths = np.array([move_length(moves, b, step, lattice) for b in range(len(moves))])
     strides = np.array([side**3 * swivels, side * side * swivels, side * swivels, swivels, 1])
-    offsets = np.zeros(len(moves), dtype=np.int64)
-    for b in range(len(moves)):
-        offsets[b] = np.sum(moves[b] * strides)
-    cost = np.full(count, np.inf)
-    # By which move a node was offered; which moves do not lead to it, as bits; its price, 0 where it is not evaluated.
-    arrival, refused, price = np.full(count, -1, dtype=np.int8), np.zeros(count, dtype=np.uint64), np.zeros(count)
-    found = np.empty((count, joints))
+    offsets = np.array([np.sum(moves[b] * strides) for b in range(len(moves))])
+    prices, ahead = _optimistic_prices(precisions, factors, lattice), to_goal.reshape(-1)
+    count = len(prices)
+    cost, arrival = np.full(count, np.inf), np.full(count, -1, dtype=np.int8)
+    # Which moves do not lead to a node, as bits; whether its price is known; whether the arm cannot be there.
+    refused, known, dead = np.zeros(count, dtype=np.uint64), np.zeros(count, dtype=np.bool_), np.zeros(count, np.bool_)
+    found, evaluated = np.empty((count, joints)), 0
     keys, items, place = np.empty(count), np.empty(count, dtype=np.int32), np.full(count, WAITING, dtype=np.int32)
-    dead = np.zeros(count, dtype=np.bool_)
     source = middle * (strides[1] + strides[2] + strides[3]) + upright
-    goal = source + (samples - 1) * strides[0]
-    cost[source], price[source] = 0.0, factors[0, middle, middle, middle]
-    found[source] = postures[0]
-    at, displaced, q, between = np.empty(5, dtype=np.int64), np.empty(3), np.empty(joints), np.empty(joints)
-    evaluated = 0
-    size = put(keys, items, place, 0, source, to_goal[0, middle, middle, middle])
+    goal = source + (lattice.samples - 1) * strides[0]
+    at, displaced, q = np.empty(5, dtype=np.int64), np.empty(3), np.empty(joints)
+    cost[source], known[source], found[source] = 0.0, True, postures[0]
+    size = put(keys, items, place, 0, source, ahead[source // swivels])
     while size > 0:
         v = items[0]
         size = take(keys, items, place, size)
         _coordinates(v, strides, at)
-        t, i, j, k, e = at[0], at[1], at[2], at[3], at[4]
-        x, y, z = spacing * (i - middle), spacing * (j - middle), spacing * (k - middle)
-        swivel = lattice.swivel_spacing * (e - upright)
-        if v != source:
-            b = arrival[v]
-            u = v - offsets[b]
-            again = False
-            if price[v] == 0.0:
-                displaced[0], displaced[1], displaced[2] = positions[t, 0] + x, positions[t, 1] + y, positions[t, 2] + z
-                q[:] = found[u]
+        before = v - offsets[arrival[v]]
+        if v != source and not (known[v] and _leads(found[before], found[v], q, arm, margin)):
+            offered = known[v]
+            if not offered:
                 evaluated += 1
+                t = at[0]
+                for a in range(3):
+                    displaced[a] = positions[t, a] + spacing * (at[a + 1] - middle)
+                swivel = lattice.swivel_spacing * (at[4] - upright)
+                q[:] = found[before]
                 if hold_displaced(displaced, quaternions[t], nulls[t], postures[t], swivel, q, arm.chain):
                     clearance = clearance_at(q, arm, constants.DETOUR_FELT_CLEARANCE)
-                    if clearance < margin:
-                        dead[v] = True
-                        continue
-                    price[v] = nearness_factor(clearance) * stretch(precisions[t], x, y, z, swivel)
-                    found[v] = q
-                    again = True
+                    known[v], dead[v], found[v] = True, clearance < margin, q
+                    x, y, z = spacing * (at[1] - middle), spacing * (at[2] - middle), spacing * (at[3] - middle)
+                    prices[v] = nearness_factor(clearance) * stretch(precisions[t], x, y, z, swivel)
                 else:
-                    refused[v] |= np.uint64(1) << np.uint64(b)
-                    again = True
-                    if _bits(refused[v]) >= _MOST_REFUSALS:
-                        dead[v] = True
-                        continue
-            elif not _leads(found[u], found[v], between, arm, margin):
-                refused[v] |= np.uint64(1) << np.uint64(b)
-                again = True
-            if again:
-                # Offered again by the best of the neighbours that were taken.
-                place[v], cost[v], arrival[v] = WAITING, np.inf, -1
-                own = price[v] if price[v] > 0.0 else factors[t, i, j, k] * stretch(precisions[t], x, y, z, swivel)
-                for b in range(len(moves)):
-                    if refused[v] >> np.uint64(b) & np.uint64(1):
-                        continue
-                    if not _inside(at, moves, b, -1, lattice):
-                        continue
-                    u = v - offsets[b]
-                    if place[u] != TAKEN or dead[u]:
-                        continue
-                    through = cost[u] + 0.5 * (price[u] + own) * lengths[b]
-                    if through < cost[v]:
-                        cost[v], arrival[v] = through, b
-                if cost[v] < np.inf:
-                    size = put(keys, items, place, size, v, cost[v] + to_goal[t, i, j, k])
-                continue
-            if v == goal:
-                break
+                    offered = True
+            if offered:
+                refused[v] |= np.uint64(1) << np.uint64(arrival[v])
+                dead[v] = not known[v] and _bits(refused[v]) >= _MOST_REFUSALS
+            if not dead[v]:
+                place[v] = WAITING
+                if _offer(v, at, moves, offsets, lengths, prices, refused, dead, place, cost, arrival, lattice):
+                    size = put(keys, items, place, size, v, cost[v] + ahead[v // swivels])
+            continue
+        if v == goal:
+            break
         for b in range(len(moves)):
-            if not _inside(at, moves, b, 1, lattice):
-                continue
             w = v + offsets[b]
-            if place[w] == TAKEN or refused[w] >> np.uint64(b) & np.uint64(1):
+            if not _inside(at, moves, b, 1, lattice) or place[w] == TAKEN or refused[w] >> np.uint64(b) & np.uint64(1):
                 continue
-            s, i2, j2, k2 = t + moves[b, 0], i + moves[b, 1], j + moves[b, 2], k + moves[b, 3]
-            ahead = to_goal[s, i2, j2, k2]
-            if ahead == np.inf:
-                continue
-            own = price[w]
-            if own == 0.0:
-                own = factors[s, i2, j2, k2] * stretch(
-                    precisions[s], spacing * (i2 - middle), spacing * (j2 - middle), spacing * (k2 - middle),
-                    lattice.swivel_spacing * (e + moves[b, 4] - upright),
-                )  # fmt: skip
-            through = cost[v] + 0.5 * (price[v] + own) * lengths[b]
-            if through < cost[w] - _ROUNDING:
+            through = cost[v] + 0.5 * (prices[v] + prices[w]) * lengths[b]
+            if through < cost[w] - _ROUNDING and ahead[w // swivels] < np.inf:
                 cost[w], arrival[w] = through, b
-                size = put(keys, items, place, size, w, through + ahead)
+                size = put(keys, items, place, size, w, through + ahead[w // swivels])
     if place[goal] != TAKEN or dead[goal]:
         return np.empty((0, 5), dtype=np.int64), np.empty((0, joints)), np.inf, evaluated
-    length, v = 1, goal
-    while v != source:
-        v -= offsets[arrival[v]]
-        length += 1
-    nodes, configurations, v = np.empty((length, 5), dtype=np.int64), np.empty((length, joints)), goal
-    for row in range(length - 1, -1, -1):
+    chain = [goal]
+    while chain[-1] != source:
+        chain.append(chain[-1] - offsets[arrival[chain[-1]]])
+    nodes, configurations = np.empty((len(chain), 5), dtype=np.int64), np.empty((len(chain), joints))
+    for row in range(len(chain)):
+        v = chain[len(chain) - 1 - row]
         _coordinates(v, strides, nodes[row])
         configurations[row] = found[v]
-        if row > 0:
-            v -= offsets[arrival[v]]
     return nodes, configurations, cost[goal], evaluated
+
+
+@numba.njit(cache=True, nogil=True)
+def _offer(
+    v: int,
+    at: np.ndarray,
+    moves: np.ndarray,
+    offsets: np.ndarray,
+    lengths: np.ndarray,
+    prices: np.ndarray,
+    refused: np.ndarray,
+    dead: np.ndarray,
+    place: np.ndarray,
+    cost: np.ndarray,
+    arrival: np.ndarray,
+    lattice: Lattice,
+) -> bool:
+    """Give a node, with coordinates (5,), the cost through the best of its neighbours that were taken and may lead to
+    it; whether there is one.
+    """
+    cost[v] = np.inf
+    for b in range(len(moves)):
+        u = v - offsets[b]
+        if refused[v] >> np.uint64(b) & np.uint64(1) or not _inside(at, moves, b, -1, lattice):
+            continue
+        if place[u] != TAKEN or dead[u]:
+            continue
+        through = cost[u] + 0.5 * (prices[u] + prices[v]) * lengths[b]
+        if through < cost[v]:
+            cost[v], arrival[v] = through, b
+    return cost[v] < np.inf
 
 
 @numba.njit(cache=True, nogil=True)

@@ -37,6 +37,8 @@ from geodesic_motion_ros.planning.configuration_query import (
     ConfigurationQuery,
     ConfigurationQueryBuilder,
 )
+from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
+from geodesic_motion_ros.planning.detour_worker import DetourJob, DetourWorker, Search, SimulatedWorker
 from geodesic_motion_ros.planning.evasion import evaded, still_evading
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
@@ -107,12 +109,18 @@ class _Mission:
 
 @dataclass(frozen=True, eq=False)
 class _Inputs:
-    """What was received: obstacles, and how far [m] they may be from there; how the arm follows; the task frame."""
+    """What was received: obstacles, and how far [m] they may be from there; how the arm follows; the task frame; how
+    far a detour may lead [m].
+
+    unmoved_since : since when the obstacles have been the same, at the same places [s].
+    """
 
     obstacles: Obstacles
     position_error: float
     tracking: Tracking
     frame: TaskFrame
+    detour: float
+    unmoved_since: float = 0.0
 
     @cached_property
     def enlarged(self) -> Obstacles:
@@ -140,6 +148,19 @@ class _Blocked:
 
 
 @dataclass(frozen=True, eq=False)
+class _DetourSearch:
+    """A search of a detour that was begun: for what goal, among what obstacles."""
+
+    job: DetourJob
+    goal: Goal
+    obstacles: Obstacles
+
+    def is_of(self, goal: Goal, obstacles: Obstacles) -> bool:
+        """Whether it need not be begun again."""
+        return self.goal is goal and self.obstacles.unmoved_in(obstacles)
+
+
+@dataclass(frozen=True, eq=False)
 class _SearchMemory:
     """What earlier searches found.
 
@@ -149,6 +170,7 @@ class _SearchMemory:
         made then.
     last_optimistic : when an optimistic attempt was last made for it [s].
     last_failed_evasion : when an evasion path was searched last and none found [s].
+    blocked_since : since when the arm has had no path [s].
     """
 
     without_path: Query | None = None
@@ -156,6 +178,8 @@ class _SearchMemory:
     blocked: _Blocked | None = None
     last_optimistic: float = -math.inf
     last_failed_evasion: float = -math.inf
+    blocked_since: float = math.inf
+    detour: _DetourSearch | None = None
 
     def still_blocked(self, query: Query, obstacles: Obstacles) -> _Blocked | None:
         """What was tried and found no path, where nothing has changed since."""
@@ -195,16 +219,19 @@ class _SearchMemory:
             tried = before.attempts if shared else before.attempts.union(attempts)
             unfinished = before.unfinished or (out_of_time and not shared)
             still = _Blocked(query, before.origin, situation.obstacles, tried, plan.verdict, unfinished)
-        return replace(self, without_path=query if plan.trajectory is None else None, blocked=still)
+        if plan.trajectory is not None:
+            return replace(self, without_path=None, blocked=still, blocked_since=math.inf, detour=None)
+        return replace(self, without_path=query, blocked=still, blocked_since=min(self.blocked_since, situation.now))
 
 
 @dataclass(frozen=True, eq=False)
 class _Decision:
-    """What a tick comes to, and what is remembered of it."""
+    """What a tick comes to, and what is remembered of it; detour : a search that is to begin."""
 
     step: Step
     query: Query | None
     memory: _SearchMemory
+    detour: Search | None = None
 
 
 class ReactivePlanner:
@@ -229,8 +256,12 @@ class ReactivePlanner:
         settings: PlannerSettings | None = None,
         robot: Robot | None = None,
         collision: CollisionModel | None = None,
+        detours: DetourWorker | None = None,
     ) -> None:
-        """robot, collision : the arm, and the spheres that obstacles are kept away from; None: those of the skill's."""
+        """robot, collision : the arm, and the spheres that obstacles are kept away from; None: those of the skill's.
+
+        detours : what searches detours; None: with a delay that is the same in every run.
+        """
         self.skill = skill
         self.settings = settings or PlannerSettings()
         self.robot = robot or Robot.named(skill.robot)
@@ -246,10 +277,12 @@ class ReactivePlanner:
             self._queries = ToolQueryBuilder(skill, self.graph, self.settings, self.robot, self.collision)
         else:
             self._queries = ConfigurationQueryBuilder(skill, self.graph, self.settings, self.collision)
+        self._detours, self._worker = DetourPlanner(self._solver), detours or SimulatedWorker()
         self._stream = Stream(self._solver.certifier)
         self._inputs = _Inputs(
-            Obstacles.none(), self.settings.obstacle_position_error, Tracking(), TaskFrame.identity()
-        )
+            Obstacles.none(), self.settings.obstacle_position_error, Tracking(), TaskFrame.identity(),
+            self.settings.detour,
+        )  # fmt: skip
         self._mission = _Mission()
         self._memory = _SearchMemory()
         # The time of the newest tick [s], and how often the arm was said to stand somewhere.
@@ -423,7 +456,9 @@ class ReactivePlanner:
         objection = obstacles.objection()
         if objection:
             return Verdict(VerdictCode.BAD_INPUT, objection)
-        self._inputs = replace(self._inputs, obstacles=obstacles)
+        unmoved = self._inputs.obstacles.unmoved_in(obstacles)
+        since = self._inputs.unmoved_since if unmoved else self._ticked
+        self._inputs = replace(self._inputs, obstacles=obstacles, unmoved_since=since)
         return Verdict(VerdictCode.OK)
 
     @property
@@ -532,7 +567,11 @@ class ReactivePlanner:
 
     def _commit(self, situation: Situation, mission: _Mission, decision: _Decision) -> Plan:
         """Play what was decided, and remember it: nothing else in a tick changes the planner."""
-        self._mission, self._memory = replace(mission, query=decision.query), decision.memory
+        memory = decision.memory
+        if decision.detour is not None and mission.active is not None:
+            job = self._worker.start(decision.detour, situation.now)
+            memory = replace(memory, detour=_DetourSearch(job, mission.active.goal, situation.obstacles))
+        self._mission, self._memory = replace(mission, query=decision.query), memory
         mode = situation.mode(decision.step)
         return replace(self._stream.take(decision.step, situation.now), mode=mode)
 
@@ -555,12 +594,59 @@ class ReactivePlanner:
             return _Decision(situation.continued(followed), query, memory)
         if followed is not None:
             return self._improved(situation, query, followed)
+        detoured = self._detoured(situation, query, mission.active.goal)
+        return detoured or self._waited(situation, query, mission.active.goal)
+
+    def _waited(self, situation: Situation, query: Query, goal: Goal) -> _Decision:
+        """What an arm without a path does: it goes on searching."""
+        memory = self._memory
         blocked = memory.still_blocked(query, situation.obstacles)
-        held, tried = self._held(situation, query, blocked, mission.active.goal)
+        held, tried = self._held(situation, query, blocked, goal)
         if held is None:
             assert blocked is not None
             return _Decision(situation.stopped(blocked.verdict), query, memory)
         return self._searched(situation, held, tried)
+
+    def _detoured(self, situation: Situation, query: Query, goal: Goal) -> _Decision | None:
+        """A detour of an arm at rest that has had no path for long enough, or the search of one; None: neither.
+
+        What was found is judged among the obstacles that are there by now; a search is begun again where they are
+        others than it was begun with.
+        """
+        memory, search, now = self._memory, self._memory.detour, situation.now
+        if self._inputs.detour == 0.0 or not situation.at_rest or math.isinf(memory.blocked_since):
+            return None
+        if search is not None and not search.job.done(now):
+            return None
+        if search is not None and search.goal is goal and isinstance(search.job.result, Detour):
+            found = search.job.result
+            if np.array_equal(found.query.start, situation.state.position):
+                plan = situation.stoppable(self._detours.plan(found, situation.state, situation.expected))
+                if plan.trajectory is not None:
+                    memory = memory.after(plan, found.query, None, (), situation)
+                    return self._taken(situation, found.query, plan, memory)
+        if search is not None and search.is_of(goal, situation.obstacles):
+            return None
+        since = min(memory.blocked_since, self._inputs.unmoved_since)
+        if now < since + self.settings.patience - TIME_ROUNDING:
+            return None
+        waited = self._waited(situation, query, goal)
+        return replace(waited, detour=self._detour_search(situation, memory.origin(query), goal))
+
+    def _detour_search(self, situation: Situation, query: Query, goal: Goal) -> Search:
+        """The search of a detour from where the arm stands."""
+        state, obstacles, reach = situation.state, situation.expected, self._inputs.detour
+
+        def search() -> Detour | str:
+            here: Query | Verdict | None = query
+            if not np.array_equal(query.start, state.position):
+                here = None
+                if state.latent is not None:
+                    here = self._queries.redirected(query, state.position, state.latent, goal)
+                here = here or self._queries.build(state.position, goal)
+            return here.reason if isinstance(here, Verdict) else self._detours.find(here, obstacles, reach)
+
+        return search
 
     def _is_unchanged(self, followed: Followed, situation: Situation) -> bool:
         """Whether what is followed is still the best path, as nothing has changed."""

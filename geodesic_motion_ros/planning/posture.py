@@ -291,8 +291,10 @@ def _hold_nodes(positions, quaternions, postures, nulls, seeds, first, neighbour
     queue, begin, end = np.empty(count, dtype=np.int64), 0, 0
     q = np.empty(joints)
     for seed in seeds:
+        if held[seed]:
+            continue
         q[:] = postures[seed]
-        if not held[seed] and hold_displaced(positions[seed], quaternions[seed], nulls[seed], postures[seed], 0.0, q, chain):
+        if hold_displaced(positions[seed], quaternions[seed], nulls[seed], postures[seed], 0.0, q, chain):
             found[seed] = q
             held[seed] = True
             queue[end] = seed

@@ -95,6 +95,9 @@ EVASION_RETURN_SHARE = 0.5
 
 # ------------------------------------------------------------------ detours
 
+#: The tool leaves what was demonstrated by no more than this [m].
+LARGEST_DETOUR = 0.30
+
 #: The coordinates of a detour: a sample of progress so often [m], displacements and swivels so far apart, at most [m],
 #: [rad], and so many swivels to either side.
 DETOUR_SPACING, DETOUR_LATTICE_SPACING, DETOUR_SWIVEL_SPACING, DETOUR_SWIVELS = 0.03, 0.075, 0.6, 2
@@ -172,6 +175,10 @@ class PlannerSettings:
     acceleration : limit of the tool's acceleration [m/s^2], tangential and centripetal together; None: 1.5, or none.
         That of the angular acceleration follows: full angular speed is reached in the time that full speed takes.
     latency : a new reference takes over so long after its planning began [s].
+    detour : how far the tool may leave what was demonstrated where obstacles block every demonstrated path, up to
+        `LARGEST_DETOUR`; 0: it waits there.
+    patience : obstacles may go by themselves: a detour begins when they have stood, or blocked the arm, for so long
+        [s].
     """
 
     obstacle_margin: float = 0.005
@@ -200,11 +207,13 @@ class PlannerSettings:
     angular_speed: float | None = None
     acceleration: float | None = None
     latency: float = 0.03
+    detour: float = 0.0
+    patience: float = 3.0
 
     #: Settings that may be 0.
     may_be_zero: ClassVar[tuple[str, ...]] = (
         "obstacle_margin", "obstacle_position_error", "ambient_strength", "ridge_strength", "prediction", "speed",
-        "angular_speed", "acceleration",
+        "angular_speed", "acceleration", "detour", "patience",
     )  # fmt: skip
 
     def tool_limits(self, of_tool_poses: bool) -> ToolLimits:
@@ -240,6 +249,8 @@ class PlannerSettings:
 
     def _check_number(self, name: str, value: float) -> None:
         allowed = value >= 0.0 if name in self.may_be_zero else value > 0.0
+        if name == "detour" and value > LARGEST_DETOUR:
+            raise PlanningError(f"setting detour is {value} m, must be at most {LARGEST_DETOUR} m")
         if not (allowed and math.isfinite(value)):
             wanted = "0 or positive" if name in self.may_be_zero else "positive"
             raise PlanningError(f"setting {name} is {value}, must be finite and {wanted}")

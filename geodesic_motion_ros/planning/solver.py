@@ -247,6 +247,26 @@ class Solver:
         start, reshaping = _latent_start(query, state), self._reshaping(query, swept)
         return _Search(self.graph, query, start, reshaping, deadline, settings.obstacle_margin, 0.5 * ends)
 
+    def along(
+        self, query: HeldQuery, state: MotionState, curve: np.ndarray, latent: np.ndarray, obstacles: Obstacles
+    ) -> Plan:
+        """The certified motion along configurations (m, eta) from where the arm is to a query's goal, with latent
+        points (m, d) beside them; or why it is not certified.
+        """
+        curve, correction = _meeting(curve, state.position, query.goal)
+        timed = self._timed_curve(state, curve, latent, correction)
+        if timed.reference is None or timed.swept is None:
+            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
+        certificate = self.certifier.certify_swept(timed.swept, obstacles, self.settings.prediction)
+        standing = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
+        objection = self.certifier.objection(certificate, 0.0 if obstacles.stand else standing)
+        verdict = Verdict(
+            VerdictCode.NO_FEASIBLE_PATH if objection else VerdictCode.OK, f"on the detour {objection}" if objection
+            else "", clearance=float(np.min(certificate.clearance)), end_correction=correction, **query.misfits,
+        )  # fmt: skip
+        found = None if objection else self.certifier.certified(timed.reference, certificate)
+        return Plan(found, state.time, verdict)
+
     def evade(
         self, query: HeldQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
     ) -> Plan | None:
