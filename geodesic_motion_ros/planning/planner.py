@@ -475,6 +475,17 @@ class ReactivePlanner:
         if rounded != self._inputs.tracking:
             self._inputs = replace(self._inputs, tracking=rounded)
 
+    def set_detour(self, reach: float) -> Verdict:
+        """Say how far [m] the tool may leave what was demonstrated; a detour that is being followed stays.
+
+        BAD_INPUT where that is negative, not finite or more than `LARGEST_DETOUR`; then nothing changes.
+        """
+        if not 0.0 <= reach <= constants.LARGEST_DETOUR:
+            reason = f"detour {reach} m: it must be from 0 to {constants.LARGEST_DETOUR} m"
+            return Verdict(VerdictCode.BAD_INPUT, reason)
+        self._inputs = replace(self._inputs, detour=float(reach))
+        return Verdict(VerdictCode.OK)
+
     def stand_at(self, configuration: np.ndarray, now: float) -> Plan:
         """The arm stands in a configuration (eta,) [rad] at `now` [s]: what was played is forgotten, the goal is not.
 
@@ -594,8 +605,9 @@ class ReactivePlanner:
             return _Decision(situation.continued(followed), query, memory)
         if followed is not None:
             return self._improved(situation, query, followed)
-        detoured = self._detoured(situation, query, mission.active.goal)
-        return detoured or self._waited(situation, query, mission.active.goal)
+        goal = mission.active.goal
+        decision = self._detoured(situation, query, goal) or self._waited(situation, query, goal)
+        return replace(decision, step=self._explained(situation, decision.step, goal))
 
     def _waited(self, situation: Situation, query: Query, goal: Goal) -> _Decision:
         """What an arm without a path does: it goes on searching."""
@@ -632,6 +644,17 @@ class ReactivePlanner:
             return None
         waited = self._waited(situation, query, goal)
         return replace(waited, detour=self._detour_search(situation, memory.origin(query), goal))
+
+    def _explained(self, situation: Situation, step: Step, goal: Goal) -> Step:
+        """A step of an arm without a path, which says why no detour was found either."""
+        search, plan = self._memory.detour, step.plan
+        if search is None or plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH:
+            return step
+        known = search.is_of(goal, situation.obstacles) and search.job.done(situation.now)
+        if not known or isinstance(search.job.result, Detour):
+            return step
+        reason = self._without_detour(plan.verdict, search.job.result)
+        return replace(step, plan=replace(plan, verdict=replace(plan.verdict, reason=reason)))
 
     def _detour_search(self, situation: Situation, query: Query, goal: Goal) -> Search:
         """The search of a detour from where the arm stands."""
@@ -763,7 +786,17 @@ class ReactivePlanner:
         still = np.zeros_like(start)
         obstacles = self._inputs.enlarged
         state = MotionState(obstacles.time, start, still, still, query.start_latent)
-        return self._solver.solve(query, state, obstacles, self._solver.cautious)
+        plan = self._solver.solve(query, state, obstacles, self._solver.cautious)
+        if plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH or self._inputs.detour == 0.0:
+            return plan
+        detour = self._detours.find(query, obstacles, self._inputs.detour)
+        if isinstance(detour, str):
+            return replace(plan, verdict=replace(plan.verdict, reason=self._without_detour(plan.verdict, detour)))
+        return self._detours.plan(detour, state, obstacles)
+
+    def _without_detour(self, verdict: Verdict, reason: str) -> str:
+        """Why there is no path, and no detour either."""
+        return f"{verdict.reason}; no detour of up to {100 * self._inputs.detour:.0f} cm: {reason}"
 
     def _next_query(self, state: MotionState, followed: Followed | None, goal: Goal) -> Query | Verdict:
         """From where the stream is on its path, so that it goes on smoothly; anew where it stands at an end of it."""

@@ -1,4 +1,4 @@
-"""A planner of paths on a small skill that fans out, and the path between its skill's own ends."""
+"""A planner of paths on a small skill that fans out, and the path between its own ends; an arm of six joints."""
 
 from __future__ import annotations
 
@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict
+
+#: Six joints in a row: base, shoulder, elbow, and three of a wrist.
+SIX = """<robot name="six"><link name="l0"/>{}</robot>"""
+AXES, LENGTHS = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1"), (0.3, 0.1, 0.4, 0.2, 0.2, 0.05)
 
 
 class FanPlanner(PosePathPlanner):
@@ -53,3 +58,16 @@ def planner(shared_planner: FanPlanner) -> FanPlanner:
 def another(fan_skill: Skill) -> Callable[..., FanPlanner]:
     """another(*settings) is a planner of its own."""
     return lambda *settings: FanPlanner(fan_skill, *settings)
+
+
+@pytest.fixture(scope="session")
+def six(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    joints = "".join(
+        f'<link name="l{i + 1}"/><joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="0 0 {length}"/><axis xyz="{axis}"/>'
+        '<limit lower="-2.8" upper="2.8" velocity="2" effort="9"/></joint>'
+        for i, (axis, length) in enumerate(zip(AXES, LENGTHS, strict=True))
+    )
+    file = tmp_path_factory.mktemp("six") / "six.urdf"
+    file.write_text(SIX.format(joints))
+    return Robot.from_urdf(file, "l0", "l6")

@@ -11,22 +11,6 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 
 PANDA = Robot.panda()
-#: Six joints in a row: base, shoulder, elbow, and three of a wrist.
-SIX = """<robot name="six"><link name="l0"/>{}</robot>"""
-AXES, LENGTHS = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1"), (0.3, 0.1, 0.4, 0.2, 0.2, 0.05)
-
-
-@pytest.fixture(scope="module")
-def six(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    joints = "".join(
-        f'<link name="l{i + 1}"/><joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
-        f'<origin xyz="0 0 {length}"/><axis xyz="{axis}"/>'
-        '<limit lower="-2.8" upper="2.8" velocity="2" effort="9"/></joint>'
-        for i, (axis, length) in enumerate(zip(AXES, LENGTHS, strict=True))
-    )
-    file = tmp_path_factory.mktemp("six") / "six.urdf"
-    file.write_text(SIX.format(joints))
-    return Robot.from_urdf(file, "l0", "l6")
 
 
 def poses_of(robot: Robot, configurations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,188 @@
+"""Detours in the stream: what blocks all that was demonstrated is gone round, certified, after a wait."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.robot.collision_model import obstacle_clearance
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.verdict import VerdictCode
+
+TICK, PATIENCE, REACH = 0.01, 1.0, 0.22
+SKILLS = ("panda_pouring", "panda_reach_to_grasp")
+
+
+@pytest.fixture(scope="module", params=SKILLS)
+def planner(request: pytest.FixtureRequest) -> ReactivePlanner:
+    return ReactivePlanner(Skill.load(request.param), PlannerSettings(detour=REACH, patience=PATIENCE))
+
+
+class Played:
+    """A planner that is ticked from rest at its skill's start towards the skill's goal, and where the arm was."""
+
+    def __init__(self, planner: ReactivePlanner, reach: float = REACH) -> None:
+        self.planner, self.now = planner, 0.0
+        self.postures: list[np.ndarray] = []
+        self.plans: list[Plan] = []
+        planner.clear_goal()
+        planner.take_obstacles(Obstacles.none())
+        assert planner.set_detour(reach).ok
+        start, goal = planner.skill.start_pose, planner.skill.goal_pose
+        nominal = planner.plan(start[:3], start[3:], goal[:3], goal[3:])
+        assert nominal.reference is not None
+        self.nominal = nominal.reference
+        planner.stand_at(self.nominal.positions[0], 0.0)
+        self.goal = goal
+
+    def ask(self) -> None:
+        assert self.planner.set_goal(self.goal[:3], self.goal[3:]).ok
+
+    def run(self, seconds: float) -> list[Plan]:
+        first = len(self.plans)
+        for _ in range(round(seconds / TICK)):
+            self.plans.append(self.planner.tick(self.now))
+            self.now += TICK
+            commanded = self.planner.commanded(self.now)
+            assert commanded is not None
+            self.postures.append(commanded[0])
+        return self.plans[first:]
+
+    def least_clearance(self, obstacles: Obstacles) -> float:
+        planner = self.planner
+        return min(
+            obstacle_clearance(planner.collision, planner.robot, posture, obstacles)[0] for posture in self.postures
+        )
+
+    @property
+    def at_goal(self) -> bool:
+        return float(np.linalg.norm(self.planner.robot.forward(self.postures[-1])[0] - self.goal[:3])) < 1e-3
+
+
+def on_the_hand(planner: ReactivePlanner, posture: np.ndarray, radius: float = 0.06) -> Obstacles:
+    """A sphere where the hand is."""
+    return Obstacles.of_spheres(planner.robot.forward(posture)[0][None], np.array([radius]))
+
+
+def halfway(played: Played) -> np.ndarray:
+    return played.nominal.sample(0.5 * played.nominal.duration)[0]
+
+
+@pytest.mark.parametrize("reach", [0.0, REACH])
+def test_what_blocks_all_that_was_demonstrated_is_gone_round_where_that_is_allowed(planner, reach: float) -> None:
+    played = Played(planner, reach)
+    blocker = on_the_hand(planner, halfway(played))
+    planner.take_obstacles(blocker)
+    played.ask()
+    plans = played.run(PATIENCE - TICK)
+    # It waits first: the obstacle may go by itself.
+    assert not any(plan.verdict.ok for plan in plans)
+    assert {plan.verdict.code for plan in plans} <= {VerdictCode.NO_FEASIBLE_PATH, VerdictCode.DEADLINE_MISSED}
+    plans = played.run(12.0)
+    if reach == 0.0:
+        assert not any(plan.verdict.ok for plan in plans)
+        np.testing.assert_allclose(played.postures[-1], played.nominal.positions[0])
+        return
+    assert played.at_goal
+    begun = next(plan for plan in plans if plan.trajectory is not None)
+    assert 0.0 < begun.verdict.displacement <= REACH
+    assert begun.verdict.deviation > 0.0
+    assert "a detour" in begun.verdict.reason
+    assert 0.0 < begun.verdict.clearance <= played.least_clearance(blocker) + 1e-4
+
+
+def test_what_goes_while_the_arm_waits_is_not_gone_round(planner) -> None:
+    played = Played(planner)
+    planner.take_obstacles(on_the_hand(planner, halfway(played)))
+    played.ask()
+    played.run(0.5 * PATIENCE)
+    planner.take_obstacles(Obstacles.none())
+    plans = played.run(played.nominal.duration + 0.5)
+    assert played.at_goal
+    assert {plan.verdict.displacement for plan in plans} == {0.0}
+
+
+def test_what_has_stood_for_long_is_gone_round_at_once(planner) -> None:
+    played = Played(planner)
+    planner.take_obstacles(on_the_hand(planner, halfway(played)))
+    played.run(PATIENCE)
+    played.ask()
+    plans = played.run(0.4)
+    assert plans[-1].verdict.ok
+    assert plans[-1].verdict.displacement > 0.0
+
+
+def test_the_same_inputs_give_the_same_bytes(planner) -> None:
+    def bytes_of() -> list[bytes]:
+        played = Played(planner)
+        planner.take_obstacles(on_the_hand(planner, halfway(played)))
+        played.ask()
+        plans = played.run(PATIENCE + 1.0)
+        return [plan.reference.positions.tobytes() for plan in plans if plan.reference is not None]
+
+    first = bytes_of()
+    assert first
+    assert first == bytes_of()
+
+
+def test_a_detour_stays_where_something_else_changes_and_a_blocked_one_is_left_without_contact(planner) -> None:
+    played = Played(planner)
+    blocker = on_the_hand(planner, halfway(played))
+    planner.take_obstacles(blocker)
+    played.ask()
+    played.run(PATIENCE + 1.0)
+    reference, begin = planner.to_goal()
+    elsewhere = np.array([[-0.8, 0.0, 0.2]])
+    both = replace(
+        blocker, centres=np.concatenate([blocker.centres, elsewhere]), radii=np.array([0.06, 0.05]),
+        velocities=np.zeros((2, 3)), ages=np.zeros(2), velocity_errors=np.zeros(2),
+    )  # fmt: skip
+    planner.take_obstacles(both)
+    plans = played.run(0.3)
+    assert all(plan.verdict.ok for plan in plans)
+    np.testing.assert_array_equal(planner.to_goal()[0].positions[-1], reference.positions[-1])
+    # Half way on what is left another sphere falls onto the detour.
+    ahead = reference.sample(played.now - begin + 0.5 * (begin + reference.duration - played.now))[0]
+    centres = np.concatenate([blocker.centres, planner.robot.forward(ahead)[0][None]])
+    more = replace(both, centres=centres, radii=np.array([0.06, 0.03]))
+    planner.take_obstacles(more)
+    played.postures.clear()
+    plans = played.run(20.0)
+    assert not plans[2].verdict.ok
+    assert played.least_clearance(more) > 0.0
+
+
+def test_it_says_why_there_is_no_detour(planner) -> None:
+    played = Played(planner, 0.05)
+    planner.take_obstacles(on_the_hand(planner, halfway(played), 0.15))
+    played.ask()
+    verdict = played.run(PATIENCE + 1.0)[-1].verdict
+    assert verdict.code is VerdictCode.NO_FEASIBLE_PATH
+    assert "no detour of up to 5 cm: the hand cannot pass" in verdict.reason
+
+
+def test_a_plan_that_is_requested_makes_a_detour_at_once(planner) -> None:
+    played = Played(planner)
+    blocker = on_the_hand(planner, halfway(played))
+    planner.take_obstacles(blocker)
+    start, goal = planner.skill.start_pose, planner.skill.goal_pose
+    plan = planner.plan(start[:3], start[3:], goal[:3], goal[3:])
+    assert plan.verdict.ok
+    assert plan.verdict.displacement > 0.0
+    assert planner.set_detour(0.0).ok
+    assert not planner.plan(start[:3], start[3:], goal[:3], goal[3:]).verdict.ok
+
+
+@pytest.mark.parametrize("reach", [-0.01, 0.31, np.nan, np.inf])
+def test_reaches_that_make_no_sense_are_refused(planner, reach: float) -> None:
+    assert planner.set_detour(0.1).ok
+    assert planner.set_detour(reach).code is VerdictCode.BAD_INPUT
+    with pytest.raises(PlanningError, match="detour"):
+        PlannerSettings(detour=reach)
