@@ -19,6 +19,7 @@ import numpy as np
 
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference, joined, kept_knots
 from geodesic_motion_ros.obstacles import Obstacles, nearness
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import end_effector_poses, lever_bounds, place_body_points
@@ -35,7 +36,7 @@ class SweptArm:
     ----------
     times : (n,) of the knots [s]. placed : (n, S, 3) sphere centres at the knots [m].
     bulges : (n - 1, S) how far centres may leave the segments between them [m].
-    self_clearance, pair : (n - 1,) as of `Certificate`.
+    self_clearance, pair, scene_clearance : (n - 1,) as of `Certificate`.
     """
 
     times: np.ndarray
@@ -43,6 +44,7 @@ class SweptArm:
     bulges: np.ndarray
     self_clearance: np.ndarray
     pair: np.ndarray
+    scene_clearance: np.ndarray
 
     def since(self, time: float) -> SweptArm:
         """What is left from a time [s] on, with times counted from there.
@@ -52,11 +54,14 @@ class SweptArm:
         if time >= self.times[-1]:
             still = np.array([0.0, PERIOD])
             ends = np.repeat(self.placed[-1:], 2, axis=0)
-            return SweptArm(still, ends, np.zeros_like(self.bulges[-1:]), self.self_clearance[-1:], self.pair[-1:])
+            return SweptArm(
+                still, ends, np.zeros_like(self.bulges[-1:]), self.self_clearance[-1:], self.pair[-1:],
+                self.scene_clearance[-1:],
+            )  # fmt: skip
         first = max(0, int(np.searchsorted(self.times, time, side="right")) - 1)
         return SweptArm(
             self.times[first:] - time, self.placed[first:], self.bulges[first:], self.self_clearance[first:],
-            self.pair[first:],
+            self.pair[first:], self.scene_clearance[first:],
         )  # fmt: skip
 
     def lasting(self, time: float) -> SweptArm:
@@ -66,7 +71,7 @@ class SweptArm:
         return SweptArm(
             np.append(self.times, time), np.concatenate([self.placed, self.placed[-1:]]),
             np.concatenate([self.bulges, np.zeros_like(self.bulges[-1:])]),
-            np.append(self.self_clearance, self.self_clearance[-1]), np.append(self.pair, self.pair[-1]),
+            *(np.append(values, values[-1]) for values in (self.self_clearance, self.pair, self.scene_clearance)),
         )  # fmt: skip
 
 
@@ -80,6 +85,8 @@ class Certificate:
     clearance : (n - 1,) smallest distance [m] of the arm from obstacles, negative inside; inf without obstacles.
     sphere : (n - 1,) the collision sphere that has it, -1 without obstacles.
     self_clearance, pair : (n - 1,) the same of pairs of spheres.
+    scene_clearance : (n - 1,) the same from the declared scene; entered : link and part of it that meet first, "" where
+        none do.
     """
 
     times: np.ndarray
@@ -87,6 +94,8 @@ class Certificate:
     sphere: np.ndarray
     self_clearance: np.ndarray
     pair: np.ndarray
+    scene_clearance: np.ndarray
+    entered: str = ""
 
 
 @dataclass(frozen=True)
@@ -136,7 +145,10 @@ class ArmCertifier:
     the arm keeps away from them.
     """
 
-    def __init__(self, robot: Robot, collision: CollisionModel) -> None:
+    def __init__(self, robot: Robot, collision: CollisionModel, scene: DeclaredScene | None = None) -> None:
+        """scene : what always stands around the arm; None: nothing."""
+        self._scene = scene or DeclaredScene.empty()
+        self._standing = self._scene.obstacles
         self._robot, self._radii, self._pairs = robot, collision.radii, collision.self_pairs
         self._frames, self._offsets = collision.points.frames, collision.points.offsets
         self._levers = lever_bounds(robot, self._frames, self._offsets)
@@ -166,7 +178,8 @@ class ArmCertifier:
         _, largest = quintic_bounds(times, reference.positions, reference.velocities, reference.accelerations)
         bulges = sphere_bulges(times, largest[0], largest[1], self._levers)
         placed = place_body_points(contiguous(reference.positions), self._frames, self._offsets, self._robot.chain)
-        return SweptArm(times, placed, bulges, *self_clearances(placed, bulges, self._radii, self._pairs))
+        scene, _ = clearances_in_motion(times, placed, bulges, self._radii, self._moving, self._standing, 0.0)
+        return SweptArm(times, placed, bulges, *self_clearances(placed, bulges, self._radii, self._pairs), scene)
 
     def certify_swept(
         self, swept: SweptArm, obstacles: Obstacles, horizon: float, beyond: bool = True
@@ -176,11 +189,23 @@ class ArmCertifier:
         clearance, sphere = clearances(
             swept.times, swept.placed, swept.bulges, self._radii, self._moving, obstacles, horizon
         )
-        return Certificate(swept.times, clearance, sphere, swept.self_clearance, swept.pair)
+        return Certificate(
+            swept.times, clearance, sphere, swept.self_clearance, swept.pair, swept.scene_clearance,
+            self._entered(swept),
+        )  # fmt: skip
+
+    def _entered(self, swept: SweptArm) -> str:
+        """The link and the part of the scene that meet first."""
+        inside = np.flatnonzero(swept.scene_clearance < 0.0)
+        if not len(inside):
+            return ""
+        moving = self._moving
+        _, part, sphere = self._scene.nearest(swept.placed[inside[0] + 1, moving], self._radii[moving])
+        return f"'{self._link(moving[sphere])}' enters '{part}'"
 
     def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
         """Why a reference must not be followed, naming the link; None where `margin` [m] is kept from obstacles and
-        the arm stays off itself."""
+        the arm stays off itself and out of the declared scene."""
         i, j = int(np.argmin(certificate.clearance)), int(np.argmin(certificate.self_clearance))
         if certificate.clearance[i] < margin:
             return (
@@ -190,6 +215,9 @@ class ArmCertifier:
         if certificate.self_clearance[j] < 0.0:
             first, second = (self._link(sphere) for sphere in self._pairs[certificate.pair[j]])
             return f"'{first}' and '{second}' touch after {max(0.0, certificate.times[j]):.2f} s"
+        if certificate.entered:
+            begin = certificate.times[int(np.argmax(certificate.scene_clearance < 0.0))]
+            return f"{certificate.entered} of the scene after {max(0.0, begin):.2f} s"
         return None
 
     def _link(self, sphere: int) -> str:

@@ -166,6 +166,15 @@ class Obstacles:
         solids[:, 6] += by
         return replace(self, radii=self.radii + by, solids=solids, cloud=self.cloud.enlarged(by))
 
+    def beside(self, solids: np.ndarray) -> Obstacles:
+        """With solids (b, 16) that stand besides."""
+        count = len(solids)
+        if not count:
+            return self
+        more = {"solid_velocities": np.zeros((count, 3)), "solid_ages": np.zeros(count),
+                "solid_velocity_errors": np.zeros(count), "solids": solids}
+        return replace(self, **{name: np.concatenate([getattr(self, name), added]) for name, added in more.items()})
+
     def throughout(self, duration: float) -> Obstacles:
         """Each of them so large that it covers where it is from its time on for so long [s]."""
         if duration == 0.0 or self.stand:

@@ -16,6 +16,7 @@ from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import BodyPoints, lever_bounds, place_body_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -418,3 +419,25 @@ def test_nothing_but_the_certifier_makes_what_may_be_played():
     package = Path(__file__).resolve().parents[1] / "geodesic_motion_ros"
     makers = [file.name for file in package.rglob("*.py") if "CertifiedTrajectory(" in file.read_text()]
     assert makers == ["arm_certificate.py"]
+
+
+def test_a_motion_into_the_declared_scene_is_refused_with_link_part_and_time() -> None:
+    """Between two knots too; the same motion beside it is not."""
+    model = CollisionModel.panda()
+    robot = Robot.panda()
+    swing = robot.ready + np.linspace(-0.6, 0.6, 80)[:, None] * np.eye(7)[0]
+    reference = timed_joint_reference(swing, np.zeros((80, 1)), JointLimits.of(robot, 0.3, 0.2))
+    tool = robot.forward(robot.ready)[0]
+
+    def objection(away: float) -> str | None:
+        box = {"name": "post", "centre": (tool + [away, 0.0, 0.0]).tolist(), "size": [0.02, 0.02, 0.3]}
+        certifier = ArmCertifier(robot, model, DeclaredScene.of({"boxes": [box]}))
+        certificate = certifier.certify(reference, Obstacles.none(), 1.0)
+        assert np.all(np.isinf(certificate.clearance))
+        return certifier.objection(certificate)
+
+    assert objection(0.4) is None
+    told = objection(0.0)
+    assert told is not None
+    assert "enters 'post' of the scene after" in told
+    assert "'panda_hand'" in told

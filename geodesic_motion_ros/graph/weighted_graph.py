@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from typing import Self
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,13 @@ class WeightedGraph:
     fixed: np.ndarray
     shares: np.ndarray
     base: np.ndarray
+
+    def without(self, lost: np.ndarray) -> Self:
+        """The same where the edges of a mask (m,) are none: they cost infinitely much."""
+        if not np.any(lost):
+            return self
+        fixed, base = (np.where(lost, np.inf, lengths) for lengths in (self.fixed, self.base))
+        return replace(self, fixed=fixed, base=base)
 
     def energies(self, edges: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Obstacle-free squared lengths of edges under the pull-back metric alone, without the conformal factor."""

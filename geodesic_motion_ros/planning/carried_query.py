@@ -16,6 +16,7 @@ from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
@@ -63,15 +64,29 @@ class CarriedQuery:
     along_ridges: AlongRidges
 
 
+def edges_in_scene(
+    scene: DeclaredScene, graph: WeightedGraph, body: NodeBody, start_node: int, goal_node: int, margin: float
+) -> np.ndarray:
+    """Mask (m,) of the edges at nodes where a body is nearer to a scene than a margin [m], or where that is less, than
+    half of what it keeps at both ends.
+    """
+    clearances = scene.clearances(body.spheres, body.sphere_radii)
+    kept = min(margin, 0.5 * float(min(clearances[start_node], clearances[goal_node])))
+    return np.any((clearances < kept)[graph.edges], axis=1)
+
+
 class CarriedQueryBuilder:
     """What builders of such queries have in common."""
 
     #: What the first demonstration's path costs.
     _demonstrated_cost: float
 
-    def __init__(self, skill: Skill, graph: Any, settings: PlannerSettings, size: int) -> None:
-        """graph : decoded from the skill; size : numbers of an offset."""
+    def __init__(
+        self, skill: Skill, graph: Any, settings: PlannerSettings, size: int, scene: DeclaredScene | None = None
+    ) -> None:
+        """graph : decoded from the skill; size : numbers of an offset; scene : what nodes must be out of."""
         self._skill, self._graph, self._settings = skill, graph, settings
+        self._scene = scene or DeclaredScene.empty()
         self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
         self._unconditioned = self._along_ridges(np.zeros(size), np.zeros(size), conditioned=False)
 

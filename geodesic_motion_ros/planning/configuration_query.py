@@ -16,7 +16,14 @@ from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.graph.shortest_path import cost_field
 from geodesic_motion_ros.graph.transport import corrections_at
-from geodesic_motion_ros.planning.carried_query import AlongRidges, CarriedQuery, CarriedQueryBuilder, End
+from geodesic_motion_ros.planning.carried_query import (
+    AlongRidges,
+    CarriedQuery,
+    CarriedQueryBuilder,
+    End,
+    edges_in_scene,
+)
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import NEAREST_POSES, SAME_TASK_JOINTS, PlannerSettings
@@ -98,10 +105,15 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
     """Finds where on the manifold start and goal lie, and transports the graph to them."""
 
     def __init__(
-        self, skill: Skill, graph: ConfigurationGraph, settings: PlannerSettings, collision: CollisionModel
+        self,
+        skill: Skill,
+        graph: ConfigurationGraph,
+        settings: PlannerSettings,
+        collision: CollisionModel,
+        scene: DeclaredScene | None = None,
     ) -> None:
-        """graph : decoded from the skill; collision : of its robot."""
-        super().__init__(skill, graph, settings, len(graph.robot.joint_names))
+        """graph : decoded from the skill; collision : of its robot; scene : what always stands around it."""
+        super().__init__(skill, graph, settings, len(graph.robot.joint_names), scene)
         self._robot, self._collision, self._links = graph.robot, collision, LinkBounds.of(collision)
         self._point_radii = np.full(len(graph.body), settings.body_radius)
         still = graph.transported(JointOffsets.none(self._robot, graph.ridge_count), self._unconditioned[1])
@@ -317,6 +329,8 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         body = NodeBody.of_arm(
             graph.configurations, graph.body_points, self._point_radii, self._collision, self._links, self._robot
         )
+        margin = self._settings.obstacle_margin
+        graph = graph.without(edges_in_scene(self._scene, graph, body, here.node, there.node, margin))
         return ConfigurationQuery(
             start=here.requested,
             goal=there.requested,

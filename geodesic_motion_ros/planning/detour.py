@@ -80,7 +80,7 @@ class DetourPlanner:
         if isinstance(frame, str):
             return frame
         solver = self._solver
-        swept = obstacles.swept(solver.settings.prediction)
+        swept = obstacles.swept(solver.settings.prediction).beside(solver.scene.solids)
         ends = min(
             obstacle_clearance(solver.collision, solver.robot, end, swept)[0] for end in (query.start, query.goal)
         )

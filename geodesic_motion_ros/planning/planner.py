@@ -37,6 +37,7 @@ from geodesic_motion_ros.planning.configuration_query import (
     ConfigurationQuery,
     ConfigurationQueryBuilder,
 )
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_demonstrations
 from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
 from geodesic_motion_ros.planning.detour_worker import DetourJob, DetourWorker, Search, SimulatedWorker
 from geodesic_motion_ros.planning.evasion import evaded, still_evading
@@ -257,10 +258,12 @@ class ReactivePlanner:
         robot: Robot | None = None,
         collision: CollisionModel | None = None,
         detours: DetourWorker | None = None,
+        scene: DeclaredScene | None = None,
     ) -> None:
         """robot, collision : the arm, and the spheres that obstacles are kept away from; None: those of the skill's.
 
-        detours : what searches detours; None: with a delay that is the same in every run.
+        detours : what searches detours; None: with a delay that is the same in every run. scene : what always stands
+        around the arm; None: nothing. SkillError where a demonstration enters it.
         """
         self.skill = skill
         self.settings = settings or PlannerSettings()
@@ -271,12 +274,16 @@ class ReactivePlanner:
         self.collision = arm
         self.graph: ConfigurationGraph | PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         self.limits = JointLimits.of(self.robot, self.settings.speed_scale, self.settings.acceleration_scale)
-        self._solver = Solver(skill, self.graph, self.settings, self.robot, self.collision, self.limits)
+        self.scene = scene or DeclaredScene.empty()
+        check_demonstrations(self.scene, skill, self.robot, CollisionModel.named(skill.robot))
+        self._solver = Solver(skill, self.graph, self.settings, self.robot, self.collision, self.limits, self.scene)
         self._queries: ConfigurationQueryBuilder | ToolQueryBuilder
         if isinstance(self.graph, PoseGraph):
-            self._queries = ToolQueryBuilder(skill, self.graph, self.settings, self.robot, self.collision)
+            self._queries = ToolQueryBuilder(
+                skill, self.graph, self.settings, self.robot, self.collision, self.scene
+            )
         else:
-            self._queries = ConfigurationQueryBuilder(skill, self.graph, self.settings, self.collision)
+            self._queries = ConfigurationQueryBuilder(skill, self.graph, self.settings, self.collision, self.scene)
         self._detours, self._worker = DetourPlanner(self._solver), detours or SimulatedWorker()
         self._stream = Stream(self._solver.certifier)
         self._inputs = _Inputs(

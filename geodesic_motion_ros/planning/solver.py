@@ -26,6 +26,7 @@ from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import paths_to_targets
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
@@ -151,14 +152,16 @@ class Solver:
         robot: Robot,
         collision: CollisionModel,
         limits: JointLimits,
+        scene: DeclaredScene | None = None,
     ) -> None:
+        self.scene = scene or DeclaredScene.empty()
         self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
         self.collision, self.limits = collision, limits
         of_tool_poses = isinstance(graph, PoseGraph)
         self.tool = LimitedTool(robot, settings.tool_limits(of_tool_poses))
         self._smoothing_factor = constants.TOOL_SMOOTHING_FACTOR if of_tool_poses else 1.0
         self.attempts = tuple(attempt for attempt in constants.ATTEMPTS if settings.refine or not attempt.refine)
-        self.certifier = ArmCertifier(robot, collision)
+        self.certifier = ArmCertifier(robot, collision, self.scene)
         self._memory: _Memory | None = None
 
     @property
@@ -313,6 +316,13 @@ class Solver:
                 reason = f"'{link}' overlaps an obstacle by {-1000 * clearance:.0f} mm where the arm {where}"
                 return Verdict(code, reason, clearance=clearance, **query.misfits)
             nearest.append(clearance)
+            moving = self.collision.moving
+            placed = self.collision.positions(self.robot, configuration[None])[0, moving]
+            inside, part, sphere = self.scene.nearest(placed, self.collision.radii[moving])
+            if inside <= 0.0:
+                link = self.collision.link_of(int(np.flatnonzero(moving)[sphere]))
+                reason = f"'{link}' is {-1000 * inside:.0f} mm inside '{part}' of the scene where the arm {where}"
+                return Verdict(code, reason, clearance=inside, **query.misfits)
         return min(nearest)
 
     def _certified(

@@ -7,7 +7,7 @@ path at the same progress (`posture.py`). What the metric measures stays what th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_pa
 from geodesic_motion_ros.graph.transport import blended, carried
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.carried_query import edges_in_scene
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent
 from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder
 from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
@@ -159,9 +161,18 @@ class ToolQueryBuilder:
     """Finds where on the manifold start and goal lie, and holds the graph between them."""
 
     def __init__(
-        self, skill: Skill, graph: PoseGraph, settings: PlannerSettings, robot: Robot, collision: CollisionModel
+        self,
+        skill: Skill,
+        graph: PoseGraph,
+        settings: PlannerSettings,
+        robot: Robot,
+        collision: CollisionModel,
+        scene: DeclaredScene | None = None,
     ) -> None:
-        """graph : decoded from the skill; collision : the spheres that obstacles are kept away from."""
+        """graph : decoded from the skill; collision : the spheres that obstacles are kept away from; scene : what
+        always stands around the arm.
+        """
+        self._settings, self._scene = settings, scene or DeclaredScene.empty()
         self._graph, self._robot, self._collision = graph, robot, collision
         self._links = LinkBounds.of(collision)
         self._radii = np.array(settings.tool_radii, dtype=float)
@@ -248,13 +259,14 @@ class ToolQueryBuilder:
         first, second = graph.edges.T
         turned = np.max(np.abs(configurations[first] - configurations[second]), axis=1)
         lost = ~(held[first] & held[second]) | (turned > constants.LARGEST_JOINT_STEP)
-        to_goal, from_start = query.to_goal, query.from_start
-        if np.any(lost):
-            graph = replace(graph, fixed=np.where(lost, np.inf, graph.fixed), base=np.where(lost, np.inf, graph.base))
-            to_goal = cost_field(self._graph.adjacency, graph.base, query.goal_node)
-            from_start = cost_field(self._graph.adjacency, graph.base, source)
         points = frame.points_to_base(graph.body_points)
         body = NodeBody.of_arm(configurations, points, self._radii, self._collision, self._links, self._robot)
+        lost |= edges_in_scene(self._scene, graph, body, source, query.goal_node, self._settings.obstacle_margin)
+        to_goal, from_start = query.to_goal, query.from_start
+        if np.any(lost):
+            graph = graph.without(lost)
+            to_goal = cost_field(self._graph.adjacency, graph.base, query.goal_node)
+            from_start = cost_field(self._graph.adjacency, graph.base, source)
         return ToolQuery(
             query, frame, posture, swivel, start, posture.configurations[-1], graph, body, to_goal, from_start,
             self._robot, self._graph,

@@ -1,0 +1,283 @@
+"""DeclaredScene: what always stands around an arm, as its user declares it in a file.
+
+People who demonstrate keep off tables and walls without saying so; a path that leaves what they demonstrated has to be
+told of them. A scene is counted always and is never stale, in the search and in the certificate of every motion. It has
+no soft side: what was demonstrated near a table is as good as what was demonstrated elsewhere.
+
+A file is YAML, lengths in metres, all in the arm's base frame:
+
+    boxes:
+      - {name: table, centre: [0.5, 0.0, -0.37], size: [1.0, 1.6, 0.72]}   # quaternion: [w, x, y, z] turns it
+    cylinders:
+      - {name: post, centre: [0.3, 0.6, 0.4], radius: 0.05, height: 0.8}   # along z; turned likewise
+    planes:
+      - {name: wall, point: [-0.6, 0.0, 0.0], normal: [1.0, 0.0, 0.0]}     # all that is behind it is occupied
+    keep_out:
+      - {name: screen, centre: [0.9, 0.0, 0.5], size: [0.2, 0.8, 0.5]}     # a box that is empty, and stays so
+    workspace: {lower: [-0.9, -0.9, -0.1], upper: [0.9, 0.9, 1.3]}         # the arm stays inside
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geodesic_motion_ros.checked_files import brief, opened, read_yaml
+from geodesic_motion_ros.errors import FileError, GeodesicMotionError, SkillError
+from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.obstacles import LARGEST_NUMBER, Obstacles
+from geodesic_motion_ros.quaternions import inverse, normalise, rotate, to_rotation
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.solids import no_solids, solid_distances, solid_rows
+
+#: Demonstrations that enter a scene by more than this [m] were not recorded in it: decoders are less far off.
+DEMONSTRATION_DEPTH = 0.01
+
+#: A plane is a plate of this size and thickness [m] behind it: thicker than any step of a search, farther than arms go.
+_PLATE, _THICKNESS = 20.0, 0.5
+#: A file is no larger [B].
+_LARGEST = 1 << 20
+#: What entries of each list have; those after the bar may be left out.
+_ENTRIES = {
+    "boxes": ("name", "centre", "size", "|", "quaternion"),
+    "cylinders": ("name", "centre", "radius", "height", "|", "quaternion"),
+    "planes": ("name", "point", "normal"),
+    "keep_out": ("name", "centre", "size", "|", "quaternion"),
+}
+_WORKSPACE = ("lower", "upper")
+_UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True, eq=False)
+class DeclaredScene:
+    """Solids that stand for ever.
+
+    Attributes
+    ----------
+    names : of the b solids. solids : (b, 16) rows as of `solids.py`.
+    massive : (b,) bool, which of them a body can touch; the others are empty space that the arm is to stay out of.
+    """
+
+    names: tuple[str, ...]
+    solids: np.ndarray
+    massive: np.ndarray
+
+    @classmethod
+    def empty(cls) -> DeclaredScene:
+        """Nothing stands around the arm."""
+        return cls((), no_solids(), np.zeros(0, dtype=bool))
+
+    @classmethod
+    def load(cls, path: str | Path) -> DeclaredScene:
+        """Read a scene file.
+
+        Raises
+        ------
+        FileError : it cannot be read, is no YAML of this form, names something twice or with a number that makes no
+            sense; the message names file, entry and reason.
+        """
+        try:
+            with opened(Path(path), _LARGEST) as stream:
+                table = read_yaml(stream.read())
+            return cls.of(table)
+        except OSError as error:
+            raise FileError(f"scene {path}: cannot be read ({error.strerror or error})") from error
+        except GeodesicMotionError as error:
+            raise FileError(f"scene {path}: {error}") from error
+
+    @classmethod
+    def of(cls, table: Any) -> DeclaredScene:
+        """From a table as a file holds it; FileError as of `load`."""
+        known = (*_ENTRIES, "workspace")
+        if not isinstance(table, dict):
+            raise FileError(f"must be a table with {', '.join(known)}; an empty scene is {{}}")
+        for key in table:
+            _check_known(key, known, "the scene")
+        rows: list[np.ndarray] = []
+        names: list[str] = []
+        massive: list[bool] = []
+        for kind in _ENTRIES:
+            for name, row in _entries(kind, table.get(kind)):
+                if name in names:
+                    raise FileError(f"two things are called '{name}'")
+                names.append(name)
+                rows.append(row)
+                massive.append(kind != "keep_out")
+        for side, row in _workspace(table.get("workspace")):
+            names.append(side)
+            rows.append(row)
+            massive.append(False)
+        return cls(tuple(names), np.concatenate([no_solids(), *rows]), np.array(massive, dtype=bool))
+
+    @property
+    def obstacles(self) -> Obstacles:
+        """The same as obstacles that stand."""
+        none = Obstacles.none()
+        return Obstacles(
+            none.centres, none.radii, none.velocities, self.solids, np.zeros((len(self.solids), 3)), none.cloud
+        )
+
+    def clearances(self, spheres: np.ndarray, radii: np.ndarray) -> np.ndarray:
+        """Smallest signed distance [m] of a body's spheres (n, S, 3), (S,) from any of the solids, (n,); inf where
+        there is none.
+        """
+        if not self.names:
+            return np.full(len(spheres), np.inf)
+        distances = solid_distances(np.ascontiguousarray(spheres).reshape(-1, 3), self.solids)
+        return np.min(distances.reshape(spheres.shape[:2]) - radii, axis=1)
+
+    def nearest(self, spheres: np.ndarray, radii: np.ndarray) -> tuple[float, str, int]:
+        """The smallest signed distance [m] of spheres (S, 3), (S,) from a solid, that one's name and the sphere's
+        number; inf, "" and -1 in an empty scene.
+        """
+        if not self.names:
+            return math.inf, "", -1
+        apart = np.stack([solid_distances(np.ascontiguousarray(spheres), row[None]) - radii for row in self.solids])
+        solid, sphere = np.unravel_index(int(np.argmin(apart)), apart.shape)
+        return float(apart[solid, sphere]), self.names[solid], int(sphere)
+
+
+def check_demonstrations(scene: DeclaredScene, skill: Skill, robot: Robot, collision: CollisionModel) -> None:
+    """SkillError where a skill's demonstrations, as it decodes them, enter a scene by more than `DEMONSTRATION_DEPTH`.
+
+    Of demonstrated tool poses what is fixed behind the last joint is looked at. Nodes that enter it by less are left
+    out of the search.
+    """
+    if not scene.names:
+        return
+    spheres, radii = demonstrated_spheres(skill, robot, collision)
+    samples = skill.codes.shape[1]
+    clearances = scene.clearances(spheres, radii)
+    worst = int(np.argmin(clearances))
+    if clearances[worst] >= -DEMONSTRATION_DEPTH:
+        return
+    depth, part, _ = scene.nearest(spheres[worst], radii)
+    raise SkillError(
+        f"skill {skill.name}: demonstration {worst // samples} is {-1000 * depth:.0f} mm inside '{part}' of the scene "
+        f"at {100 * (worst % samples) / (samples - 1):.0f} % of its path: it was recorded in another one, or '{part}' "
+        "stands elsewhere"
+    )
+
+
+def demonstrated_spheres(skill: Skill, robot: Robot, collision: CollisionModel) -> tuple[np.ndarray, np.ndarray]:
+    """Centres (n, S, 3) and radii (S,) [m] along all demonstrations of the spheres that they tell of: of configurations
+    the whole arm's, of tool poses those that are fixed behind the last joint.
+    """
+    codes = skill.codes.reshape(-1, skill.codes.shape[-1])
+    moving = collision.moving
+    if isinstance(skill.decoder, JointSpaceDecoder):
+        placed = collision.positions(robot, skill.decoder.configurations(codes))
+        return placed[:, moving], collision.radii[moving]
+    hand = moving & (collision.points.frames > np.flatnonzero(robot.chain[3] >= 0)[-1])
+    position, quaternion = robot.forward(robot.ready)
+    offsets = rotate(inverse(quaternion), collision.positions(robot, robot.ready[None])[0, hand] - position)
+    positions, quaternions = skill.decoder.poses(codes)
+    turned = np.stack([rotate(quaternion, offsets) for quaternion in quaternions])
+    return positions[:, None] + turned, collision.radii[hand]
+
+
+def _entries(kind: str, listed: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Names and solids (1, 16) of one list of the file."""
+    if listed is None:
+        return
+    if not isinstance(listed, list):
+        raise FileError(f"{kind} must be a list of {{{', '.join(_needed(kind))}}}, is {brief(listed)}")
+    for number, entry in enumerate(listed):
+        where = f"{kind}[{number}]"
+        if not isinstance(entry, dict):
+            raise FileError(f"{where} must be {{{', '.join(_needed(kind))}}}, is {brief(entry)}")
+        name = entry.get("name")
+        if not isinstance(name, str) or not name:
+            raise FileError(f"{where} has no name")
+        where = f"'{name}' in {kind}"
+        for key in entry:
+            _check_known(key, tuple(field for field in _ENTRIES[kind] if field != "|"), where)
+        for field in _needed(kind):
+            if field not in entry:
+                raise FileError(f"{where} has no {field}")
+        yield name, _solid(kind, where, entry)
+
+
+def _needed(kind: str) -> tuple[str, ...]:
+    fields = _ENTRIES[kind]
+    return fields[: fields.index("|")] if "|" in fields else fields
+
+
+def _solid(kind: str, where: str, entry: dict[str, Any]) -> np.ndarray:
+    if kind == "planes":
+        normal = _vector(where, "normal", entry["normal"])
+        length = np.linalg.norm(normal)
+        if length < 1e-6:
+            raise FileError(f"{where}: normal {normal.tolist()} has no direction")
+        return _plate(_vector(where, "point", entry["point"]), normal / length)
+    centre = _vector(where, "centre", entry["centre"])
+    quaternion = np.asarray(entry.get("quaternion", _UPRIGHT))
+    if quaternion.shape != (4,) or quaternion.dtype.kind not in "if" or not 0.5 < np.linalg.norm(quaternion) < 2.0:
+        raise FileError(f"{where}: quaternion must be a unit one, [w, x, y, z], is {brief(entry['quaternion'])}")
+    rotation = to_rotation(normalise(quaternion[None].astype(float))[0]).as_matrix()
+    if kind == "cylinders":
+        radius, height = (_size(where, name, entry[name]) for name in ("radius", "height"))
+        # A box around it: a capsule would be longer than it by its diameter.
+        extents = np.array([radius, radius, 0.5 * height])
+    else:
+        size = _vector(where, "size", entry["size"])
+        if np.any(size <= 0.0):
+            raise FileError(f"{where}: size {size.tolist()} must be positive along every axis")
+        extents = 0.5 * size
+    return solid_rows(centre[None], rotation[None], extents[None], np.zeros(1))
+
+
+def _plate(point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The solid (1, 16) behind a plane through a point (3,) with a unit normal (3,)."""
+    across = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    first = np.cross(normal, across)
+    first /= np.linalg.norm(first)
+    rotation = np.column_stack([first, np.cross(normal, first), normal])
+    extents = np.array([0.5 * _PLATE, 0.5 * _PLATE, 0.5 * _THICKNESS])
+    return solid_rows((point - 0.5 * _THICKNESS * normal)[None], rotation[None], extents[None], np.zeros(1))
+
+
+def _workspace(box: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """The six plates around a workspace."""
+    if box is None:
+        return
+    if not isinstance(box, dict) or set(box) != set(_WORKSPACE):
+        raise FileError(f"workspace must be {{lower: [x, y, z], upper: [x, y, z]}}, is {brief(box)}")
+    lower, upper = (_vector("workspace", name, box[name]) for name in _WORKSPACE)
+    if np.any(lower >= upper):
+        raise FileError(f"workspace: lower {lower.tolist()} must be less than upper {upper.tolist()} along every axis")
+    for axis, letter in enumerate("xyz"):
+        inwards = np.eye(3)[axis]
+        yield f"end of the workspace at -{letter}", _plate(lower, inwards)
+        yield f"end of the workspace at +{letter}", _plate(upper, -inwards)
+
+
+def _check_known(key: object, known: tuple[str, ...], where: str) -> None:
+    if key not in known:
+        near = difflib.get_close_matches(str(key), known, 1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise FileError(f"{where} has no {brief(key)}: there are {', '.join(known)}{hint}")
+
+
+def _vector(where: str, name: str, value: Any) -> np.ndarray:
+    try:
+        vector = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        vector = np.empty(0)
+    if vector.shape != (3,) or not np.all(np.abs(vector) <= LARGEST_NUMBER):
+        raise FileError(f"{where}: {name} must be three numbers [m], is {brief(value)}")
+    return vector
+
+
+def _size(where: str, name: str, value: Any) -> float:
+    if type(value) not in (int, float) or not 0.0 < value <= LARGEST_NUMBER:
+        raise FileError(f"{where}: {name} must be a positive number [m], is {brief(value)}")
+    return float(value)
