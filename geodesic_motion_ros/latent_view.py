@@ -31,7 +31,7 @@ _BLOCK = 2048
 #: The first of the features, positions and their deviations, are lengths in space, which obstacles stretch.
 _STRETCHED = 6
 FOOTPRINT = np.array([224.0, 72.0, 62.0])
-_DEMONSTRATION, _PATH, _GOAL = (120, 130, 165), (255, 255, 255), (255, 196, 0)
+_DEMONSTRATION, _PATH, _DETOUR, _GOAL = (120, 130, 165), (255, 255, 255), (255, 140, 60), (255, 196, 0)
 
 
 class LatentPicture(ABC):
@@ -56,7 +56,9 @@ class LatentPicture(ABC):
             draw.line([tuple(point) for point in self._pixels(code).tolist()], fill=_DEMONSTRATION, width=1)
         self._background = np.array(image)
 
-    def render(self, obstacles: Obstacles, path: np.ndarray | None = None, caption: str = "") -> np.ndarray:
+    def render(
+        self, obstacles: Obstacles, path: np.ndarray | None = None, caption: str = "", is_detour: bool = False
+    ) -> np.ndarray:
         """The picture (size, size, 3) uint8.
 
         Parameters
@@ -64,14 +66,16 @@ class LatentPicture(ABC):
         obstacles : in the frame of the skill.
         path : latent points (m, d) of the present reference, None without one.
         caption : a line of text.
+        is_detour : whether the arm goes beside that path, which is drawn in another colour then.
         """
         pixels = self._with_footprint(obstacles)
         image = Image.fromarray(pixels)
         draw = ImageDraw.Draw(image)
         if path is not None and len(path) > 1:
             line = [tuple(point) for point in self._pixels(path).tolist()]
-            draw.line(line, fill=_PATH, width=3)
-            _dot(draw, line[0], 4, _PATH)
+            colour = _DETOUR if is_detour else _PATH
+            draw.line(line, fill=colour, width=3)
+            _dot(draw, line[0], 4, colour)
             _dot(draw, line[-1], 5, _GOAL)
         if caption:
             draw.rectangle((0, self._size - 16, self._size, self._size), fill=(0, 0, 0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from geodesic_motion_ros.graph.ambient_law import LAWS
 from geodesic_motion_ros.nodes.parameters import Parameter
+from geodesic_motion_ros.planning.settings import LARGEST_DETOUR
 from geodesic_motion_ros.robot.panda import PANDA_READY
 
 _BASE_FRAME = "base_frame", "panda_link0"
@@ -52,6 +53,30 @@ PLANNER = (
         -2.0,
         2.0,
         row=4,
+    ),
+    Parameter(
+        "scene",
+        "",
+        "What always stands around the arm: a file, as in config/scenes, or the name of one of those; none: nothing; "
+        "empty: it is not known, and no motion leaves what was demonstrated",
+    ),
+    Parameter(
+        "detour",
+        0.22,
+        "Where obstacles block every demonstrated path the tool may leave it by so much, if a scene is declared; 0.0: "
+        "the arm waits",
+        "m",
+        0.0,
+        LARGEST_DETOUR,
+        read_only=False,
+    ),
+    Parameter(
+        "patience",
+        3.0,
+        "Obstacles may go by themselves: a detour begins when they have stood, or blocked the arm, for so long",
+        "s",
+        0.0,
+        3600.0,
     ),
     Parameter(
         "obstacle_position_error",

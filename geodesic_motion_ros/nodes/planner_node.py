@@ -63,6 +63,8 @@ class PlannerNode(LoopingNode):
             self.get_logger().warning(
                 f"base_frame {self._options['base_frame']!r} is taken for the skill's {skill.base_frame!r}"
             )
+        if self._kind.caution:
+            self.get_logger().info(self._kind.caution)
         values = self._options
         self._name = skill.name
         self._cycle = self._kind.cycle
@@ -188,7 +190,9 @@ class PlannerNode(LoopingNode):
         inputs, output = self._newest
         path = None if output.reference is None else output.reference.latent
         obstacles = inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.now)
-        self._outputs.view(self._view.render(obstacles, path, output.verdict.code.name))
+        self._outputs.view(
+            self._view.render(obstacles, path, output.verdict.code.name, output.verdict.displacement > 0.0)
+        )
 
     def _view_died(self, error: BaseException) -> None:
         self.get_logger().error("no more latent views: " + "".join(traceback.format_exception(error)))
@@ -200,8 +204,9 @@ class PlannerNode(LoopingNode):
         if output.reference is not None:
             self._show_way(output)
         if self._outputs.markers_are_watched:
-            way = np.zeros((0, 3)) if output.reference is None else self._kind.tool_poses(output.reference)[0]
-            self._outputs.markers(way, inputs.obstacles, self._kind.body(output))
+            path = np.zeros((0, 3)) if output.reference is None else self._kind.tool_poses(output.reference)[0]
+            is_detour = output.verdict.displacement > 0.0
+            self._outputs.markers(path, is_detour, inputs.obstacles, self._kind.scene, self._kind.body(output))
 
     def _show_health(self) -> None:
         refusals = self._inputs.refusals

@@ -60,7 +60,8 @@ _END_FIGURES = (
     "start_offset", "goal_offset", "start_offset_angle", "goal_offset_angle",
     "start_beyond", "goal_beyond", "start_beyond_angle", "goal_beyond_angle", "end_correction",
 )  # fmt: skip
-_PATH_COLOUR = (0.95, 0.85, 0.25, 1.0)
+_PATH_COLOUR, _DETOUR_COLOUR = (0.95, 0.85, 0.25, 1.0), (0.95, 0.45, 0.15, 1.0)
+_SCENE_COLOUR = (0.55, 0.58, 0.62, 0.35)
 _OBSTACLE_COLOUR = (0.88, 0.28, 0.24, 0.55)
 #: Cubes of a cloud that are shown.
 _MOST_CUBES = 1000
@@ -154,6 +155,9 @@ class PlannerOutputs:
             "energy_per_edge": verdict.energy_per_edge,
             "cost_gap": verdict.cost_gap,
             "in_support": verdict.in_support,
+            "detour_mm": 1e3 * verdict.displacement,
+            "swivel_rad": verdict.swivel,
+            "deviation": verdict.deviation,
             **{name: getattr(verdict, name) for name in _END_FIGURES},
             "goal_code": output.goal_verdict.code.name,
             "goal_reason": output.goal_verdict.reason,
@@ -225,14 +229,20 @@ class PlannerOutputs:
         positions, quaternions = (np.zeros((0, 3)), np.zeros((0, 4))) if poses is None else poses
         self._path.publish(path_message(positions, quaternions, self._frame, self._now()))
 
-    def markers(self, way: np.ndarray, obstacles: ObstacleSet, body: np.ndarray) -> None:
-        """The way (n, 3), obstacles as the planner sees them (of a cloud some occupied cubes), and the body's spheres
-        (K, 4): centre and radius [m], base frame.
+    def markers(
+        self, path: np.ndarray, is_detour: bool, obstacles: ObstacleSet, scene: np.ndarray, body: np.ndarray
+    ) -> None:
+        """The path (n, 3), in another colour where it is a detour, obstacles as the planner sees them (of a cloud some
+        occupied cubes), the solids (b, 16) of the declared scene, and the body's spheres (K, 4): centre and radius [m],
+        base frame.
         """
         stamp = self._now()
         shown: list[Marker] = []
-        if len(way):
-            shown.append(line_marker("path", way, 0.006, _PATH_COLOUR, self._frame, stamp))
+        if len(path):
+            colour = _DETOUR_COLOUR if is_detour else _PATH_COLOUR
+            shown.append(line_marker("path", path, 0.006, colour, self._frame, stamp))
+        for number, solid in enumerate(scene):
+            shown.append(solid_marker("scene", number, solid, _SCENE_COLOUR, self._frame, stamp))
         spheres = zip(obstacles.centres, obstacles.radii, strict=True)
         for number, (centre, radius) in enumerate(spheres):
             shown.append(sphere_marker("obstacles", number, centre, radius, _OBSTACLE_COLOUR, self._frame, stamp))

@@ -5,11 +5,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from geodesic_motion_ros.arm_view import ArmView
+from geodesic_motion_ros.errors import FileError, ParameterError
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
@@ -18,19 +20,23 @@ from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.shared_files import SharedFileError, find_shared
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.solids import no_solids
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 _SETTINGS = (
     "avoidance", "avoid", "obstacle_margin", "obstacle_position_error", "ambient_strength", "ambient_width_ratio",
     "ambient_law", "cost_cap", "ridge_strength", "query_conditioning", "prediction", "maximum_offset",
     "maximum_offset_angle", "maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius",
-    "refine",
+    "refine", "detour", "patience",
 )  # fmt: skip
 #: Negative: what belongs to the kind of skill.
 _TOOL_LIMITS = ("speed", "angular_speed", "acceleration")
@@ -90,6 +96,16 @@ class SkillKind(ABC):
     def update(self, values: Mapping[str, Value]) -> None:
         """Take parameters that may change while the node runs."""
 
+    @property
+    def scene(self) -> np.ndarray:
+        """The solids (b, 16) of the declared scene."""
+        return no_solids()
+
+    @property
+    def caution(self) -> str:
+        """What a person should know as it starts; "" for nothing."""
+        return ""
+
     def close(self) -> None:
         """End what it runs besides the node's threads."""
         self._goals.shutdown(wait=True, cancel_futures=True)
@@ -100,7 +116,8 @@ class CertifiedKind(SkillKind):
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()
-        self.planner = ReactivePlanner(skill, planner_settings(values))
+        self._worker = DetourWorker()
+        self.planner = ReactivePlanner(skill, planner_settings(values), detours=self._worker, scene=_scene(values))
         self.robot = self.planner.robot
         self.command_topic = values["output"]
         self.may_be_early = self.command_topic == "joint_trajectory"
@@ -161,6 +178,22 @@ class CertifiedKind(SkillKind):
         self.cycle.resume_timeout = values["resume_timeout"]
         self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
         self.cycle.tool_tolerance = _tool_tolerance(values)
+        if self.planner.may_detour:
+            self.planner.set_detour(values["detour"])
+
+    @property
+    def scene(self) -> np.ndarray:
+        return self.planner.scene.solids
+
+    @property
+    def caution(self) -> str:
+        if self.planner.may_detour:
+            return ""
+        return "no detours: declare what stands around the arm with the parameter scene, or that nothing does: none"
+
+    def close(self) -> None:
+        super().close()
+        self._worker.close()
 
 
 class PaperKind(SkillKind):
@@ -222,6 +255,19 @@ class PaperKind(SkillKind):
             self.cycle.tracking_tolerance_angle = values["tracking_tolerance_angle"]
         elif isinstance(self.cycle, PaperJointCycle):
             self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
+
+
+def _scene(values: Mapping[str, Value]) -> DeclaredScene | None:
+    """What was declared to stand around the arm; None: nothing was declared. ParameterError names what is wrong."""
+    if values["scene"] in ("", "none"):
+        return DeclaredScene.empty() if values["scene"] else None
+    path = Path(values["scene"])
+    try:
+        if path.name == str(path) and not path.suffix:
+            path = find_shared(f"config/scenes/{path}.yaml")
+        return DeclaredScene.load(path)
+    except (FileError, SharedFileError) as error:
+        raise ParameterError(f"parameter scene: {error}") from error
 
 
 def _tool_tolerance(values: Mapping[str, Value]) -> tuple[float, float]:

@@ -39,7 +39,7 @@ from geodesic_motion_ros.planning.configuration_query import (
 )
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_demonstrations
 from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
-from geodesic_motion_ros.planning.detour_worker import DetourJob, DetourWorker, Search, SimulatedWorker
+from geodesic_motion_ros.planning.detour_worker import DetourJob, DetourWorker, Search
 from geodesic_motion_ros.planning.evasion import evaded, still_evading
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
@@ -56,6 +56,9 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+#: A detour arrives so long after it was asked for [s] where no other worker is given.
+DETOUR_DELAY = 0.15
 
 Goal = ConfigurationGoal | ToolGoal
 Query = ConfigurationQuery | ToolQuery
@@ -262,8 +265,9 @@ class ReactivePlanner:
     ) -> None:
         """robot, collision : the arm, and the spheres that obstacles are kept away from; None: those of the skill's.
 
-        detours : what searches detours; None: with a delay that is the same in every run. scene : what always stands
-        around the arm; None: nothing. SkillError where a demonstration enters it.
+        detours : what searches detours; None: one whose results take `DETOUR_DELAY`. scene : what always stands
+        around the arm; None: that is not known, and no motion leaves what was demonstrated. SkillError where a
+        demonstration enters it.
         """
         self.skill = skill
         self.settings = settings or PlannerSettings()
@@ -274,7 +278,7 @@ class ReactivePlanner:
         self.collision = arm
         self.graph: ConfigurationGraph | PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         self.limits = JointLimits.of(self.robot, self.settings.speed_scale, self.settings.acceleration_scale)
-        self.scene = scene or DeclaredScene.empty()
+        self.may_detour, self.scene = scene is not None, scene or DeclaredScene.empty()
         check_demonstrations(self.scene, skill, self.robot, CollisionModel.named(skill.robot))
         self._solver = Solver(skill, self.graph, self.settings, self.robot, self.collision, self.limits, self.scene)
         self._queries: ConfigurationQueryBuilder | ToolQueryBuilder
@@ -284,11 +288,11 @@ class ReactivePlanner:
             )
         else:
             self._queries = ConfigurationQueryBuilder(skill, self.graph, self.settings, self.collision, self.scene)
-        self._detours, self._worker = DetourPlanner(self._solver), detours or SimulatedWorker()
+        self._detours, self._worker = DetourPlanner(self._solver), detours or DetourWorker(DETOUR_DELAY)
         self._stream = Stream(self._solver.certifier)
         self._inputs = _Inputs(
             Obstacles.none(), self.settings.obstacle_position_error, Tracking(), TaskFrame.identity(),
-            self.settings.detour,
+            self.settings.detour if self.may_detour else 0.0,
         )  # fmt: skip
         self._mission = _Mission()
         self._memory = _SearchMemory()
@@ -485,11 +489,14 @@ class ReactivePlanner:
     def set_detour(self, reach: float) -> Verdict:
         """Say how far [m] the tool may leave what was demonstrated; a detour that is being followed stays.
 
-        BAD_INPUT where that is negative, not finite or more than `LARGEST_DETOUR`; then nothing changes.
+        BAD_INPUT where that is negative, not finite or more than `LARGEST_DETOUR`, or more than 0 where no scene was
+        declared; then nothing changes.
         """
         if not 0.0 <= reach <= constants.LARGEST_DETOUR:
             reason = f"detour {reach} m: it must be from 0 to {constants.LARGEST_DETOUR} m"
             return Verdict(VerdictCode.BAD_INPUT, reason)
+        if reach > 0.0 and not self.may_detour:
+            return Verdict(VerdictCode.BAD_INPUT, f"detour {reach} m: it is not known what stands around the arm")
         self._inputs = replace(self._inputs, detour=float(reach))
         return Verdict(VerdictCode.OK)
 

@@ -176,7 +176,7 @@ class PlannerSettings:
         That of the angular acceleration follows: full angular speed is reached in the time that full speed takes.
     latency : a new reference takes over so long after its planning began [s].
     detour : how far the tool may leave what was demonstrated where obstacles block every demonstrated path, up to
-        `LARGEST_DETOUR`; 0: it waits there.
+        `LARGEST_DETOUR`, if it was declared what stands around the arm; 0: it waits there.
     patience : obstacles may go by themselves: a detour begins when they have stood, or blocked the arm, for so long
         [s].
     """
@@ -207,7 +207,7 @@ class PlannerSettings:
     angular_speed: float | None = None
     acceleration: float | None = None
     latency: float = 0.03
-    detour: float = 0.0
+    detour: float = 0.22
     patience: float = 3.0
 
     #: Settings that may be 0.

@@ -14,6 +14,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.srv import GetPlan
 from std_msgs.msg import Float64, Header, UInt32
 
+from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.goal_sender import GoalRefusedError, by_hand, send_goal
 from geodesic_motion_ros.nodes.messages import read_pose
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
@@ -128,6 +129,45 @@ def test_a_ball_on_the_way_is_hit_without_avoidance_and_not_with_it(bench, optio
         assert min(message.data for message in bench.heard["twin/clearance"]) > 0.0
     else:
         bench.wait(lambda: bench.heard["twin/contacts"][-1].data > 0, "contact with the ball")
+
+
+@pytest.mark.parametrize("scene", ["", "none", "table"], ids=["control: no scene is declared", "none", "table"])
+def test_what_blocks_every_demonstrated_path_is_gone_round_once_a_scene_is_declared(
+    bench, options, skill, start_joints, scene
+):
+    watch(bench)
+    wide = BALL.replace("0.03}", "0.08}")
+    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), scene=wide, spawn_at_start=True)
+    planner = bench.add(PlannerNode, **options, scene=scene, patience=0.5)
+    bench.wait_for_code("NO_GOAL")
+    bench.wait(lambda: len(planner._inputs.snapshot().obstacles.radii), "the ball at the planner")
+    bench.send_goal(skill.goal_pose)
+    if not scene:
+        asked = len(bench.heard["planner/status"])
+        bench.wait(lambda: len(bench.heard["planner/status"]) >= asked + 300, "three more seconds")
+        newest = bench.heard["planner/status"][asked + 50 :]
+        # A busy machine may find no time to search to the end.
+        allowed = ("NO_FEASIBLE_PATH", "DEADLINE_MISSED")
+        assert all(status.status[0].message.startswith(allowed) for status in newest)
+        return
+    arrive(bench, skill.goal_pose)
+    assert bench.heard["twin/contacts"][-1].data == 0
+    assert min(message.data for message in bench.heard["twin/clearance"]) > 0.0
+    values = [{value.key: value.value for value in status.status[0].values} for status in bench.heard["planner/status"]]
+    assert 0.0 < max(float(value["detour_mm"]) for value in values) <= 220.0
+    assert max(float(value["deviation"]) for value in values) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("scene", "reason"),
+    [("nowhere", "scenes/nowhere.yaml"), ("/nowhere/scene.yaml", "cannot be read"), ("crate.yaml", "did you mean")],
+)
+def test_a_scene_that_cannot_be_used_is_named_at_the_start(bench, options, tmp_path, monkeypatch, scene, reason):
+    monkeypatch.chdir(tmp_path)
+    Path("crate.yaml").write_text("boxs: []")
+    with pytest.raises(ParameterError, match="parameter scene: ") as error:
+        bench.add(PlannerNode, **options, scene=scene)
+    assert reason in str(error.value)
 
 
 def test_the_command_for_the_ros2_command_line_holds_the_goal(skill):

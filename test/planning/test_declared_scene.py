@@ -104,7 +104,7 @@ def test_a_file_that_is_none_is_named(tmp_path: Path) -> None:
 
 def between(skill: Skill, scene: DeclaredScene | None, obstacles: Obstacles | None = None, detour: float = 0.0):
     """The planner's answer from the skill's start to its goal, and the planner."""
-    planner = ReactivePlanner(skill, PlannerSettings(detour=detour), scene=scene)
+    planner = ReactivePlanner(skill, PlannerSettings(detour=detour), scene=scene or DeclaredScene.empty())
     planner.take_obstacles(obstacles or Obstacles.none())
     start, goal = skill.start_pose, skill.goal_pose
     return planner.plan(start[:3], start[3:], goal[:3], goal[3:]), planner

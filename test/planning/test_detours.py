@@ -9,6 +9,7 @@ import pytest
 
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan
@@ -22,7 +23,7 @@ SKILLS = ("panda_pouring", "panda_reach_to_grasp")
 
 @pytest.fixture(scope="module", params=SKILLS)
 def planner(request: pytest.FixtureRequest) -> ReactivePlanner:
-    return ReactivePlanner(Skill.load(request.param), PlannerSettings(detour=REACH, patience=PATIENCE))
+    return ReactivePlanner(Skill.load(request.param), PlannerSettings(patience=PATIENCE), scene=DeclaredScene.empty())
 
 
 class Played:
@@ -178,6 +179,18 @@ def test_a_plan_that_is_requested_makes_a_detour_at_once(planner) -> None:
     assert plan.verdict.displacement > 0.0
     assert planner.set_detour(0.0).ok
     assert not planner.plan(start[:3], start[3:], goal[:3], goal[3:]).verdict.ok
+
+
+def test_nothing_leaves_what_was_demonstrated_before_a_scene_is_declared() -> None:
+    planner = ReactivePlanner(Skill.load(SKILLS[0]), PlannerSettings(patience=0.0))
+    verdict = planner.set_detour(0.1)
+    assert verdict.code is VerdictCode.BAD_INPUT
+    assert "it is not known what stands around the arm" in verdict.reason
+    assert planner.set_detour(0.0).ok
+    start, goal = planner.skill.start_pose, planner.skill.goal_pose
+    nominal = planner.plan(start[:3], start[3:], goal[:3], goal[3:])
+    planner.take_obstacles(on_the_hand(planner, nominal.reference.sample(0.5 * nominal.reference.duration)[0]))
+    assert planner.plan(start[:3], start[3:], goal[:3], goal[3:]).verdict.code is VerdictCode.NO_FEASIBLE_PATH
 
 
 @pytest.mark.parametrize("reach", [-0.01, 0.31, np.nan, np.inf])
