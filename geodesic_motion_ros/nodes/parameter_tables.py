@@ -62,7 +62,7 @@ PLANNER = (
     ),
     Parameter(
         "detour",
-        0.22,
+        0.25,
         "Where obstacles block every demonstrated path the tool may leave it by so much, if a scene is declared; 0.0: "
         "the arm waits",
         "m",

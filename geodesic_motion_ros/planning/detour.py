@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
@@ -89,7 +88,7 @@ class DetourPlanner:
         path = cheapest_detour(frame, arm, reach, margin)
         if isinstance(path, str):
             return path
-        band = drawn_tight(frame, arm, path, reach, margin + constants.DETOUR_BAND_CLEARANCE)
+        band = drawn_tight(frame, arm, path, reach, margin)
         if band is None:
             return "the arm cannot hold it between the nodes of the lattice"
         return Detour.of(query, band, path.cost, path.evaluated)

@@ -1,9 +1,13 @@
 """The continuous band: a detour found on a lattice, drawn tight.
 
-Each point of the path moves, at its progress, half of the way to the middle of its neighbours and a little back to the
-base path, against the gradient of phi (`detour_frame.py`). Where that brings the arm nearer to an obstacle than it is
-to stay, the point slides along the obstacle instead: what of its step leads on against the gradient of the clearance is
-taken off. No point becomes less clear than it is to stay, or than it was.
+The points of the path, at their progress, move down the gradient of what the path costs: by the same metric as in the
+search, with the trapezoidal rule between points,
+
+    J = sum_i (p_i + p_{i+1}) / 2 |x_{i+1} - x_i|,      p = phi m(c),
+
+where x = (l, delta, lambda e), phi is the price of leaving the base path (`detour_frame.py`), and m(c) that of a
+clearance c. The gradient of c is measured. A step is taken where it lowers J and keeps the margin. First there are few
+points, which move far, then more.
 """
 
 from __future__ import annotations
@@ -14,21 +18,20 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from geodesic_motion_ros.graph.metric_field import evenly
 from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
-from geodesic_motion_ros.planning.detour_search import LatticePath
+from geodesic_motion_ros.planning.detour_search import LatticePath, nearness_factor, stretch
 from geodesic_motion_ros.planning.posture import hold_displaced
 from geodesic_motion_ros.quaternions import normalise
 
-#: Points of the band, so often [m]; it is drawn evenly so many times, each for so many rounds.
-_SPACING, _DRAWN, _ROUNDS = 0.015, 3, 15
-#: How far back to the base path a point moves in a round, in units of the narrowest spread's square.
-_PULL = 0.01
-#: Steps by which the gradient of the clearance is measured [m]; a point is pushed no farther off an obstacle at once.
-_DIFFERENCE, _LARGEST_PUSH = 2e-3, 5e-3
+#: Points of the band, so often [m], at first and then; rounds in which each of them is moved.
+_SPACINGS, _ROUNDS = (0.05, 0.03, 0.015), 15
+#: A step by which the gradient of the clearance is measured [m].
+_DIFFERENCE = 1e-3
+#: A step is a share of that to the middle of both neighbours where the price is the same, and a shorter one is tried.
+_SHARES = (0.5, 0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,24 +53,24 @@ class Band:
     deviations: np.ndarray
 
 
-def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: float, keep: float) -> Band | None:
-    """A path of the lattice made continuous, with displacements up to `reach` [m], which stays as clear as `keep` [m]
-    where it can; None where the arm cannot hold it between the nodes.
+def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: float, margin: float) -> Band | None:
+    """A path of the lattice made continuous, with displacements up to `reach` [m] and a clearance of `margin` [m], or
+    of what it has between the nodes where that is less; None where the arm cannot hold it there.
     """
     # Lengths along all four axes [m].
     points = np.column_stack([
         frame.step * path.samples, path.displacements, constants.DETOUR_METRES_PER_SWIVEL * path.swivels
     ])
     configurations = path.configurations
-    for _ in range(_DRAWN):
-        pieces = max(len(points), math.ceil(_length(points) / _SPACING))
-        points = evenly(points, pieces)
+    for spacing in _SPACINGS:
+        lengths = _lengths(points)
+        even = np.linspace(0.0, lengths[-1], max(len(frame), math.ceil(lengths[-1] / spacing) + 1))
+        points, near = interpolated(even, lengths, points), interpolated(even, lengths, configurations)
         held = _at(frame, points[:, 0] / frame.step)
-        found = _hold(*held[:4], points, configurations[0], arm)
-        if found is None or not len(found):
+        configurations = _hold(*held[:4], points, near, arm)
+        if not len(configurations):
             return None
-        configurations = found
-        _draw(*held[:5], points, configurations, arm, reach, keep, _ROUNDS)
+        _draw(*held, points, configurations, arm, reach, margin, _ROUNDS)
     progress = points[:, 0] / frame.step
     precisions, displacements = held[4], points[:, 1:4]
     deviations = np.sqrt(np.einsum("ma,mab,mb->m", displacements, precisions, displacements))
@@ -77,8 +80,21 @@ def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: f
     )  # fmt: skip
 
 
-def _length(points: np.ndarray) -> float:
-    return float(np.sum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+def band_cost(frame: DetourFrame, arm: ArmInScene, band: Band) -> float:
+    """J of a band. A path of the lattice whose nodes are the points of a band costs the same."""
+    points = np.column_stack([
+        frame.step * band.progress, band.displacements, constants.DETOUR_METRES_PER_SWIVEL * band.swivels
+    ])
+    precisions = _at(frame, band.progress)[4]
+    clearances = np.array([clearance_at(q, arm, constants.DETOUR_FELT_CLEARANCE) for q in band.configurations])
+    parts = zip(points[:, 1:], precisions, clearances, strict=True)
+    prices = np.array([_price(point, precision, clearance) for point, precision, clearance in parts])
+    return float(np.sum(0.5 * (prices[1:] + prices[:-1]) * np.linalg.norm(np.diff(points, axis=0), axis=1)))
+
+
+def _lengths(points: np.ndarray) -> np.ndarray:
+    """Length (m,) of a polyline (m, d) up to each of its points."""
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
 
 
 def _at(frame: DetourFrame, progress: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -119,16 +135,34 @@ def _hold(
     postures: np.ndarray,
     nulls: np.ndarray,
     points: np.ndarray,
-    start: np.ndarray,
+    near: np.ndarray,
     arm: ArmInScene,
 ) -> np.ndarray:
-    """Configurations (m, eta) of points (m, 5), each from the one before; none where one is not held."""
-    found, q = np.empty(postures.shape), start.copy()
+    """Configurations (m, eta) of points (m, 5), each from one that is near (m, eta); none where one is not held."""
+    found = near.copy()
     for i in range(len(points)):
-        if not _hold_at(i, positions, quaternions, postures, nulls, points[i, 1:], q, arm):
+        if not _hold_at(i, positions, quaternions, postures, nulls, points[i, 1:], found[i], arm):
             return np.empty((0, postures.shape[1]))
-        found[i] = q
     return found
+
+
+@numba.njit(cache=True, nogil=True)
+def _price(point: np.ndarray, precision: np.ndarray, clearance: float) -> float:
+    """p at a point (4,), displacement and swivel [m], and a clearance [m]."""
+    swivel = point[3] / constants.DETOUR_METRES_PER_SWIVEL
+    return nearness_factor(clearance) * stretch(precision, point[0], point[1], point[2], swivel)
+
+
+@numba.njit(cache=True, nogil=True)
+def _local_cost(points: np.ndarray, prices: np.ndarray, i: int, point: np.ndarray, price: float) -> float:
+    """The two terms of J that point i of (m, 5) is in, if it were at (4,) with a price."""
+    total = 0.0
+    for other in (i - 1, i + 1):
+        squared = (points[other, 0] - points[i, 0]) ** 2
+        for a in range(4):
+            squared += (points[other, a + 1] - point[a]) ** 2
+        total += 0.5 * (prices[other] + price) * math.sqrt(squared)
+    return total
 
 
 @numba.njit(cache=True, nogil=True)
@@ -142,61 +176,51 @@ def _draw(
     configurations: np.ndarray,
     arm: ArmInScene,
     reach: float,
-    keep: float,
+    margin: float,
     rounds: int,
 ) -> None:
-    """Draw points (m, 5) with their configurations (m, eta) tight, in place; both ends stay."""
+    """Move points (m, 5) with their configurations (m, eta) down the gradient of J, in place; both ends stay."""
     count, joints = configurations.shape
-    within = keep + 0.02
-    clearance = np.empty(count)
+    felt = max(constants.DETOUR_FELT_CLEARANCE, margin) + _DIFFERENCE
+    clearances, prices = np.empty(count), np.empty(count)
     for i in range(count):
-        clearance[i] = clearance_at(configurations[i], arm, within)
-    step, gradient, trial, q = np.empty(4), np.empty(4), np.empty(4), np.empty(joints)
-    scale = _PULL * constants.DETOUR_NARROWEST_SPREAD**2
+        clearances[i] = clearance_at(configurations[i], arm, felt)
+        prices[i] = _price(points[i, 1:], precisions[i], clearances[i])
+    here, trial, slope, q = np.empty(4), np.empty(4), np.empty(4), np.empty(joints)
     for _ in range(rounds):
         for i in range(1, count - 1):
-            asked = min(keep, clearance[i])
+            here[:] = points[i, 1:]
+            # The two terms of J, by differences of the price and of the lengths.
+            cost, length = _local_cost(points, prices, i, here, prices[i]), 0.0
+            for other in (i - 1, i + 1):
+                length += 0.5 * math.sqrt(np.sum((points[other] - points[i]) ** 2))
+            if length == 0.0:
+                continue
             for a in range(4):
-                step[a] = 0.25 * (points[i - 1, a + 1] + points[i + 1, a + 1]) - 0.5 * points[i, a + 1]
-            for a in range(3):
-                for b in range(3):
-                    step[a] -= scale * precisions[i, a, b] * points[i, b + 1]
-            step[3] -= _PULL * points[i, 4]
-            for a in range(4):
-                trial[a] = points[i, a + 1] + step[a]
-            q[:] = configurations[i]
-            reached = -math.inf
-            if _hold_at(i, positions, quaternions, postures, nulls, trial, q, arm):
-                reached = clearance_at(q, arm, within)
-            if reached < keep:
-                # Slide along the obstacle, and off it where it is nearer than it is to stay.
-                squared, against = 0.0, 0.0
-                for a in range(4):
-                    gradient[a] = 0.0
-                    if a == 3 and joints < 7:
-                        continue
-                    for b in range(4):
-                        trial[b] = points[i, b + 1] + (_DIFFERENCE if a == b else 0.0)
+                slope[a] = 0.0
+                if a == 3 and joints < 7:
+                    continue
+                trial[:] = here
+                trial[a] += _DIFFERENCE
+                clearance = clearances[i]
+                if clearance < felt:
                     q[:] = configurations[i]
                     if _hold_at(i, positions, quaternions, postures, nulls, trial, q, arm):
-                        changed = clearance_at(q, arm, within) - clearance[i]
-                        if math.isfinite(changed):
-                            gradient[a] = changed / _DIFFERENCE
-                    squared += gradient[a] * gradient[a]
-                    against += gradient[a] * step[a]
-                if squared == 0.0:
+                        clearance = max(clearance_at(q, arm, felt), clearance - _DIFFERENCE)
+                price = _price(trial, precisions[i], clearance)
+                slope[a] = (_local_cost(points, prices, i, trial, price) - cost) / _DIFFERENCE
+            for share in _SHARES:
+                scale = 0.5 * share * length / prices[i]
+                for a in range(4):
+                    trial[a] = here[a] - scale * slope[a]
+                if trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2 > reach * reach:
                     continue
-                off = min(max(0.0, keep - clearance[i]), _LARGEST_PUSH)
-                along = (off - min(against, 0.0)) / squared
-                for a in range(4):
-                    trial[a] = points[i, a + 1] + step[a] + along * gradient[a]
                 q[:] = configurations[i]
-                reached = -math.inf
-                if _hold_at(i, positions, quaternions, postures, nulls, trial, q, arm):
-                    reached = clearance_at(q, arm, within)
-            within_reach = trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2 <= reach * reach
-            if reached >= asked and within_reach:
-                clearance[i] = reached
-                configurations[i] = q
-                for a in range(4):
-                    points[i, a + 1] = trial[a]
+                if not _hold_at(i, positions, quaternions, postures, nulls, trial, q, arm):
+                    continue
+                clearance = clearance_at(q, arm, felt)
+                price = _price(trial, precisions[i], clearance)
+                if clearance >= min(margin, clearances[i]) and _local_cost(points, prices, i, trial, price) < cost:
+                    points[i, 1:], configurations[i] = trial, q
+                    clearances[i], prices[i] = clearance, price
+                    break

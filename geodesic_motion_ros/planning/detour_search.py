@@ -110,8 +110,8 @@ def cheapest_detour(frame: DetourFrame, arm: ArmInScene, reach: float, margin: f
 
 @numba.njit(cache=True, nogil=True)
 def nearness_factor(clearance: float) -> float:
-    """By how much a path is dearer at a clearance [m]."""
-    near = max(0.0, 1.0 - clearance / constants.DETOUR_FELT_CLEARANCE)
+    """m, by how much a path is dearer at a clearance [m]; inside of obstacles no more than at a certain depth."""
+    near = min(max(0.0, 1.0 - clearance / constants.DETOUR_FELT_CLEARANCE), 2.0)
     return 1.0 + constants.DETOUR_NEARNESS_STRENGTH * near * near
 
 

@@ -100,7 +100,7 @@ LARGEST_DETOUR = 0.30
 
 #: The coordinates of a detour: a sample of progress so often [m], displacements and swivels so far apart, at most [m],
 #: [rad], and so many swivels to either side.
-DETOUR_SPACING, DETOUR_LATTICE_SPACING, DETOUR_SWIVEL_SPACING, DETOUR_SWIVELS = 0.03, 0.075, 0.6, 2
+DETOUR_SPACING, DETOUR_LATTICE_SPACING, DETOUR_SWIVEL_SPACING, DETOUR_SWIVELS = 0.03, 0.085, 0.6, 2
 #: Turns of the tool and of the joints count so much along the base path, and a swivel so much beside it [m/rad].
 DETOUR_METRES_PER_RADIAN, DETOUR_METRES_PER_SWIVEL = 0.1, 0.05
 #: To leave the base path costs twice as much per length where the tool is displaced by the demonstrations' deviation,
@@ -108,8 +108,6 @@ DETOUR_METRES_PER_RADIAN, DETOUR_METRES_PER_SWIVEL = 0.1, 0.05
 DETOUR_NARROWEST_SPREAD, DETOUR_SWIVEL_SPREAD = 0.02, 0.6
 #: Obstacles nearer than this [m] make a detour dearer, by this times its cost where they touch.
 DETOUR_FELT_CLEARANCE, DETOUR_NEARNESS_STRENGTH = 0.03, 4.0
-#: A detour drawn tight stays so much clearer than the margin [m], where it can.
-DETOUR_BAND_CLEARANCE = 0.01
 #: Between neighbours of the lattice no joint turns farther [rad].
 DETOUR_LARGEST_JOINT_STEP = 0.7
 
@@ -207,7 +205,7 @@ class PlannerSettings:
     angular_speed: float | None = None
     acceleration: float | None = None
     latency: float = 0.03
-    detour: float = 0.22
+    detour: float = 0.25
     patience: float = 3.0
 
     #: Settings that may be 0.

@@ -17,7 +17,7 @@ from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 
-TICK, PATIENCE, REACH = 0.01, 1.0, 0.22
+TICK, PATIENCE, REACH = 0.01, 1.0, 0.25
 SKILLS = ("panda_pouring", "panda_reach_to_grasp")
 
 
