@@ -56,11 +56,12 @@ def row(kernel: Dispatcher, arguments: tuple[types.Type, ...]) -> tuple[str, str
 
 def build_planners() -> None:
     """A planner of each kind stands then: with every kernel of its ticks."""
+    from geodesic_motion_ros.planning.declared_scene import DeclaredScene
     from geodesic_motion_ros.planning.planner import ReactivePlanner
     from geodesic_motion_ros.skill import Skill
 
     for name in SKILLS:
-        ReactivePlanner(Skill.load(name))
+        ReactivePlanner(Skill.load(name), scene=DeclaredScene.empty())
 
 
 def called() -> list[tuple[str, str, str]]:

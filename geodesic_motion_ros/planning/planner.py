@@ -316,6 +316,8 @@ class ReactivePlanner:
         self.tick(0.3)
         if self._mission.query is not None:
             load_search(self.graph, self._mission.query, self.settings)
+            if self.may_detour:
+                self._detours.find(self._mission.query, self._inputs.obstacles, 0.1)
         load_references(self.limits, self._solver.tool)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
         self.take_obstacles(Obstacles.none())
