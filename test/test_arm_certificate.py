@@ -437,7 +437,7 @@ def test_a_motion_into_the_declared_scene_is_refused_with_link_part_and_time() -
         return certifier.objection(certificate)
 
     assert objection(0.4) is None
-    told = objection(0.0)
-    assert told is not None
-    assert "enters 'post' of the scene after" in told
-    assert "'panda_hand'" in told
+    refusal = objection(0.0)
+    assert refusal is not None
+    assert "enters 'post' of the scene after" in refusal
+    assert "'panda_hand'" in refusal

@@ -117,3 +117,13 @@ def test_only_two_dimensions_can_be_seen(skill):
     deep = dataclasses.replace(skill, latent_lower=np.full(3, -1.0))
     with pytest.raises(PlanningError, match="two dimensions, this skill has 3"):
         LatentView(deep, skill.graph((10, 10)), np.zeros((1, 3)), np.array([0.02]))
+
+
+def test_a_detour_is_drawn_in_another_colour(view):
+    path = np.stack([np.linspace(-0.5, 0.5, 50), np.zeros(50)], axis=1)
+    usual, detour = (view.render(NOTHING, path, is_detour=is_detour).astype(int) for is_detour in (False, True))
+    middle = usual[SIZE // 2, SIZE // 2], detour[SIZE // 2, SIZE // 2]
+    # White, and orange.
+    assert np.min(middle[0]) > 240
+    assert middle[1][0] > 240
+    assert middle[1][2] < 100

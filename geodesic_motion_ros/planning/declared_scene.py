@@ -1,7 +1,7 @@
 """DeclaredScene: what always stands around an arm, as its user declares it in a file.
 
-People who demonstrate keep off tables and walls without saying so; a path that leaves what they demonstrated has to be
-told of them. A scene is counted always and is never stale, in the search and in the certificate of every motion. It has
+People who demonstrate keep off tables and walls without saying so; a path that leaves what they demonstrated has to
+know of them. A scene is counted always and is never stale, in the search and in the certificate of every motion. It has
 no soft side: what was demonstrated near a table is as good as what was demonstrated elsewhere.
 
 A file is YAML, lengths in metres, all in the arm's base frame:

@@ -83,6 +83,8 @@ class DetourPlanner:
         ends = min(
             obstacle_clearance(solver.collision, solver.robot, end, swept)[0] for end in (query.start, query.goal)
         )
+        if ends <= 0.0:
+            return "an obstacle covers where it would begin or end"
         margin = min(solver.settings.obstacle_margin, 0.5 * ends)
         arm = ArmInScene.of(solver.robot, solver.collision, swept)
         path = cheapest_detour(frame, arm, reach, margin)

@@ -194,9 +194,9 @@ def _hand_field(precisions: np.ndarray, step: float, factors: np.ndarray, lattic
 def move_length(moves: np.ndarray, b: int, step: float, lattice: Lattice) -> float:
     """Length [m] of a move where phi is 1: sqrt(dl^2 + |d delta|^2 + lambda^2 de^2)."""
     ahead, spacing = step * moves[b, 0], lattice.spacing
-    aside = spacing * spacing * (moves[b, 1] ** 2 + moves[b, 2] ** 2 + moves[b, 3] ** 2)
+    beside = spacing * spacing * (moves[b, 1] ** 2 + moves[b, 2] ** 2 + moves[b, 3] ** 2)
     turned = constants.DETOUR_METRES_PER_SWIVEL * lattice.swivel_spacing * moves[b, 4]
-    return math.sqrt(ahead * ahead + aside + turned * turned)
+    return math.sqrt(ahead * ahead + beside + turned * turned)
 
 
 @numba.njit(cache=True, nogil=True)

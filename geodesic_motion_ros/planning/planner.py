@@ -113,8 +113,7 @@ class _Mission:
 
 @dataclass(frozen=True, eq=False)
 class _Inputs:
-    """What was received: obstacles, and how far [m] they may be from there; how the arm follows; the task frame; how
-    far a detour may lead [m].
+    """What was received: obstacles, and how far [m] they may be from there; how the arm follows; the task frame.
 
     unmoved_since : since when the obstacles have been the same, at the same places [s].
     """
@@ -123,7 +122,6 @@ class _Inputs:
     position_error: float
     tracking: Tracking
     frame: TaskFrame
-    detour: float
     unmoved_since: float = 0.0
 
     @cached_property
@@ -153,15 +151,25 @@ class _Blocked:
 
 @dataclass(frozen=True, eq=False)
 class _DetourSearch:
-    """A search of a detour that was begun: for what goal, among what obstacles."""
+    """A search of a detour that was begun: for what goal, among what obstacles.
+
+    refusal : why the detour that it found is not followed, where it found one.
+    """
 
     job: DetourJob
     goal: Goal
     obstacles: Obstacles
+    refusal: str = ""
 
     def is_of(self, goal: Goal, obstacles: Obstacles) -> bool:
         """Whether it need not be begun again."""
         return self.goal is goal and self.obstacles.unmoved_in(obstacles)
+
+    def reason(self, goal: Goal, obstacles: Obstacles, now: float) -> str:
+        """Why there is no detour at a time [s]; "" where that is not known."""
+        if not self.is_of(goal, obstacles) or not self.job.done(now):
+            return ""
+        return self.refusal if isinstance(self.job.result, Detour) else self.job.result
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,9 +299,10 @@ class ReactivePlanner:
         self._detours, self._worker = DetourPlanner(self._solver), detours or DetourWorker(DETOUR_DELAY)
         self._stream = Stream(self._solver.certifier)
         self._inputs = _Inputs(
-            Obstacles.none(), self.settings.obstacle_position_error, Tracking(), TaskFrame.identity(),
-            self.settings.detour if self.may_detour else 0.0,
-        )  # fmt: skip
+            Obstacles.none(), self.settings.obstacle_position_error, Tracking(), TaskFrame.identity()
+        )
+        # How far a detour may lead [m]; any thread may set it.
+        self._reach = self.settings.detour if self.may_detour else 0.0
         self._mission = _Mission()
         self._memory = _SearchMemory()
         # The time of the newest tick [s], and how often the arm was said to stand somewhere.
@@ -489,7 +498,7 @@ class ReactivePlanner:
             self._inputs = replace(self._inputs, tracking=rounded)
 
     def set_detour(self, reach: float) -> Verdict:
-        """Say how far [m] the tool may leave what was demonstrated; a detour that is being followed stays.
+        """Say, from any thread, how far [m] the tool may leave what was demonstrated; a detour being followed stays.
 
         BAD_INPUT where that is negative, not finite or more than `LARGEST_DETOUR`, or more than 0 where no scene was
         declared; then nothing changes.
@@ -499,7 +508,7 @@ class ReactivePlanner:
             return Verdict(VerdictCode.BAD_INPUT, reason)
         if reach > 0.0 and not self.may_detour:
             return Verdict(VerdictCode.BAD_INPUT, f"detour {reach} m: it is not known what stands around the arm")
-        self._inputs = replace(self._inputs, detour=float(reach))
+        self._reach = float(reach)
         return Verdict(VerdictCode.OK)
 
     def stand_at(self, configuration: np.ndarray, now: float) -> Plan:
@@ -623,7 +632,7 @@ class ReactivePlanner:
             return self._improved(situation, query, followed)
         goal = mission.active.goal
         decision = self._detoured(situation, query, goal) or self._waited(situation, query, goal)
-        return replace(decision, step=self._explained(situation, decision.step, goal))
+        return self._explained(situation, decision, goal)
 
     def _waited(self, situation: Situation, query: Query, goal: Goal) -> _Decision:
         """What an arm without a path does: it goes on searching."""
@@ -642,39 +651,47 @@ class ReactivePlanner:
         others than it was begun with.
         """
         memory, search, now = self._memory, self._memory.detour, situation.now
-        if self._inputs.detour == 0.0 or not situation.at_rest or math.isinf(memory.blocked_since):
+        if self._reach == 0.0 or not situation.at_rest or math.isinf(memory.blocked_since):
             return None
         if search is not None and not search.job.done(now):
             return None
-        if search is not None and search.goal is goal and isinstance(search.job.result, Detour):
-            found = search.job.result
-            if np.array_equal(found.query.start, situation.state.position):
-                plan = situation.stoppable(self._detours.plan(found, situation.state, situation.expected))
-                if plan.trajectory is not None:
-                    memory = memory.after(plan, found.query, None, (), situation)
-                    return self._taken(situation, found.query, plan, memory)
-        if search is not None and search.is_of(goal, situation.obstacles):
+        if search is not None and search.reason(goal, situation.obstacles, now):
             return None
+        if search is not None and search.goal is goal and isinstance(search.job.result, Detour):
+            plan = self._detour_plan(situation, search.job.result)
+            if plan.trajectory is not None:
+                query = search.job.result.query
+                return self._taken(situation, query, plan, memory.after(plan, query, None, (), situation))
+            search = replace(search, refusal=plan.verdict.reason)
+        waited = self._waited(situation, query, goal)
+        if search is not None and search.is_of(goal, situation.obstacles):
+            return replace(waited, memory=replace(waited.memory, detour=search))
         since = min(memory.blocked_since, self._inputs.unmoved_since)
         if now < since + self.settings.patience - TIME_ROUNDING:
-            return None
-        waited = self._waited(situation, query, goal)
+            return waited
         return replace(waited, detour=self._detour_search(situation, memory.origin(query), goal))
 
-    def _explained(self, situation: Situation, step: Step, goal: Goal) -> Step:
-        """A step of an arm without a path, which says why no detour was found either."""
-        search, plan = self._memory.detour, step.plan
+    def _detour_plan(self, situation: Situation, detour: Detour) -> Plan:
+        """The motion along a detour that was found, judged among the obstacles that are there by now."""
+        if not np.array_equal(detour.query.start, situation.state.position):
+            reason = "the arm has left where it began"
+            return Plan(None, situation.now, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason))
+        return situation.stoppable(self._detours.plan(detour, situation.state, situation.expected))
+
+    def _explained(self, situation: Situation, decision: _Decision, goal: Goal) -> _Decision:
+        """A decision of an arm without a path, whose verdict says why no detour was found either."""
+        search, plan = decision.memory.detour, decision.step.plan
         if search is None or plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH:
-            return step
-        known = search.is_of(goal, situation.obstacles) and search.job.done(situation.now)
-        if not known or isinstance(search.job.result, Detour):
-            return step
-        reason = self._without_detour(plan.verdict, search.job.result)
-        return replace(step, plan=replace(plan, verdict=replace(plan.verdict, reason=reason)))
+            return decision
+        reason = search.reason(goal, situation.obstacles, situation.now)
+        if not reason:
+            return decision
+        verdict = replace(plan.verdict, reason=self._without_detour(plan.verdict, reason))
+        return replace(decision, step=replace(decision.step, plan=replace(plan, verdict=verdict)))
 
     def _detour_search(self, situation: Situation, query: Query, goal: Goal) -> Search:
         """The search of a detour from where the arm stands."""
-        state, obstacles, reach = situation.state, situation.expected, self._inputs.detour
+        state, obstacles, reach = situation.state, situation.expected, self._reach
 
         def search() -> Detour | str:
             here: Query | Verdict | None = query
@@ -803,16 +820,16 @@ class ReactivePlanner:
         obstacles = self._inputs.enlarged
         state = MotionState(obstacles.time, start, still, still, query.start_latent)
         plan = self._solver.solve(query, state, obstacles, self._solver.cautious)
-        if plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH or self._inputs.detour == 0.0:
+        if plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH or self._reach == 0.0:
             return plan
-        detour = self._detours.find(query, obstacles, self._inputs.detour)
+        detour = self._detours.find(query, obstacles, self._reach)
         if isinstance(detour, str):
             return replace(plan, verdict=replace(plan.verdict, reason=self._without_detour(plan.verdict, detour)))
         return self._detours.plan(detour, state, obstacles)
 
     def _without_detour(self, verdict: Verdict, reason: str) -> str:
         """Why there is no path, and no detour either."""
-        return f"{verdict.reason}; no detour of up to {100 * self._inputs.detour:.0f} cm: {reason}"
+        return f"{verdict.reason}; no detour of up to {100 * self._reach:.0f} cm: {reason}"
 
     def _next_query(self, state: MotionState, followed: Followed | None, goal: Goal) -> Query | Verdict:
         """From where the stream is on its path, so that it goes on smoothly; anew where it stands at an end of it."""

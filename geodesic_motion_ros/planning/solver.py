@@ -316,14 +316,20 @@ class Solver:
                 reason = f"'{link}' overlaps an obstacle by {-1000 * clearance:.0f} mm where the arm {where}"
                 return Verdict(code, reason, clearance=clearance, **query.misfits)
             nearest.append(clearance)
-            moving = self.collision.moving
-            placed = self.collision.positions(self.robot, configuration[None])[0, moving]
-            inside, part, sphere = self.scene.nearest(placed, self.collision.radii[moving])
-            if inside <= 0.0:
-                link = self.collision.link_of(int(np.flatnonzero(moving)[sphere]))
-                reason = f"'{link}' is {-1000 * inside:.0f} mm inside '{part}' of the scene where the arm {where}"
-                return Verdict(code, reason, clearance=inside, **query.misfits)
+            entered = self._entered_scene(configuration)
+            if entered:
+                return Verdict(code, f"{entered} where the arm {where}", **query.misfits)
         return min(nearest)
+
+    def _entered_scene(self, configuration: np.ndarray) -> str:
+        """Which link is inside which part of the declared scene in a configuration (eta,); "" where none is."""
+        if not self.scene.names:
+            return ""
+        moving = np.flatnonzero(self.collision.moving)
+        placed = self.collision.positions(self.robot, configuration[None])[0, moving]
+        clearance, part, sphere = self.scene.nearest(placed, self.collision.radii[moving])
+        link = self.collision.link_of(int(moving[sphere]))
+        return f"'{link}' is {-1000 * clearance:.0f} mm inside '{part}' of the scene" if clearance <= 0.0 else ""
 
     def _certified(
         self,

@@ -14,6 +14,8 @@ from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, demonstrated_spheres
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.shared_files import find_shared
+from geodesic_motion_ros.simulation.world import TABLE_HALF_EXTENTS
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 
@@ -47,6 +49,14 @@ def test_a_file_says_what_stands_where(tmp_path: Path) -> None:
     assert at(scene, [-0.7, 0.3, 0.6]) == pytest.approx((-0.1, "wall"), abs=1e-9)
     assert at(scene, [0.75, 0.0, 0.5]) == pytest.approx((0.05, "screen"), abs=1e-9)
     assert at(scene, [0.0, 0.0, 1.35]) == pytest.approx((-0.05, "end of the workspace at +z"), abs=1e-9)
+
+
+def test_the_shipped_table_is_the_one_that_the_simulated_arm_stands_on() -> None:
+    scene = DeclaredScene.load(find_shared("config/scenes/table.yaml"))
+    assert scene.names == ("table",)
+    np.testing.assert_allclose(scene.solids[0, 3:6], TABLE_HALF_EXTENTS)
+    # Its top is the plane z = 0 of the base.
+    assert scene.solids[0, 2] + scene.solids[0, 5] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_clearances_are_those_of_the_nearest_solid() -> None:

@@ -1,4 +1,4 @@
-"""Detours in the stream: what blocks all that was demonstrated is gone round, certified, after a wait."""
+"""Detours in the stream: what blocks all that was demonstrated is passed, certified, after a wait."""
 
 from __future__ import annotations
 
@@ -162,11 +162,21 @@ def test_a_detour_stays_where_something_else_changes_and_a_blocked_one_is_left_w
 
 def test_it_says_why_there_is_no_detour(planner) -> None:
     played = Played(planner, 0.05)
-    planner.take_obstacles(on_the_hand(planner, halfway(played), 0.15))
+    planner.take_obstacles(on_the_hand(planner, halfway(played), 0.08))
     played.ask()
     verdict = played.run(PATIENCE + 1.0)[-1].verdict
     assert verdict.code is VerdictCode.NO_FEASIBLE_PATH
     assert "no detour of up to 5 cm: the hand cannot pass" in verdict.reason
+
+
+def test_a_goal_that_is_covered_is_no_reason_to_search_for_ever(planner) -> None:
+    played = Played(planner)
+    planner.take_obstacles(on_the_hand(planner, played.nominal.positions[-1], 0.1))
+    played.ask()
+    verdict = played.run(PATIENCE + 1.0)[-1].verdict
+    assert verdict.code is VerdictCode.NO_FEASIBLE_PATH
+    assert "an obstacle covers where it would begin or end" in verdict.reason
+    np.testing.assert_allclose(played.postures[-1], played.nominal.positions[0])
 
 
 def test_a_plan_that_is_requested_makes_a_detour_at_once(planner) -> None:
