@@ -16,7 +16,8 @@ from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
-from geodesic_motion_ros.planning.planner import PreparedGoal, ReactivePlanner
+from geodesic_motion_ros.planning.mission import PreparedGoal
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.tracking import TrackingMonitor
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

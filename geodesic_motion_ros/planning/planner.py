@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 from numbers import Real
 
 import numpy as np
@@ -32,23 +31,21 @@ from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import load_references
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.configuration_query import (
-    ConfigurationGoal,
-    ConfigurationQuery,
-    ConfigurationQueryBuilder,
-)
+from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_demonstrations
 from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
-from geodesic_motion_ros.planning.detour_worker import DetourJob, DetourWorker, Search
+from geodesic_motion_ros.planning.detour_worker import DetourWorker, Search
 from geodesic_motion_ros.planning.evasion import evaded, still_evading
+from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Inputs, Mission, PreparedGoal, Query
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
 from geodesic_motion_ros.planning.search import load_search
+from geodesic_motion_ros.planning.search_memory import Blocked, DetourSearch, SearchMemory
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
 from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
 from geodesic_motion_ros.planning.stream import Stream
-from geodesic_motion_ros.planning.tool_query import ToolGoal, ToolQuery, ToolQueryBuilder
+from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.planning.tracking import Tracking
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -60,181 +57,6 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 #: A detour arrives so long after it was asked for [s] where no other worker is given.
 DETOUR_DELAY = 0.15
 
-Goal = ConfigurationGoal | ToolGoal
-Query = ConfigurationQuery | ToolQuery
-
-
-@dataclass(frozen=True, eq=False)
-class GoalRequest:
-    """A goal as it was requested: a pose, in the base frame or the task frame, with which it then moves; or a
-    configuration (eta,) [rad].
-    """
-
-    pose: Pose | None = None
-    in_task_frame: bool = False
-    configuration: np.ndarray | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedGoal:
-    """A goal that is not refused, the task frame that it is of, and the graph carried to it from where the stream was;
-    None: that was not known, or there is no path.
-
-    `stands` tells how often the arm had been said to stand somewhere by then.
-    """
-
-    request: GoalRequest
-    frame: TaskFrame
-    goal: Goal
-    query: Query | None
-    stands: int
-
-
-@dataclass(frozen=True, eq=False)
-class _Mission:
-    """Where the arm is to go.
-
-    Attributes
-    ----------
-    requested : the newest goal. active : the same, or the one before while the newest is hardly elsewhere and the arm
-        moves. query : the graph carried to the active one; None: not yet.
-    """
-
-    requested: PreparedGoal | None = None
-    active: PreparedGoal | None = None
-    query: Query | None = None
-
-    def activated(self, prepared: PreparedGoal, query: Query | None) -> _Mission:
-        """With a goal as the active one."""
-        if self.active is not None and prepared.goal.is_same(self.active.goal):
-            return self
-        return replace(self, active=prepared, query=query)
-
-
-@dataclass(frozen=True, eq=False)
-class _Inputs:
-    """What was received: obstacles, and how far [m] they may be from there; how the arm follows; the task frame.
-
-    unmoved_since : since when the obstacles have been the same, at the same places [s].
-    """
-
-    obstacles: Obstacles
-    position_error: float
-    tracking: Tracking
-    frame: TaskFrame
-    unmoved_since: float = 0.0
-
-    @cached_property
-    def enlarged(self) -> Obstacles:
-        """The obstacles as large as they are taken to be: larger by how far they may be from where they were received
-        and the arm's links off the path; and, where they move, covering where they are until an arm that lags has come.
-        """
-        larger = self.obstacles.enlarged(self.position_error + self.tracking.error)
-        return larger.throughout(self.tracking.lag)
-
-
-@dataclass(frozen=True)
-class _Blocked:
-    """What was tried for an arm at rest among obstacles that stand, and found no path: it need not be tried again.
-
-    origin : the query that the arm stopped on, in the place of which others are tried.
-    unfinished : one of the attempts, with this query or one before, was out of time.
-    """
-
-    query: Query
-    origin: Query
-    obstacles: Obstacles
-    attempts: frozenset[Attempt]
-    verdict: Verdict
-    unfinished: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class _DetourSearch:
-    """A search of a detour that was begun: for what goal, among what obstacles.
-
-    refusal : why the detour that it found is not followed, where it found one.
-    """
-
-    job: DetourJob
-    goal: Goal
-    obstacles: Obstacles
-    refusal: str = ""
-
-    def is_of(self, goal: Goal, obstacles: Obstacles) -> bool:
-        """Whether it need not be begun again."""
-        return self.goal is goal and self.obstacles.unmoved_in(obstacles)
-
-    def reason(self, goal: Goal, obstacles: Obstacles, now: float) -> str:
-        """Why there is no detour at a time [s]; "" where that is not known."""
-        if not self.is_of(goal, obstacles) or not self.job.done(now):
-            return ""
-        return self.refusal if isinstance(self.job.result, Detour) else self.job.result
-
-
-@dataclass(frozen=True, eq=False)
-class _SearchMemory:
-    """What earlier searches found.
-
-    Attributes
-    ----------
-    without_path : the query for which there was no path the last time; attempted : the number of the attempt that was
-        made then.
-    last_optimistic : when an optimistic attempt was last made for it [s].
-    last_failed_evasion : when an evasion path was searched last and none found [s].
-    blocked_since : since when the arm has had no path [s].
-    """
-
-    without_path: Query | None = None
-    attempted: int = 0
-    blocked: _Blocked | None = None
-    last_optimistic: float = -math.inf
-    last_failed_evasion: float = -math.inf
-    blocked_since: float = math.inf
-    detour: _DetourSearch | None = None
-
-    def still_blocked(self, query: Query, obstacles: Obstacles) -> _Blocked | None:
-        """What was tried and found no path, where nothing has changed since."""
-        blocked = self.blocked
-        if blocked is None or blocked.query is not query or not blocked.obstacles.unmoved_in(obstacles):
-            return None
-        return blocked
-
-    def origin(self, query: Query) -> Query:
-        """The query in the place of which another one was tried."""
-        return self.blocked.origin if self.blocked is not None and self.blocked.query is query else query
-
-    def chosen_attempts(self, solver: Solver, query: Query, now: float) -> tuple[tuple[Attempt, ...], _SearchMemory]:
-        """What is tried at a time [s] by an arm that follows no path to a query's goal, and the memory of that.
-
-        All where a path has just been lost, or was not searched yet. Where there was none the last time, another one in
-        every tick, and the first optimistic one as often as better paths are searched.
-        """
-        if query is not self.without_path:
-            return solver.attempts, replace(self, attempted=0)
-        number = (self.attempted + 1) % len(solver.cautious)
-        memory, chosen = replace(self, attempted=number), solver.cautious[number : number + 1]
-        if now < self.last_optimistic + constants.SEARCH_PERIOD_CLOSE - TIME_ROUNDING:
-            return chosen, memory
-        return (*chosen, *solver.optimistic[:1]), replace(memory, last_optimistic=now)
-
-    def after(
-        self, plan: Plan, query: Query, blocked: _Blocked | None, attempts: tuple[Attempt, ...], situation: Situation
-    ) -> _SearchMemory:
-        """With what a search came to; blocked : what was tried before in the same situation."""
-        still, out_of_time = None, plan.verdict.code is VerdictCode.DEADLINE_MISSED
-        without = out_of_time or plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-        if without and situation.expected.stand and situation.at_rest:
-            before = blocked or _Blocked(query, query, situation.obstacles, frozenset(), plan.verdict)
-            # The first time all attempts share a tick, also with what holds a posture; later each has one of its own.
-            shared = out_of_time and query is not self.without_path
-            tried = before.attempts if shared else before.attempts.union(attempts)
-            unfinished = before.unfinished or (out_of_time and not shared)
-            still = _Blocked(query, before.origin, situation.obstacles, tried, plan.verdict, unfinished)
-        if plan.trajectory is not None:
-            return replace(self, without_path=None, blocked=still, blocked_since=math.inf, detour=None)
-        return replace(self, without_path=query, blocked=still, blocked_since=min(self.blocked_since, situation.now))
-
 
 @dataclass(frozen=True, eq=False)
 class _Decision:
@@ -242,7 +64,7 @@ class _Decision:
 
     step: Step
     query: Query | None
-    memory: _SearchMemory
+    memory: SearchMemory
     detour: Search | None = None
 
 
@@ -298,13 +120,13 @@ class ReactivePlanner:
             self._queries = ConfigurationQueryBuilder(skill, self.graph, self.settings, self.collision, self.scene)
         self._detours, self._worker = DetourPlanner(self._solver), detours or DetourWorker(DETOUR_DELAY)
         self._stream = Stream(self._solver.certifier)
-        self._inputs = _Inputs(
+        self._inputs = Inputs(
             Obstacles.none(), self.settings.obstacle_position_error, Tracking(), TaskFrame.identity()
         )
         # How far a detour may lead [m]; any thread may set it.
         self._reach = self.settings.detour if self.may_detour else 0.0
-        self._mission = _Mission()
-        self._memory = _SearchMemory()
+        self._mission = Mission()
+        self._memory = SearchMemory()
         # The time of the newest tick [s], and how often the arm was said to stand somewhere.
         self._ticked, self._stands = 0.0, 0
         self._warm_up()
@@ -330,7 +152,7 @@ class ReactivePlanner:
         load_references(self.limits, self._solver.tool)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
         self.take_obstacles(Obstacles.none())
-        self._mission, self._memory = _Mission(), _SearchMemory()
+        self._mission, self._memory = Mission(), SearchMemory()
         self._stream.forget()
 
     # ---------------------------------------------------------------- inputs
@@ -449,7 +271,7 @@ class ReactivePlanner:
 
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
-        self._mission = _Mission()
+        self._mission = Mission()
 
     def set_obstacles(
         self, centres: np.ndarray, radii: np.ndarray, velocities: np.ndarray | None = None, time: float = 0.0
@@ -525,7 +347,7 @@ class ReactivePlanner:
         self._ticked = now
         self._stands += 1
         self._stream.stand(trajectory, now)
-        self._mission, self._memory = replace(self._mission, query=None), _SearchMemory()
+        self._mission, self._memory = replace(self._mission, query=None), SearchMemory()
         return Plan(trajectory, now, Verdict(VerdictCode.OK))
 
     def _certified(self, reference: JointReference, begin: float) -> CertifiedTrajectory:
@@ -601,17 +423,17 @@ class ReactivePlanner:
             deadline, late,
         )  # fmt: skip
 
-    def _commit(self, situation: Situation, mission: _Mission, decision: _Decision) -> Plan:
+    def _commit(self, situation: Situation, mission: Mission, decision: _Decision) -> Plan:
         """Play what was decided, and remember it: nothing else in a tick changes the planner."""
         memory = decision.memory
         if decision.detour is not None and mission.active is not None:
             job = self._worker.start(decision.detour, situation.now)
-            memory = replace(memory, detour=_DetourSearch(job, mission.active.goal, situation.obstacles))
+            memory = replace(memory, detour=DetourSearch(job, mission.active.goal, situation.obstacles))
         self._mission, self._memory = replace(mission, query=decision.query), memory
         mode = situation.mode(decision.step)
         return replace(self._stream.take(decision.step, situation.now), mode=mode)
 
-    def _decided(self, situation: Situation, mission: _Mission) -> _Decision:
+    def _decided(self, situation: Situation, mission: Mission) -> _Decision:
         """What is to be done, without doing it."""
         memory, query = self._memory, mission.query
         if mission.active is None:
@@ -720,8 +542,8 @@ class ReactivePlanner:
         return _Decision(situation.continued(updated), query, self._memory)
 
     def _held(
-        self, situation: Situation, query: Query, blocked: _Blocked | None, goal: Goal
-    ) -> tuple[Query | None, _Blocked | None]:
+        self, situation: Situation, query: Query, blocked: Blocked | None, goal: Goal
+    ) -> tuple[Query | None, Blocked | None]:
         """The query that is searched next, and what was tried with that; None where everything was tried in full.
 
         The first is the one that the arm stopped on; then the same goal from where it stands, in each posture.
@@ -741,7 +563,7 @@ class ReactivePlanner:
             return self._queries.first_posture(blocked.origin), None
         return other, replace(blocked, attempts=frozenset())
 
-    def _searched(self, situation: Situation, query: Query, blocked: _Blocked | None) -> _Decision:
+    def _searched(self, situation: Situation, query: Query, blocked: Blocked | None) -> _Decision:
         """A new path, or what an arm without one does; blocked : what was tried already."""
         attempts, memory = self._memory.chosen_attempts(self._solver, query, situation.now)
         plan = self._solved(situation, query, attempts)
@@ -767,7 +589,7 @@ class ReactivePlanner:
         state, obstacles, deadline = situation.state, situation.expected, situation.deadline
         return situation.stoppable(self._solver.solve(query, state, obstacles, attempts, deadline, known, longest))
 
-    def _taken(self, situation: Situation, query: Query, plan: Plan, memory: _SearchMemory) -> _Decision:
+    def _taken(self, situation: Situation, query: Query, plan: Plan, memory: SearchMemory) -> _Decision:
         """A new path; found too late, the evasion path being played stays where it is free."""
         step = still_evading(situation) if situation.late.passed else None
         return _Decision(step or situation.handed_out(plan, Followed.begun(query, plan, situation)), query, memory)

@@ -1,0 +1,119 @@
+"""SearchMemory: what earlier searches of an arm without a path found, so that a tick need not try it again."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.detour import Detour
+from geodesic_motion_ros.planning.detour_worker import DetourJob
+from geodesic_motion_ros.planning.mission import Goal, Query
+from geodesic_motion_ros.planning.settings import Attempt
+from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Situation
+from geodesic_motion_ros.planning.solver import Plan, Solver
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+
+@dataclass(frozen=True)
+class Blocked:
+    """What was tried for an arm at rest among obstacles that stand, and found no path: it need not be tried again.
+
+    origin : the query that the arm stopped on, in the place of which others are tried.
+    unfinished : one of the attempts, with this query or one before, was out of time.
+    """
+
+    query: Query
+    origin: Query
+    obstacles: Obstacles
+    attempts: frozenset[Attempt]
+    verdict: Verdict
+    unfinished: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class DetourSearch:
+    """A search of a detour that was begun: for what goal, among what obstacles.
+
+    refusal : why the detour that it found is not followed, where it found one.
+    """
+
+    job: DetourJob
+    goal: Goal
+    obstacles: Obstacles
+    refusal: str = ""
+
+    def is_of(self, goal: Goal, obstacles: Obstacles) -> bool:
+        """Whether it need not be begun again."""
+        return self.goal is goal and self.obstacles.unmoved_in(obstacles)
+
+    def reason(self, goal: Goal, obstacles: Obstacles, now: float) -> str:
+        """Why there is no detour at a time [s]; "" where that is not known."""
+        if not self.is_of(goal, obstacles) or not self.job.done(now):
+            return ""
+        return self.refusal if isinstance(self.job.result, Detour) else self.job.result
+
+
+@dataclass(frozen=True, eq=False)
+class SearchMemory:
+    """What earlier searches found.
+
+    Attributes
+    ----------
+    without_path : the query for which there was no path the last time; attempted : the number of the attempt that was
+        made then.
+    last_optimistic : when an optimistic attempt was last made for it [s].
+    last_failed_evasion : when an evasion path was searched last and none found [s].
+    blocked_since : since when the arm has had no path [s].
+    """
+
+    without_path: Query | None = None
+    attempted: int = 0
+    blocked: Blocked | None = None
+    last_optimistic: float = -math.inf
+    last_failed_evasion: float = -math.inf
+    blocked_since: float = math.inf
+    detour: DetourSearch | None = None
+
+    def still_blocked(self, query: Query, obstacles: Obstacles) -> Blocked | None:
+        """What was tried and found no path, where nothing has changed since."""
+        blocked = self.blocked
+        if blocked is None or blocked.query is not query or not blocked.obstacles.unmoved_in(obstacles):
+            return None
+        return blocked
+
+    def origin(self, query: Query) -> Query:
+        """The query in the place of which another one was tried."""
+        return self.blocked.origin if self.blocked is not None and self.blocked.query is query else query
+
+    def chosen_attempts(self, solver: Solver, query: Query, now: float) -> tuple[tuple[Attempt, ...], SearchMemory]:
+        """What is tried at a time [s] by an arm that follows no path to a query's goal, and the memory of that.
+
+        All where a path has just been lost, or was not searched yet. Where there was none the last time, another one in
+        every tick, and the first optimistic one as often as better paths are searched.
+        """
+        if query is not self.without_path:
+            return solver.attempts, replace(self, attempted=0)
+        number = (self.attempted + 1) % len(solver.cautious)
+        memory, chosen = replace(self, attempted=number), solver.cautious[number : number + 1]
+        if now < self.last_optimistic + constants.SEARCH_PERIOD_CLOSE - TIME_ROUNDING:
+            return chosen, memory
+        return (*chosen, *solver.optimistic[:1]), replace(memory, last_optimistic=now)
+
+    def after(
+        self, plan: Plan, query: Query, blocked: Blocked | None, attempts: tuple[Attempt, ...], situation: Situation
+    ) -> SearchMemory:
+        """With what a search came to; blocked : what was tried before in the same situation."""
+        still, out_of_time = None, plan.verdict.code is VerdictCode.DEADLINE_MISSED
+        without = out_of_time or plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+        if without and situation.expected.stand and situation.at_rest:
+            before = blocked or Blocked(query, query, situation.obstacles, frozenset(), plan.verdict)
+            # The first time all attempts share a tick, also with what holds a posture; later each has one of its own.
+            shared = out_of_time and query is not self.without_path
+            tried = before.attempts if shared else before.attempts.union(attempts)
+            unfinished = before.unfinished or (out_of_time and not shared)
+            still = Blocked(query, before.origin, situation.obstacles, tried, plan.verdict, unfinished)
+        if plan.trajectory is not None:
+            return replace(self, without_path=None, blocked=still, blocked_since=math.inf, detour=None)
+        return replace(self, without_path=query, blocked=still, blocked_since=min(self.blocked_since, situation.now))
