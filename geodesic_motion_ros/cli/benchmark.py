@@ -21,10 +21,11 @@ guard     --guard arm with a skill of the tool: all of the arm is guarded. Scene
 families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone (where all of the
           arm is guarded); crossing; chasing; gate: closes on the hand's way, and opens again; crowd: five that stand
           and five that cross
-methods   ours; ours, hard (no soft metric); ours, soft (the soft metric alone, nothing removed or certified; not the
-          paper's planner); replay (of the nearest demonstration, blind: the control); free demonstration (the nearest
-          that is free, another one joined where it is blocked); and peers, which are left out where their libraries are
-          not installed:
+methods   ours; ours, detour 0 (it waits where obstacles block all that was demonstrated); and parts of that: ours, hard
+          (no soft metric) and ours, soft (the soft metric alone, nothing removed or certified; not the paper's
+          planner); replay (of the nearest demonstration, blind: the control); free demonstration (the nearest that is
+          free, another one joined where it is blocked); and peers, which are left out where their libraries are not
+          installed:
           pip install 'geodesic_motion_ros[benchmark]'
 columns   success: the goal within 10 mm and 0.1 rad, no contact; moving: scenes that ended as the arm touched a sphere
           in motion or within 0.5 s after it, standing: as a sphere touched the arm that had stood for longer; refused:

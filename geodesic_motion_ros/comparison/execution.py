@@ -43,7 +43,7 @@ from geodesic_motion_ros.simulation.world import PandaWorld
 #: of whose spheres are slower than this [m/s].
 REACHED, REACHED_ANGLE, RESTING, TOOL_RESTING = 0.01, 0.1, 0.02, 0.005
 #: A scene ends after so long [s], or where the arm has stood for so long while nothing will change.
-LONGEST, GIVEN_UP = 15.0, 2.0
+LONGEST, GIVEN_UP = 15.0, 5.0
 #: A contact this soon [s] after the arm moved is one in motion: what a stop a moment before the contact leaves in a
 #: sphere's path was not avoided. Of the order of the longest stop and of a person's reaction.
 AFTER_MOTION = 0.5

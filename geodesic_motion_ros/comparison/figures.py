@@ -24,7 +24,8 @@ _RATE, _INSTANTS, _WIDTH, _HEIGHT = 50.0, 5, 300, 225
 #: Colour and marker of each row; the first is that of ours.
 _OURS = "ours"
 _LOOKS = {
-    _OURS: ("tab:red", "*"), "ours, hard": ("tab:orange", "o"), "ours, soft": ("gold", "s"), "replay": ("0.5", "D"),
+    _OURS: ("tab:red", "*"), "ours, detour 0": ("tab:pink", "h"), "ours, hard": ("tab:orange", "o"),
+    "ours, soft": ("gold", "s"), "replay": ("0.5", "D"),
     "DMP": ("tab:purple", "v"), "ProMP": ("tab:blue", "^"), "RRT-Connect": ("tab:green", "P"),
     "barriers": ("tab:cyan", "X"), "free demonstration": ("tab:brown", "p"),
 }  # fmt: skip

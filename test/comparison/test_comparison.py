@@ -279,7 +279,7 @@ def test_what_cannot_be_compared_is_refused(reach_skill, monkeypatch) -> None:
         BenchmarkSettings(("ours",), families=("wall",))
     with pytest.raises(ParameterError, match="at least 1"):
         BenchmarkSettings(("ours",), scenes=0)
-    with pytest.raises(ParameterError, match="choose from ours; ours, hard"):
+    with pytest.raises(ParameterError, match="choose from ours; ours, detour 0; ours, hard"):
         chosen(("theirs",))
     monkeypatch.setitem(ROWS, "absent", Row(lambda arena: Waiting(), "", ("no_such_library",)))
     with pytest.raises(GeodesicMotionError, match="needs no_such_library"):

@@ -12,6 +12,7 @@ from geodesic_motion_ros.comparison.method import Answer
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.experiments.blocked_arm import HAND
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.tracking import Tracking, TrackingMonitor
@@ -21,15 +22,16 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.velocity_history import VelocityHistory
 
-Part = Literal["whole", "hard", "soft"]
+Part = Literal["whole", "demonstrated", "hard", "soft"]
 
 #: What is within this of where a sphere was the tick before is the same sphere [m].
 SAME_SPHERE = 0.02
 
 
 class Geodesics:
-    """Shortest paths of the learned metric.
+    """Shortest paths of the learned metric, in a scene where nothing stands but the spheres.
 
+    *whole*: as the planner is. *demonstrated*, and the others: without detours (`detour` 0).
     *hard*: nodes in obstacles are removed and references certified, but the metric does not grow towards obstacles.
     *soft*: the metric grows, but nothing is removed or certified. This is not the paper's planner: endpoints are
     normalised (canonical sheet), the graph is pruned, obstacles are predicted and the cost of a path is limited, as in
@@ -39,6 +41,8 @@ class Geodesics:
     def __init__(self, arena: Arena, part: Part = "whole", planner: PlannerSettings | None = None) -> None:
         """planner : settings; the defaults without them."""
         settings = planner or PlannerSettings()
+        if part != "whole":
+            settings = replace(settings, detour=0.0)
         if part == "hard":
             settings = replace(settings, ambient_law="hard")
         if not arena.whole_arm:
@@ -47,7 +51,7 @@ class Geodesics:
             self._planner = ReactivePlanner(arena.skill, settings, collision=no_body(arena.robot))
         else:
             settings = replace(settings, avoid=arena.guard)
-            self._planner = ReactivePlanner(arena.skill, settings)
+            self._planner = ReactivePlanner(arena.skill, settings, scene=DeclaredScene.empty())
         self._tracking = TrackingMonitor(self._planner.robot, self._planner.collision)
         self._seen: list[tuple[np.ndarray, VelocityHistory]] = []
         self._whole_arm = arena.whole_arm
