@@ -18,7 +18,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.robot.body_points import end_effector_poses
-from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
+from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.simulation.tabletop import fixed_to
 from geodesic_motion_ros.simulation.teacher import bottle_in_hand
 

@@ -33,8 +33,9 @@ from geodesic_motion_ros.nodes.demo_run import (
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
 from geodesic_motion_ros.nodes.hand_scene import HandScene
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.quaternions import angle_between
-from geodesic_motion_ros.simulation.scenes import LineObstacle
+from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json
 
@@ -63,10 +64,10 @@ RUNS = (
 class Demo:
     """Makes the runs of a scene."""
 
-    def __init__(self, skill: str, out: Path, gui: bool, domain: int) -> None:
-        """skill : a folder, or the name of a shipped skill."""
-        self._skill, self._out, self._gui, self._domain = skill, out, gui, domain
-        self.scene = scene_of(Skill.load(skill))
+    def __init__(self, skill: str, declared: str, out: Path, gui: bool, domain: int) -> None:
+        """skill : a folder, or the name of a shipped skill. declared : the parameter `scene` of both nodes."""
+        self._skill, self._declared, self._out, self._gui, self._domain = skill, declared, out, gui, domain
+        self.scene = scene_of(Skill.load(skill), DeclaredScene.named(declared))
 
     def run(self, run: Run) -> Recording:
         """Start both nodes, let the arm move, end the nodes."""
@@ -79,13 +80,14 @@ class Demo:
                 return probe.run(math.inf if run.avoidance else AFTER_CONTACT)
 
     def _twin_parameters(self, run: Run) -> dict[str, Any]:
-        scene = {"ball": describe(self.scene.obstacle)} if run.obstacle else {}
-        return {"skill": self._skill, "scene": yaml.safe_dump(scene) if scene else "", "gui": self._gui}
+        spheres = yaml.safe_dump({"ball": describe(self.scene.obstacle)}) if run.obstacle else ""
+        return {"skill": self._skill, "scene": self._declared, "spheres": spheres, "gui": self._gui}
 
     def _planner_parameters(self, run: Run) -> dict[str, Any]:
         # The pictures are drawn afterwards, from what was recorded.
         return {
             "skill": self._skill,
+            "scene": self._declared,
             "avoidance": run.avoidance,
             "obstacle_point_radius": self.scene.obstacle.radius,
             "latent_view_rate": 0.0,
@@ -93,13 +95,13 @@ class Demo:
         }
 
 
-def scene_of(skill: Skill) -> DemoScene:
-    """What the demo shows of a skill."""
-    return (ElbowScene if skill.space == "joint" else HandScene)(skill)
+def scene_of(skill: Skill, declared: DeclaredScene | None) -> DemoScene:
+    """What the demo shows of a skill, where this is declared to stand around the arm."""
+    return (ElbowScene if skill.space == "joint" else HandScene)(skill, declared)
 
 
 def describe(obstacle: LineObstacle) -> dict[str, Any]:
-    """The obstacle as the twin's parameter `scene` wants it."""
+    """The obstacle as the twin's parameter `spheres` wants it."""
     return {
         "kind": obstacle.kind,
         "start": [float(x) for x in obstacle.start],
@@ -196,7 +198,7 @@ def table(summary: Mapping[str, Any]) -> str:
     return "\n".join([*lines[:2], rule, *lines[2:], *note])
 
 
-def perform(skill: str, out: Path, gui: bool, domain: int, pictures: bool) -> int:
+def perform(skill: str, declared: str, out: Path, gui: bool, domain: int, pictures: bool) -> int:
     """Run the demo; returns the exit code."""
     began = time.monotonic()
 
@@ -205,7 +207,7 @@ def perform(skill: str, out: Path, gui: bool, domain: int, pictures: bool) -> in
 
     out.mkdir(parents=True, exist_ok=True)
     say(f"loading the skill {skill}")
-    demo = Demo(skill, out, gui, domain)
+    demo = Demo(skill, declared, out, gui, domain)
     scene = demo.scene
     recordings: dict[str, Recording] = {}
     families: dict[str, list[int]] = {}
@@ -252,7 +254,9 @@ def main(args: Sequence[str] | None = None) -> int:
     options = parsed(args)
     try:
         with termination_as_interrupt():
-            return perform(options.skill, options.out, options.gui, options.domain, not options.no_pictures)
+            return perform(
+                options.skill, options.scene, options.out, options.gui, options.domain, not options.no_pictures
+            )
     except KeyboardInterrupt:
         print("interrupted; planner and twin are stopped", file=sys.stderr)
         return 130

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rclpy.utilities import remove_ros_args
 
-SKILL = "panda_reach_to_grasp"
+SKILL, SCENE = "panda_reach_to_grasp", "table"
 
 _DESCRIPTION = """\
 A simulated Panda does a skill as it was shown: three times over real ROS 2, planner and twin in two processes.
@@ -53,6 +53,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results (%(default)s)")
     parser.add_argument("--skill", default=SKILL, help="skill folder, or the name of a shipped skill (%(default)s)")
+    parser.add_argument(
+        "--scene", default=SCENE,
+        help="what always stands around the arm, for planner and twin: a file, the name of one in config/scenes, or "
+        "none (%(default)s); '' declares nothing, and no motion leaves what was demonstrated",
+    )  # fmt: skip
     parser.add_argument("--gui", action="store_true", help="open PyBullet's window; needs a display")
     parser.add_argument(
         "--domain", type=int, choices=range(1, 102), metavar="1..101", default=1 + os.getpid() % 101,

@@ -10,6 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from geodesic_motion_ros.nodes.demo_run import Recording
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.plots import Sphere
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.world import PandaWorld
@@ -48,9 +49,11 @@ class Film:
     followed: Callable[[Recording], tuple[np.ndarray, np.ndarray]]
 
 
-def draw_films(out: Path, recordings: Mapping[str, Recording], radius: float, film: Film) -> None:
-    """Write strip.png and arm.gif of the runs with the obstacle, of this radius [m], to a folder."""
-    with PandaWorld() as world:
+def draw_films(
+    out: Path, scene: DeclaredScene, recordings: Mapping[str, Recording], radius: float, film: Film
+) -> None:
+    """Write strip.png and arm.gif of the runs with the obstacle, of this radius [m], in a scene, to a folder."""
+    with PandaWorld(scene=scene) as world:
         for curve in film.curves:
             world.add_curve(curve.points, curve.colour, curve.radius)
         _draw_strip(out / "strip.png", world, recordings, radius, film)

@@ -202,7 +202,7 @@ class Probe:
         spawned = self._spawn.call_async(Trigger.Request())
         self._wait(spawned.done, START_PATIENCE, "the twin to spawn the obstacle")
         if not spawned.result().success:
-            raise DemoError(f"the twin refused the scene: {spawned.result().message}")
+            raise DemoError(f"the twin refused the obstacle: {spawned.result().message}")
         self._began = self._now()
         stamp = self._node.get_clock().now().to_msg()
         self._goals.publish(pose_message(self._goal[:3], self._goal[3:], self._frame, stamp))

@@ -18,12 +18,13 @@ from geodesic_motion_ros.nodes.demo_pictures import AROUND_RGB, FREE_RGB, Curve,
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.nodes.skill_kinds import planner_settings
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, draw_in_space, legend_below, write_figure
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
-from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
+from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.skill import Skill
 
 #: The sphere: radius [m], speed [m/s], and how far from its place it sets out [m].
@@ -51,8 +52,9 @@ class ElbowScene(DemoScene):
     # was sent: its joints make one radian a second. A robot's own controller does not pause.
     patience = MappingProxyType({"latency": 0.1, "tracking_tolerance_joint": 0.3})
 
-    def __init__(self, skill: Skill) -> None:
-        self.planner = ReactivePlanner(skill, planner_settings(DEFAULTS | self.patience))
+    def __init__(self, skill: Skill, declared: DeclaredScene | None = None) -> None:
+        """declared : what always stands around the arm; None: nothing was declared."""
+        self.planner = ReactivePlanner(skill, planner_settings(DEFAULTS | self.patience), scene=declared)
         super().__init__(self.planner)
 
     def _obstacle(self) -> LineObstacle:
@@ -90,7 +92,7 @@ class ElbowScene(DemoScene):
             for ways, radii in ((tool, _TOOL_TUBES), (elbow, _ELBOW_TUBES))
             for way, colour, radius in zip(ways, (FREE_RGB, AROUND_RGB), radii, strict=True)
         ]
-        draw_films(out, recordings, self.obstacle.radius, Film("elbow", curves, self._elbow_way))
+        draw_films(out, self.planner.scene, recordings, self.obstacle.radius, Film("elbow", curves, self._elbow_way))
 
     def _way(self, recording: Recording, name: str, colour: str) -> Way:
         latent = self.planner.graph.latent[self._nodes_along(recording)]

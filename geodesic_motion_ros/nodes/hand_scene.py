@@ -20,11 +20,12 @@ from geodesic_motion_ros.nodes.demo_pictures import (
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.nodes.skill_kinds import planner_settings
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, Way, draw_latent, draw_paths
 from geodesic_motion_ros.quaternions import to_rotation
-from geodesic_motion_ros.simulation.scenes import LineObstacle, crossing
+from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.skill import Skill
 
 #: The sphere: radius [m] and speed [m/s]; when the undisturbed motion would meet it (share of its duration); how far
@@ -42,8 +43,9 @@ _TURNING = 0.1
 class HandScene(DemoScene):
     """A sphere crosses the undisturbed motion, across the hand and a little beside the tool's way."""
 
-    def __init__(self, skill: Skill) -> None:
-        self.planner = ReactivePlanner(skill, planner_settings(DEFAULTS))
+    def __init__(self, skill: Skill, declared: DeclaredScene | None = None) -> None:
+        """declared : what always stands around the arm; None: nothing was declared."""
+        self.planner = ReactivePlanner(skill, planner_settings(DEFAULTS), scene=declared)
         assert isinstance(self.planner.graph, PoseGraph)
         self.graph = self.planner.graph
         super().__init__(self.planner)
@@ -71,7 +73,7 @@ class HandScene(DemoScene):
             Curve(np.array(free.positions), FREE_RGB, 0.0025),
             Curve(np.array(around.positions), AROUND_RGB, 0.004),
         )
-        draw_films(out, recordings, self.obstacle.radius, Film("front", curves, _tool_way))
+        draw_films(out, self.planner.scene, recordings, self.obstacle.radius, Film("front", curves, _tool_way))
 
     def _replay(self, recording: Recording) -> np.ndarray:
         """Latent points (n, d) along a recorded motion: of the nodes whose poses are nearest, `_REPLAY_RATE` a second.

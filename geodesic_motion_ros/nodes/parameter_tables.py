@@ -405,8 +405,14 @@ TWIN = (
         60.0,
         read_only=False,
     ),
-    Parameter("scene", "", "Obstacles that `~/spawn_obstacles` puts into the world; empty for none", read_only=False),
-    Parameter("spawn_at_start", False, "Spawn the scene as soon as the twin starts"),
+    Parameter(
+        "scene",
+        "",
+        "What always stands around the arm, as declared to the planner: a file, as in config/scenes, or the name of "
+        "one of those; none, or empty: nothing",
+    ),
+    Parameter("spheres", "", "Obstacles that `~/spawn_obstacles` puts into the world; empty for none", read_only=False),
+    Parameter("spawn_at_start", False, "Spawn the spheres as soon as the twin starts"),
 )
 
 TABLES = {"planner": PLANNER, "twin": TWIN}

@@ -5,29 +5,26 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from geodesic_motion_ros.arm_view import ArmView
-from geodesic_motion_ros.errors import FileError, ParameterError
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
+from geodesic_motion_ros.nodes.scene_parameter import declared_scene
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.shared_files import SharedFileError, find_shared
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.solids import no_solids
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -117,7 +114,8 @@ class CertifiedKind(SkillKind):
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()
         self._worker = DetourWorker()
-        self.planner = ReactivePlanner(skill, planner_settings(values), detours=self._worker, scene=_scene(values))
+        scene = declared_scene(values["scene"])
+        self.planner = ReactivePlanner(skill, planner_settings(values), detours=self._worker, scene=scene)
         self.robot = self.planner.robot
         self.command_topic = values["output"]
         self.may_be_early = self.command_topic == "joint_trajectory"
@@ -255,19 +253,6 @@ class PaperKind(SkillKind):
             self.cycle.tracking_tolerance_angle = values["tracking_tolerance_angle"]
         elif isinstance(self.cycle, PaperJointCycle):
             self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
-
-
-def _scene(values: Mapping[str, Value]) -> DeclaredScene | None:
-    """What was declared to stand around the arm; None: nothing was declared. ParameterError names what is wrong."""
-    if values["scene"] in ("", "none"):
-        return DeclaredScene.empty() if values["scene"] else None
-    path = Path(values["scene"])
-    try:
-        if path.name == str(path) and not path.suffix:
-            path = find_shared(f"config/scenes/{path}.yaml")
-        return DeclaredScene.load(path)
-    except (FileError, SharedFileError) as error:
-        raise ParameterError(f"parameter scene: {error}") from error
 
 
 def _tool_tolerance(values: Mapping[str, Value]) -> tuple[float, float]:

@@ -26,6 +26,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
+from geodesic_motion_ros.checked_files import brief
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError, RobotError, SkillError
 from geodesic_motion_ros.nodes.clock_offset import ClockOffset
 from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
@@ -46,10 +47,12 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.publishers import publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
+from geodesic_motion_ros.nodes.scene_parameter import declared_scene
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.simulation.scenes import Scene, scene_named
+from geodesic_motion_ros.simulation.scripted_spheres import NAMED, ScriptedSpheres, spheres_named
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill import Skill
 
@@ -87,9 +90,9 @@ class TwinNode(LoopingNode):
     trajectories are of the node's clock; their rules are those of joint_trajectory_controller
     (`simulation/trajectory_player.py`). When the clock is set the arm brakes and holds.
 
-    `~/contacts` counts the physics steps with contact between arm and obstacles since the last reset, so
-    that no contact is lost between messages; `~/clearance` is the smallest distance [m] since the message
-    before, inf without obstacles.
+    `~/contacts` counts the physics steps with contact between the arm and obstacles or the declared scene since the
+    last reset, so that no contact is lost between messages; a warning names what is touched. `~/clearance` is the
+    smallest distance [m] from obstacles since the message before, inf without any.
 
     Raises
     ------
@@ -103,10 +106,11 @@ class TwinNode(LoopingNode):
         self._options = NodeParameters(self, TWIN, _check)
         values = self._options
         self._frame: str = values["base_frame"]
-        self._world = PandaWorld(gui=values["gui"], rate_hz=values["physics_rate"])
+        self._world = PandaWorld(values["gui"], values["physics_rate"], _scene(values["scene"]))
         self._world.reset(_initial_joints(values.values))
-        self._scene, self._scene_start = Scene({}), 0.0
+        self._spheres, self._spheres_start = ScriptedSpheres({}), 0.0
         self._steps = self._contacts = 0
+        self._touched: set[str] = set()
         self._least_clearance = np.inf
         self._refusals = Refusals(self.get_logger().warning)
         self._mailbox: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = queue.SimpleQueue()
@@ -192,11 +196,15 @@ class TwinNode(LoopingNode):
         return steps
 
     def _step(self) -> None:
-        self._world.set_obstacles(self._scene.obstacles(self._world.time - self._scene_start))
+        self._world.set_obstacles(self._spheres.obstacles(self._world.time - self._spheres_start))
         self._world.step()
         self._steps += 1
-        if self._scene.items:
-            self._contacts += self._world.contacts() > 0
+        if contacts := self._world.contacts():
+            self._contacts += 1
+            for name in contacts.keys() - self._touched:
+                self.get_logger().warning(f"{contacts[name]} touches '{name}'")
+            self._touched |= contacts.keys()
+        if self._spheres.items:
             self._least_clearance = min(self._least_clearance, self._world.clearance()[0])
 
     def _take_command(self) -> None:
@@ -252,13 +260,13 @@ class TwinNode(LoopingNode):
 
     def _publish_obstacles(self) -> None:
         stamp = self.get_clock().now().to_msg()
-        spheres = list(self._scene.obstacles(self._world.time - self._scene_start).values())
+        spheres = list(self._spheres.obstacles(self._world.time - self._spheres_start).values())
         shown = [
             sphere_marker("twin", number, *sphere, _OBSTACLE_COLOUR, self._frame, stamp)
             for number, sphere in enumerate(spheres)
         ]
         update = self._markers.update(shown, stamp)
-        # With an empty scene only the deletions that end the one before are sent: silence afterwards means
+        # Without spheres only the deletions that end those before are sent: silence afterwards means
         # no obstacle.
         if update.markers:
             self._obstacles.publish(update)
@@ -329,16 +337,20 @@ class TwinNode(LoopingNode):
 
     def _reset(self) -> str:
         self._world.reset(_initial_joints(self._options.values))
-        self._scene_start = self._world.time
-        self._contacts, self._least_clearance = 0, np.inf
+        self._spheres_start = self._world.time
+        self._count_anew()
         self._commander, self._deaf_until = "", self._time.running() + _DEAF
-        return "the arm is where it started, the scene begins again, contacts count from zero"
+        return "the arm is where it started, the spheres begin again, contacts count from zero"
 
     def _spawn(self) -> str:
-        self._scene = _scene(self._options["scene"])
-        self._scene_start = self._world.time
+        self._spheres = _spheres(self._options["spheres"])
+        self._spheres_start = self._world.time
+        self._count_anew()
+        return f"{len(self._spheres.items)} obstacles: {', '.join(self._spheres.items) or 'none'}"
+
+    def _count_anew(self) -> None:
         self._contacts, self._least_clearance = 0, np.inf
-        return f"{len(self._scene.items)} obstacles: {', '.join(self._scene.items) or 'none'}"
+        self._touched.clear()
 
 
 _RATES = ("state_rate", "obstacle_rate", "image_rate")
@@ -383,19 +395,36 @@ def _steps_between(physics_rate: float, rate: float) -> int:
     return 0 if rate == 0.0 else max(1, int(physics_rate / rate))
 
 
-def _scene(text: str) -> Scene:
-    """A scene by name, or from a YAML mapping; an empty text is a scene without obstacles."""
+def _scene(text: str) -> DeclaredScene:
+    """What stands around the arm; where nothing is declared nothing does."""
+    if text in NAMED or _is_mapping(text):
+        raise ParameterError(
+            f"parameter scene = {brief(text)}: spheres by script are the parameter `spheres` now; scene is what always "
+            "stands around the arm: a file, as in config/scenes, or the name of one of those"
+        )
+    return declared_scene(text) or DeclaredScene.empty()
+
+
+def _is_mapping(text: str) -> bool:
+    try:
+        return isinstance(yaml.safe_load(text), dict)
+    except (yaml.YAMLError, ValueError):
+        return False
+
+
+def _spheres(text: str) -> ScriptedSpheres:
+    """Spheres by name, or from a YAML mapping; an empty text is none."""
     try:
         described = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that is none
-        raise ParameterError(f"scene is neither a name nor YAML: {' '.join(str(error).split())}") from error
+        raise ParameterError(f"spheres is neither a name nor YAML: {' '.join(str(error).split())}") from error
     if described is None:
-        return Scene({})
-    return scene_named(described) if isinstance(described, str) else Scene.from_dict(described)
+        return ScriptedSpheres({})
+    return spheres_named(described) if isinstance(described, str) else ScriptedSpheres.from_dict(described)
 
 
 def _check(values: Mapping[str, Value]) -> None:
-    _scene(values["scene"])
+    _spheres(values["spheres"])
     try:
         Robot.panda().checked(np.array(values["initial_joint_positions"]))
     except RobotError as error:

@@ -35,11 +35,15 @@ from geodesic_motion_ros.obstacles import LARGEST_NUMBER, Obstacles
 from geodesic_motion_ros.quaternions import inverse, normalise, rotate, to_rotation
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.solids import no_solids, solid_distances, solid_rows
 
 #: Demonstrations that enter a scene by more than this [m] were not recorded in it: decoders are less far off.
 DEMONSTRATION_DEPTH = 0.01
+
+#: What stands in these lists of a file a body can touch; the rest is empty space that the arm is to stay out of.
+MASSIVE = ("boxes", "cylinders", "planes")
 
 #: A plane is a plate of this size and thickness [m] behind it: thicker than any step of a search, farther than arms go.
 _PLATE, _THICKNESS = 20.0, 0.5
@@ -63,17 +67,32 @@ class DeclaredScene:
     Attributes
     ----------
     names : of the b solids. solids : (b, 16) rows as of `solids.py`.
-    massive : (b,) bool, which of them a body can touch; the others are empty space that the arm is to stay out of.
+    kinds : the list of the file that each stands in: `boxes`, `cylinders` (of which the solid is the box around it, its
+        axis the box's z), `planes` (a plate behind it), `keep_out`, `workspace`.
     """
 
     names: tuple[str, ...]
     solids: np.ndarray
-    massive: np.ndarray
+    kinds: tuple[str, ...]
 
     @classmethod
     def empty(cls) -> DeclaredScene:
         """Nothing stands around the arm."""
-        return cls((), no_solids(), np.zeros(0, dtype=bool))
+        return cls((), no_solids(), ())
+
+    @classmethod
+    def named(cls, name: str) -> DeclaredScene | None:
+        """What a user types: a file, the name of one in config/scenes, or `none` where nothing stands; an empty text
+        declares nothing, None.
+
+        Raises
+        ------
+        FileError : as of `load`; SharedFileError : no such scene is shipped.
+        """
+        if name in ("", "none"):
+            return cls.empty() if name else None
+        path = Path(name)
+        return cls.load(find_shared(f"config/scenes/{name}.yaml") if path.name == name and not path.suffix else path)
 
     @classmethod
     def load(cls, path: str | Path) -> DeclaredScene:
@@ -103,19 +122,19 @@ class DeclaredScene:
             _check_known(key, known, "the scene")
         rows: list[np.ndarray] = []
         names: list[str] = []
-        massive: list[bool] = []
+        kinds: list[str] = []
         for kind in _ENTRIES:
             for name, row in _entries(kind, table.get(kind)):
                 if name in names:
                     raise FileError(f"two things are called '{name}'")
                 names.append(name)
                 rows.append(row)
-                massive.append(kind != "keep_out")
+                kinds.append(kind)
         for side, row in _workspace(table.get("workspace")):
             names.append(side)
             rows.append(row)
-            massive.append(False)
-        return cls(tuple(names), np.concatenate([no_solids(), *rows]), np.array(massive, dtype=bool))
+            kinds.append("workspace")
+        return cls(tuple(names), np.concatenate([no_solids(), *rows]), tuple(kinds))
 
     @property
     def obstacles(self) -> Obstacles:

@@ -1,4 +1,6 @@
-"""The digital twin: a Panda in PyBullet that follows tool poses or joint positions, among moving spheres."""
+"""The digital twin: a Panda in PyBullet that follows tool poses or joint positions, in a declared scene, among moving
+spheres.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pybullet_data
+from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.errors import ParameterError, RobotError
+from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.simulation.camera import take_picture, view_named
 from geodesic_motion_ros.simulation.joint_motion import JointMotion
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
@@ -29,12 +34,11 @@ OBSTACLE_COLOURS = (
     (0.16, 0.50, 0.73),
     (0.15, 0.63, 0.45),
 )
-TABLE_COLOUR = (0.72, 0.75, 0.79, 1.0)
-TABLE_HALF_EXTENTS = (0.75, 0.9, 0.03)
+SCENE_COLOUR = (0.72, 0.75, 0.79, 1.0)
 
 
 class PandaWorld:
-    """A Panda on a table, with gravity, joint motors, kinematic spheres as obstacles, and a camera.
+    """A Panda in a declared scene, with gravity, joint motors, kinematic spheres as obstacles, and a camera.
 
     Each world is a physics server of its own, so several may live in one process. Base frame = world frame.
 
@@ -42,6 +46,8 @@ class PandaWorld:
     ----------
     gui : open PyBullet's window instead of running headless.
     rate_hz : physics steps per second of simulated time.
+    scene : what always stands around the arm; None: the table of config/scenes. Keep-out boxes and workspaces are no
+        bodies.
 
     Attributes
     ----------
@@ -49,7 +55,7 @@ class PandaWorld:
     clock_offset : what the clock that begins of trajectories are given on shows [s] when `time` is 0; 0 after a reset.
     """
 
-    def __init__(self, gui: bool = False, rate_hz: float = 240.0) -> None:
+    def __init__(self, gui: bool = False, rate_hz: float = 240.0, scene: DeclaredScene | None = None) -> None:
         if not 100.0 <= rate_hz <= 2000.0:
             raise ParameterError(f"rate_hz is {rate_hz}: physics runs at 100 to 2000 steps per second")
         self.robot = Robot.panda()
@@ -60,7 +66,7 @@ class PandaWorld:
         self._client = PhysicsClient(gui)
         self._obstacles: dict[str, tuple[int, float]] = {}
         self._decorations: list[int] = []
-        self._build(gui)
+        self._build(gui, DeclaredScene.load(find_shared("config/scenes/table.yaml")) if scene is None else scene)
         self.reset()
 
     def reset(
@@ -222,16 +228,17 @@ class PandaWorld:
         return nearest
 
     def own_clearance(self, cutoff: float = 0.2) -> tuple[float, str]:
-        """Smallest signed distance [m] from the moving arm to the table or to itself, and what comes so near.
+        """Smallest signed distance [m] from the moving arm to the scene or to itself, and what comes so near.
 
         Links moved by neighbouring joints touch by design and do not count. (inf, "") beyond `cutoff` [m].
         """
         closest = self._client.getClosestPoints
         nearest = (np.inf, "")
-        for point in closest(self._arm, self._table, cutoff):
-            # the first link turns about the vertical and comes no nearer to the table
-            if point[3] >= 1 and point[8] < nearest[0]:
-                nearest = (point[8], f"{self._link_names[point[3]]} and the table")
+        for body, name in self._scene.items():
+            for point in closest(self._arm, body, cutoff):
+                # what the base is mounted on touches it
+                if point[3] >= 0 and point[8] < nearest[0]:
+                    nearest = (point[8], f"{self._link_names[point[3]]} and '{name}'")
         for point in closest(self._arm, self._arm, cutoff):
             one, other = point[3], point[4]
             # what is mounted on the flange moves with the last joint
@@ -240,13 +247,17 @@ class PandaWorld:
                 nearest = (point[8], f"{self._link_names[one]} and {self._link_names[other]}")
         return nearest
 
-    def contacts(self) -> int:
-        """Number of contact points (distance <= 0) between arm and obstacles at the last step."""
-        return sum(
-            point[8] <= 0.0
-            for body, _ in self._obstacles.values()
+    def contacts(self) -> dict[str, str]:
+        """Names of the obstacles and of the parts of the scene that the arm touched (distance <= 0) at the last step,
+        each with the name of a link that touched it. The arm's base may stand on the scene.
+        """
+        bodies = {body: name for name, (body, _) in self._obstacles.items()}
+        return {
+            name: self._link_names[point[3]]
+            for body, name in {**self._scene, **bodies}.items()
             for point in self._client.getContactPoints(self._arm, body)
-        )
+            if point[8] <= 0.0 and (point[3] >= 0 or body in bodies)
+        }
 
     def add_curve(self, points: np.ndarray, colour: tuple[float, float, float], radius: float = 0.004) -> None:
         """Draw a curve (n, 3) [m] as a thin tube of one colour (r, g, b in [0, 1]); it touches nothing."""
@@ -281,16 +292,18 @@ class PandaWorld:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _build(self, gui: bool) -> None:
+    def _build(self, gui: bool, scene: DeclaredScene) -> None:
         client = self._client
         if gui:
             client.configureDebugVisualizer(client.COV_ENABLE_GUI, 0)
         client.setTimeStep(self.dt)
         client.setGravity(0.0, 0.0, -9.81)
-        size = {"halfExtents": TABLE_HALF_EXTENTS}
-        table = client.createCollisionShape(client.GEOM_BOX, **size)
-        look = client.createVisualShape(client.GEOM_BOX, **size, rgbaColor=TABLE_COLOUR)
-        self._table = client.createMultiBody(0.0, table, look, basePosition=(0.15, 0.0, -TABLE_HALF_EXTENTS[2]))
+        # PyBullet's numbers of the bodies, and their names
+        self._scene = {
+            self._add_solid(solid, kind): name
+            for name, solid, kind in zip(scene.names, scene.solids, scene.kinds, strict=True)
+            if kind in MASSIVE
+        }
         self._arm = client.loadURDF(str(PANDA_URDF), useFixedBase=True)
         infos = [client.getJointInfo(self._arm, index) for index in range(client.getNumJoints(self._arm))]
         index_of = {info[1].decode(): info[0] for info in infos}
@@ -314,6 +327,20 @@ class PandaWorld:
             positionGains=[POSITION_GAIN] * count,
             velocityGains=[1.0] * count,
         )
+
+    def _add_solid(self, solid: np.ndarray, kind: str) -> int:
+        """A body of a row (16,) of a scene's solids, which stands in this list of its file."""
+        client = self._client
+        x, y, z = solid[3:6].tolist()
+        if kind == "cylinders":
+            shape = client.createCollisionShape(client.GEOM_CYLINDER, radius=x, height=2.0 * z)
+            look = client.createVisualShape(client.GEOM_CYLINDER, radius=x, length=2.0 * z, rgbaColor=SCENE_COLOUR)
+        else:
+            shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=(x, y, z))
+            look = client.createVisualShape(client.GEOM_BOX, halfExtents=(x, y, z), rgbaColor=SCENE_COLOUR)
+        # scalar last, as PyBullet wants it
+        turn = Rotation.from_matrix(solid[7:].reshape(3, 3)).as_quat()
+        return client.createMultiBody(0.0, shape, look, basePosition=solid[:3], baseOrientation=turn)
 
     def _add_sphere(self, centre: np.ndarray, radius: float) -> int:
         client = self._client

@@ -118,7 +118,7 @@ def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options,
 @pytest.mark.parametrize("avoidance", [False, True], ids=["control: avoidance off", "avoidance on"])
 def test_a_ball_on_the_way_is_hit_without_avoidance_and_not_with_it(bench, options, skill, start_joints, avoidance):
     watch(bench)
-    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), scene=BALL, spawn_at_start=True)
+    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), spheres=BALL, spawn_at_start=True)
     planner = bench.add(PlannerNode, **options, avoidance=avoidance)
     bench.wait_for_code("NO_GOAL")
     bench.wait(lambda: len(planner._inputs.snapshot().obstacles.radii), "the ball at the planner")
@@ -137,7 +137,7 @@ def test_what_blocks_every_demonstrated_path_is_gone_round_once_a_scene_is_decla
 ):
     watch(bench)
     wide = BALL.replace("0.03}", "0.08}")
-    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), scene=wide, spawn_at_start=True)
+    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), scene=scene, spheres=wide, spawn_at_start=True)
     planner = bench.add(PlannerNode, **options, scene=scene, patience=0.5)
     bench.wait_for_code("NO_GOAL")
     bench.wait(lambda: len(planner._inputs.snapshot().obstacles.radii), "the ball at the planner")
@@ -252,9 +252,10 @@ def test_an_unreadable_parameter_file_is_said_in_one_line(bench):
         ("planner", {"rate": "5.0"}, "parameter rate = 5.0: expected a float (write 1.0, not 1) from 10 to 1000 [Hz]"),
         ("planner", {"spede": "0.1"}, "parameter spede does not exist; did you mean speed?"),
         ("planner", {"method": "paper"}, "it certifies nothing and may lead through obstacles; set simulation_only"),
-        ("twin", {"scene": "volcano"}, "there is no scene 'volcano'"),
+        ("twin", {"spheres": "volcano"}, "there are no spheres 'volcano'"),
+        ("twin", {"scene": "two"}, "the parameter `spheres` now"),
     ],
-    ids=["missing skill", "out of range", "unknown parameter", "the paper on an arm", "unknown scene"],
+    ids=["missing skill", "out of range", "unknown parameter", "the paper on an arm", "unknown spheres", "old name"],
 )
 def test_what_prevents_a_start_is_said_in_one_line(bench, node, parameters, reason):
     process = bench.launch(f"{node}_node", **parameters)

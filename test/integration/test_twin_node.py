@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -51,8 +52,8 @@ def position(message: PoseStamped) -> np.ndarray:
     return np.array([point.x, point.y, point.z])
 
 
-def spawn(bench, scene: str) -> Trigger.Response:
-    bench.twin.set_parameters([Parameter("scene", value=scene)])
+def spawn(bench, spheres: str) -> Trigger.Response:
+    bench.twin.set_parameters([Parameter("spheres", value=spheres)])
     return bench.call(Trigger, "twin/spawn_obstacles", Trigger.Request())
 
 
@@ -127,7 +128,7 @@ def test_contacts_and_penetration_are_noticed_until_reset(twin):
     assert twin.heard["twin/clearance"][-1].data == math.inf
 
 
-def test_an_emptied_scene_deletes_its_markers_and_falls_silent(twin):
+def test_spheres_that_go_delete_their_markers_and_it_falls_silent(twin):
     spawn(twin, TWO)
     twin.wait(lambda: twin.heard["obstacles"], "obstacles")
     spawn(twin, "empty")
@@ -185,18 +186,18 @@ def test_two_commanders_are_warned_of(twin, kind, topic):
     twin.wait(lambda: any(said in log.msg for log in twin.heard["/rosout"]), "the warning")
 
 
-def test_unknown_scenes_are_refused_by_name(twin):
-    result = twin.twin.set_parameters([Parameter("scene", value="volcano")])[0]
+def test_unknown_spheres_are_refused_by_name(twin):
+    result = twin.twin.set_parameters([Parameter("spheres", value="volcano")])[0]
     assert not result.successful
     assert "volcano" in result.reason
-    result = twin.twin.set_parameters([Parameter("scene", value="{ball: {kind: static, radius: 0.1}}")])[0]
+    result = twin.twin.set_parameters([Parameter("spheres", value="{ball: {kind: static, radius: 0.1}}")])[0]
     assert not result.successful
     assert "no 'centre'" in result.reason
 
 
-@pytest.mark.parametrize("scene", ["2001-13-45", "{ball: {kind: [static]}}"])
-def test_scenes_that_yaml_makes_something_strange_of_are_refused(twin, scene):
-    result = twin.twin.set_parameters([Parameter("scene", value=scene)])[0]
+@pytest.mark.parametrize("spheres", ["2001-13-45", "{ball: {kind: [static]}}"])
+def test_spheres_that_yaml_makes_something_strange_of_are_refused(twin, spheres):
+    result = twin.twin.set_parameters([Parameter("spheres", value=spheres)])[0]
     assert not result.successful
     assert "internal error" not in result.reason
 
@@ -208,7 +209,7 @@ class TestFaults:
     def test_in_a_service(self, twin, monkeypatch, service):
         with monkeypatch.context() as patch:
             patch.setattr(twin.twin._world, "reset", fail)
-            patch.setattr(twin_node, "_scene", fail)
+            patch.setattr(twin_node, "_spheres", fail)
             answer = twin.call(Trigger, f"twin/{service}", Trigger.Request())
         assert not answer.success
         assert answer.message == "internal error, see the log: ZeroDivisionError()"
@@ -231,14 +232,53 @@ class TestFaults:
 
     def test_in_a_parameter(self, twin, monkeypatch):
         with monkeypatch.context() as patch:
-            patch.setattr(twin_node, "_scene", fail)
-            result = twin.twin.set_parameters([Parameter("scene", value="two")])[0]
+            patch.setattr(twin_node, "_spheres", fail)
+            result = twin.twin.set_parameters([Parameter("spheres", value="two")])[0]
         assert (result.successful, result.reason) == (False, "internal error, see the log: ZeroDivisionError()")
-        assert twin.twin.get_parameter("scene").value == ""
+        assert twin.twin.get_parameter("spheres").value == ""
 
 
 def fail(*arguments):
     raise ZeroDivisionError
+
+
+@pytest.mark.parametrize("scene", ["table", "none", ""], ids=["table", "control: none", "control: nothing declared"])
+def test_an_arm_that_is_pressed_on_the_declared_table_is_reported(bench, make_pose, scene):
+    bench.add(TwinNode, skill="", scene=scene)
+    for topic, kind in {"ee_pose": PoseStamped, "twin/contacts": UInt32, "twin/clearance": Float64}.items():
+        bench.listen(kind, topic)
+    bench.listen(Log, "/rosout", 100)
+    publisher = bench.publisher(PoseStamped, "target_pose")
+    below = make_pose(np.array([0.55, 0.0, -0.03, 0.0, 1.0, 0.0, 0.0]))
+    bench.repeat(0.02, lambda: publisher.publish(below))
+    if scene == "table":
+        bench.wait(lambda: bench.heard["twin/contacts"] and bench.heard["twin/contacts"][-1].data > 0, "contacts")
+        warned = lambda: [log.msg for log in bench.heard["/rosout"] if "touches 'table'" in log.msg]  # noqa: E731
+        assert bench.wait(warned, "the warning")[0].startswith("panda_")
+        assert min(position(pose)[2] for pose in bench.heard["ee_pose"]) > -0.01
+    else:
+        bench.wait(lambda: bench.heard["ee_pose"] and position(bench.heard["ee_pose"][-1])[2] < -0.025, "the arm below")
+        assert bench.heard["twin/contacts"][-1].data == 0
+    # of obstacles alone: the scene stands in a file
+    assert bench.heard["twin/clearance"][-1].data == math.inf
+
+
+@pytest.mark.parametrize("scene", ["two", ON_THE_HAND, "ball:\n  kind: circle"])
+def test_spheres_as_the_scene_are_refused_with_the_name_of_their_parameter(bench, scene):
+    with pytest.raises(ParameterError, match=r"parameter scene = .*the parameter `spheres` now"):
+        bench.add(TwinNode, skill="", scene=scene)
+
+
+@pytest.mark.parametrize(
+    ("scene", "reason"),
+    [("nowhere", "scenes/nowhere.yaml"), ("/nowhere/scene.yaml", "cannot be read"), ("crate.yaml", "did you mean")],
+)
+def test_a_scene_that_cannot_be_used_is_named_at_the_start(bench, tmp_path, monkeypatch, scene, reason):
+    monkeypatch.chdir(tmp_path)
+    Path("crate.yaml").write_text("boxs: []")
+    with pytest.raises(ParameterError, match="parameter scene: ") as error:
+        bench.add(TwinNode, skill="", scene=scene)
+    assert reason in str(error.value)
 
 
 def test_start_outside_the_joint_limits_is_refused(bench):

@@ -150,6 +150,13 @@ def demo_process(out: Path, *options: str) -> subprocess.Popen[str]:
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+def test_a_scene_that_does_not_exist_is_named(tmp_path: Path) -> None:
+    process = demo_process(tmp_path, "--scene", "nowhere")
+    _, errors = process.communicate(timeout=120.0)
+    assert process.returncode == 2
+    assert errors.startswith("demo: config/scenes/nowhere.yaml is not shipped")
+
+
 @pytest.mark.realtime
 @pytest.mark.parametrize(
     ("skill", "extra", "pictures"),

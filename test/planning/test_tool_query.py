@@ -18,7 +18,7 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position
-from geodesic_motion_ros.simulation.scenes import LineObstacle
+from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

@@ -10,12 +10,18 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations
 from geodesic_motion_ros.errors import ParameterError, RobotError
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error, solve
+from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.simulation.camera import VIEWS
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.simulation.world import PandaWorld
 
 Pose = tuple[np.ndarray, np.ndarray]
+#: A quaternion that turns z to -y.
+LYING = [0.5**0.5, 0.5**0.5, 0.0, 0.0]
+#: The hand points down.
+DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
@@ -339,14 +345,82 @@ def test_clearance_names_the_elbow(world: PandaWorld) -> None:
     assert 0.3 - 0.05 - 0.12 < distance < 0.3 - 0.05
 
 
+def pressed_down(scene: DeclaredScene) -> tuple[dict[str, str], float]:
+    """What the arm touches when its finger tips are sent 3 cm below z = 0, and how high they get [m]."""
+    place = np.array([0.5, 0.0, 0.1])
+    with PandaWorld(scene=scene) as world:
+        world.reset(tool_pose=(place, DOWN))
+        assert world.contacts() == {}
+        play(world, lambda time: (place - [0.0, 0.0, ramped(time, 0.1, 0.13, 0.5)], DOWN), 2.0)
+        return world.contacts(), float(world.tool_pose()[0][2])
+
+
+def test_an_arm_that_is_pressed_on_the_declared_table_touches_it() -> None:
+    """With the control: without the scene the arm goes where it is sent."""
+    table = DeclaredScene.load(find_shared("config/scenes/table.yaml"))
+    contacts, height = pressed_down(table)
+    assert contacts.keys() == {"table"}
+    assert contacts["table"] in ("panda_leftfinger", "panda_rightfinger", "panda_hand")
+    assert height > -0.01
+    contacts, height = pressed_down(DeclaredScene.empty())
+    assert contacts == {}
+    assert height == pytest.approx(-0.03, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "entry"),
+    [
+        ("boxes", {"centre": [0.5, 0.0, -0.05], "size": [0.3, 0.3, 0.1]}),
+        # its axis along y: upright it would be 0.8 m high
+        ("cylinders", {"centre": [0.5, 0.0, -0.1], "radius": 0.1, "height": 0.8, "quaternion": LYING}),
+        ("planes", {"point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}),
+    ],
+)
+def test_a_body_is_where_its_scene_declares_it(kind: str, entry: dict) -> None:
+    scene = DeclaredScene.of({kind: [{"name": "thing", **entry}]})
+    with PandaWorld(scene=scene) as world:
+        world.reset(tool_pose=(np.array([0.5, 0.0, 0.022]), DOWN))
+        high, between = world.own_clearance()
+        assert between.endswith("finger and 'thing'")
+        world.reset(tool_pose=(np.array([0.5, 0.0, 0.012]), DOWN))
+        low, _ = world.own_clearance()
+    assert high - low == pytest.approx(0.01, abs=1e-3)
+    assert 0.0 < low < 0.012
+
+
+def test_a_cylinder_is_round() -> None:
+    """With the control: a hand beside it touches the edge of the box around it."""
+    turned = {"centre": [0.5, 0.0, 0.0], "quaternion": [np.cos(np.pi / 8), 0.0, 0.0, np.sin(np.pi / 8)]}
+    apart = []
+    for table in (
+        {"cylinders": [{"name": "thing", **turned, "radius": 0.2, "height": 0.6}]},
+        {"boxes": [{"name": "thing", **turned, "size": [0.4, 0.4, 0.6]}]},
+    ):
+        with PandaWorld(scene=DeclaredScene.of(table)) as world:
+            world.reset(tool_pose=(np.array([0.5, 0.35, 0.2]), DOWN))
+            apart.append(world.own_clearance()[0])
+    assert apart[1] < 0.0 < apart[0]
+
+
+def test_empty_space_is_no_body() -> None:
+    space = {"centre": [0.5, 0.0, 0.1], "size": [0.4, 0.4, 0.4]}
+    lower, upper = [-1.0, -1.0, 0.05], [1.0, 1.0, 1.5]
+    scene = DeclaredScene.of({"keep_out": [{"name": "screen", **space}], "workspace": {"lower": lower, "upper": upper}})
+    assert pressed_down(scene)[0] == {}
+
+
+def test_the_base_may_stand_on_the_scene(world: PandaWorld) -> None:
+    world.step()
+    assert world.contacts() == {}
+
+
 def test_the_arm_sees_the_table_and_itself(world: PandaWorld) -> None:
     assert world.own_clearance()[0] > 0.02
-    down = np.array([0.0, 1.0, 0.0, 0.0])
     heights = []
     for height in (0.012, 0.022):
-        world.reset(tool_pose=(np.array([0.5, 0.0, height]), down))
+        world.reset(tool_pose=(np.array([0.5, 0.0, height]), DOWN))
         clearance, between = world.own_clearance()
-        assert between in ("panda_leftfinger and the table", "panda_rightfinger and the table")
+        assert between in ("panda_leftfinger and 'table'", "panda_rightfinger and 'table'")
         heights.append(clearance)
     assert heights[1] - heights[0] == pytest.approx(0.01, abs=1e-3)
     world.reset(np.array([0.0, -0.4, 0.0, -3.05, 0.0, 0.1, 0.8]))
@@ -371,7 +445,7 @@ def test_a_sphere_that_runs_into_the_hand_is_felt(world: PandaWorld) -> None:
         for y in np.linspace(-0.25, 0.1, 120):
             world.set_obstacles({"ball": (tool + [offset, y, 0.0], 0.05)})
             world.step()
-            touched += world.contacts()
+            touched += "ball" in world.contacts()
             nearest = min(nearest, world.clearance()[0])
         return touched, nearest
 

@@ -119,12 +119,12 @@ class Asking:
         return parameter_value_to_python(response.values[0])
 
     def show_scene(self, scene: Mapping[str, Mapping[str, Any]]) -> None:
-        """Put obstacles into the twin's world, in the place of those before; as of `simulation/scenes.py`."""
+        """Put obstacles into the twin's world, in the place of those before; as of `simulation/scripted_spheres.py`."""
         if not scene and not self._scene_shown:
             return
-        result = self.set_parameters("twin", scene=yaml.safe_dump(dict(scene)) if scene else "")
+        result = self.set_parameters("twin", spheres=yaml.safe_dump(dict(scene)) if scene else "")
         if not result.successful:
-            raise NotSeenError(f"the twin refuses a scene: {result.reason}")
+            raise NotSeenError(f"the twin refuses spheres: {result.reason}")
         self.trigger("twin/spawn_obstacles")
         self._scene_shown = bool(scene)
 

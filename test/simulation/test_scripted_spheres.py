@@ -7,14 +7,14 @@ import pytest
 import yaml
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.simulation.scenes import (
-    SCENES,
+from geodesic_motion_ros.simulation.scripted_spheres import (
+    NAMED,
     CircleObstacle,
     LineObstacle,
-    Scene,
+    ScriptedSpheres,
     StaticObstacle,
     crossing,
-    scene_named,
+    spheres_named,
 )
 
 
@@ -51,8 +51,8 @@ def test_a_crossing_obstacle_passes_its_point_on_time() -> None:
     assert (ball.speed, ball.radius) == (0.1, 0.04)
 
 
-def test_a_scene_comes_from_yaml() -> None:
-    scene = Scene.from_dict(
+def test_spheres_come_from_yaml() -> None:
+    script = ScriptedSpheres.from_dict(
         yaml.safe_load(
             """
             ball: {kind: line, start: [0.5, -0.4, 0.3], end: [0.5, 0.2, 0.3],
@@ -61,25 +61,25 @@ def test_a_scene_comes_from_yaml() -> None:
             """
         )
     )
-    spheres = scene.obstacles(2.0)
+    spheres = script.obstacles(2.0)
     assert list(spheres) == ["ball", "post"]
     np.testing.assert_allclose(spheres["ball"][0], [0.5, -0.2, 0.3])
     assert [radius for _, radius in spheres.values()] == [0.05, 0.04]
 
 
-@pytest.mark.parametrize("name", sorted(SCENES))
-def test_the_named_scenes_can_be_played(name: str) -> None:
-    scene = scene_named(name)
+@pytest.mark.parametrize("name", sorted(NAMED))
+def test_the_named_spheres_can_be_played(name: str) -> None:
+    script = spheres_named(name)
     for time in (0.0, 1.0, 100.0):
-        for centre, radius in scene.obstacles(time).values():
+        for centre, radius in script.obstacles(time).values():
             assert centre.shape == (3,)
             assert np.all(np.isfinite(centre))
             assert radius > 0.0
 
 
-def test_an_unknown_scene_is_answered_with_those_that_exist() -> None:
+def test_an_unknown_name_is_answered_with_those_that_exist() -> None:
     with pytest.raises(ParameterError, match=r"'nowhere'.*empty, static, crossing"):
-        scene_named("nowhere")
+        spheres_named("nowhere")
 
 
 @pytest.mark.parametrize(
@@ -127,12 +127,12 @@ def test_an_unknown_scene_is_answered_with_those_that_exist() -> None:
 )
 def test_a_script_that_makes_no_sense_is_named(entry: object, message: str) -> None:
     with pytest.raises(ParameterError, match=message):
-        Scene.from_dict({"ball": entry})
+        ScriptedSpheres.from_dict({"ball": entry})
 
 
-def test_a_scene_must_be_a_mapping() -> None:
+def test_a_script_must_be_a_mapping() -> None:
     with pytest.raises(ParameterError, match="is a list"):
-        Scene.from_dict([1, 2])
+        ScriptedSpheres.from_dict([1, 2])
 
 
 @pytest.mark.parametrize(

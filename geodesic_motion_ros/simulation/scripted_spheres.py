@@ -1,6 +1,6 @@
 """Scripted obstacles: spheres whose centres are functions of time.
 
-A scene is written as a mapping, in code or in YAML, from a name to the fields of one obstacle:
+They are written as a mapping, in code or in YAML, from a name to the fields of one obstacle:
 
     ball:  {kind: line, start: [0.5, -0.4, 0.3], end: [0.5, 0.2, 0.3], speed: 0.2, radius: 0.05}
     post:  {kind: static, centre: [0.4, 0.0, 0.2], radius: 0.04}
@@ -100,21 +100,21 @@ KINDS: dict[str, type[Obstacle]] = {kind.kind: kind for kind in (StaticObstacle,
 
 
 @dataclass(frozen=True)
-class Scene:
+class ScriptedSpheres:
     """Named obstacles that move by script."""
 
     items: Mapping[str, Obstacle]
 
     @classmethod
-    def from_dict(cls, description: Mapping[str, Mapping]) -> Scene:
-        """A scene from name -> fields of an obstacle, as YAML gives it (see the head of this module).
+    def from_dict(cls, description: Mapping[str, Mapping]) -> ScriptedSpheres:
+        """From name -> fields of an obstacle, as YAML gives it (see the head of this module).
 
         Raises
         ------
         ParameterError : an unknown kind, a field missing, unknown or out of range; the obstacle is named.
         """
         if not isinstance(description, Mapping):
-            raise ParameterError(f"a scene maps names to obstacles, but this is a {type(description).__name__}")
+            raise ParameterError(f"scripted spheres map names to obstacles, but this is a {type(description).__name__}")
         return cls({str(name): _obstacle_from_dict(str(name), entry) for name, entry in description.items()})
 
     def obstacles(self, time: float) -> dict[str, tuple[np.ndarray, float]]:
@@ -160,8 +160,8 @@ def crossing(
     )
 
 
-# Scenes in front of the Panda, for a twin started without a task of its own.
-SCENES: dict[str, dict[str, dict]] = {
+#: Obstacles in front of the Panda, for a twin started without a task of its own.
+NAMED: dict[str, dict[str, dict]] = {
     "empty": {},
     "static": {"post": {"kind": "static", "centre": [0.45, -0.10, 0.30], "radius": 0.05}},
     "crossing": {
@@ -203,16 +203,16 @@ SCENES: dict[str, dict[str, dict]] = {
 }
 
 
-def scene_named(name: str) -> Scene:
-    """One of `SCENES`.
+def spheres_named(name: str) -> ScriptedSpheres:
+    """One of `NAMED`.
 
     Raises
     ------
-    ParameterError : there is no such scene; the message lists those there are.
+    ParameterError : there is none of this name; the message lists those there are.
     """
-    if name not in SCENES:
-        raise ParameterError(f"there is no scene '{name}': the scenes are {', '.join(SCENES)}")
-    return Scene.from_dict(SCENES[name])
+    if name not in NAMED:
+        raise ParameterError(f"there are no spheres '{name}': there are {', '.join(NAMED)}")
+    return ScriptedSpheres.from_dict(NAMED[name])
 
 
 def _obstacle_from_dict(name: str, entry: Mapping) -> Obstacle:
