@@ -52,10 +52,10 @@ class MovingReport:
                     str(count): {
                         "ticks": len(ticks.every.cpu), "searched": len(ticks.searched.cpu),
                         "cpu_ms": percentiles_ms(ticks.every.cpu), "tick_ms": percentiles_ms(ticks.every.wall),
-                        "searched_cpu_ms": _percentiles(ticks.searched.cpu), "cost_error_max": ticks.error,
+                        "searched_cpu_ms": percentiles_ms(ticks.searched.cpu), "cost_error_max": ticks.error,
                         "search_cpu_ms": {
-                            "ours": _percentiles(ticks.searches.cpu), "A*": _percentiles(ticks.one_sided.cpu),
-                            "dijkstra": _percentiles(ticks.plain.cpu),
+                            "ours": percentiles_ms(ticks.searches.cpu), "A*": percentiles_ms(ticks.one_sided.cpu),
+                            "dijkstra": percentiles_ms(ticks.plain.cpu),
                         },
                     }
                     for count, ticks in counts.items()
@@ -78,7 +78,7 @@ class MovingReport:
                 rows.append([
                     name, count, len(ticks.every.cpu), *percentiles_ms(ticks.every.cpu).values(),
                     f"{len(ticks.searched.cpu) / len(ticks.every.cpu):.0%}",
-                    *_percentiles(ticks.searched.cpu).values(), search, _median(ticks.one_sided.cpu) / search,
+                    *percentiles_ms(ticks.searched.cpu).values(), search, _median(ticks.one_sided.cpu) / search,
                     _median(ticks.plain.cpu) / search,
                 ])  # fmt: skip
         head = ["skill", "spheres", "ticks", "p50", "p99", "max", "searched", "p50", "p99", "max", "search", "A*",
@@ -127,11 +127,6 @@ def measure_moving(
                 bench.new_goals(motion, random, report.goals[skill.name])
             bar.update()
     return report
-
-
-def _percentiles(seconds: list[float]) -> dict[str, float]:
-    """As `percentiles_ms`; nan of none."""
-    return percentiles_ms(seconds) if seconds else dict.fromkeys(("p50", "p99", "max"), float("nan"))
 
 
 def _median(seconds: list[float]) -> float:

@@ -47,8 +47,8 @@ class Stopwatch:
 
 
 def percentiles_ms(seconds: list[float] | np.ndarray) -> dict[str, float]:
-    """p50, p99 and max [ms] of durations [s]."""
-    values = 1e3 * np.percentile(seconds, [50.0, 99.0, 100.0])
+    """p50, p99 and max [ms] of durations [s]; nan of none."""
+    values = 1e3 * np.percentile(seconds, [50.0, 99.0, 100.0]) if len(seconds) else np.full(3, np.nan)
     return dict(zip(("p50", "p99", "max"), values.tolist(), strict=True))
 
 

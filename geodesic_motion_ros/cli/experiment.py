@@ -36,6 +36,8 @@ whole-arm  spheres on the way of the whole arm, standing and moving: another way
 obstacle-laws  the same scenes of spheres on the arm's way under laws, strengths and widths of the ambient metric
 grasp-task   reach to grasp, poses of the tool: targets that were not shown, and paths across the clusters of q and -q
 pouring-task three bottles to three cups, poses of the tool: all nine pairs, a moving sphere, a chain over all cups
+detours    a sphere appears on the tool's path: the same motion with several largest detours, played side by side
+largest-sphere  the largest sphere on the tool's path that is passed, place by place, by how far a detour may lead
 limbs      a sphere beside the tool's way: how many solutions of the inverse kinematics hit it, and a skill that sees it
 grasp-joint  reach to grasp with the whole arm in families: energies within and across, which ways are left when blocked
 pouring-joint  three bottles to three cups with the whole arm: geodesics through several groups, played by the arm
@@ -64,6 +66,7 @@ examples:
   geodesic-motion experiment modes --save two_ways.npz
   geodesic-motion experiment whole-arm --moving-scenes 500 --processes 2
   geodesic-motion experiment obstacle-laws --scenes 200
+  geodesic-motion experiment largest-sphere --skill panda_reach_to_grasp
   geodesic-motion experiment volume
   geodesic-motion experiment all --seeds-from 10000
   geodesic-motion experiment rate --skill panda_reach_to_grasp --rates 100,250,500
@@ -193,6 +196,28 @@ EXPERIMENTS: dict[str, Experiment] = {
     "pouring-task": Experiment(
         "pouring in task space", measures.of_settings,
         (_count("--shown", 3, "demonstrations of each of three pairs"), _TRAININGS),
+    ),
+    "detours": Experiment(
+        "one obstacle, several detours", measures.detours,
+        (
+            _skill("panda_pouring"),
+            ("--detours", {
+                "type": metres, "default": "0,0.1,0.2", "metavar": "M,M", "help": "how far the tool may leave it [m]",
+            }),
+            ("--radius", {"type": float, "default": 0.065, "metavar": "M", "help": "of the sphere [m]"}),
+            ("--place", {"type": float, "default": 0.45, "help": "share of the motion at which the tool meets it"}),
+            ("--appears", {"type": float, "default": 0.2, "help": "share of the motion at which it appears"}),
+        ),
+    ),
+    "largest-sphere": Experiment(
+        "what detours pass", measures.largest_sphere,
+        (
+            _skill("panda_pouring"),
+            _count("--places", 20, "on the tool's path"),
+            ("--detours", {
+                "type": metres, "default": "0,0.1,0.22", "metavar": "M,M", "help": "how far the tool may leave it [m]",
+            }),
+        ),
     ),
     "limbs": Experiment(
         "what a skill of the tool does not see", measures.limbs,

@@ -123,6 +123,26 @@ def whole_arm(arguments: argparse.Namespace) -> Measured:
     return Measured.of(report, lambda report, path: draw_whole_arm(report, path.parent))
 
 
+def detours(arguments: argparse.Namespace) -> Measured:
+    """One motion of one skill, played with each largest detour."""
+    from geodesic_motion_ros.experiments.detours import draw_detours, measure_detours
+    from geodesic_motion_ros.skill import Skill
+
+    report = measure_detours(
+        Skill.load(arguments.skill), arguments.detours, arguments.radius, arguments.place, arguments.appears
+    )
+    return Measured.of(report, draw_detours)
+
+
+def largest_sphere(arguments: argparse.Namespace) -> Measured:
+    """Spheres on the path of one skill."""
+    from geodesic_motion_ros.experiments.largest_sphere import draw_largest, measure_largest
+    from geodesic_motion_ros.skill import Skill
+
+    found = measure_largest(Skill.load(arguments.skill), arguments.places, arguments.detours)
+    return Measured.of(found, draw_largest)
+
+
 def limbs(arguments: argparse.Namespace) -> Measured:
     """The tool's skill, trained for it, beside one of joint space."""
     from geodesic_motion_ros.experiments.limbs import LimbsSettings, draw_limbs, measure_limbs

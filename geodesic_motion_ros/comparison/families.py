@@ -55,7 +55,8 @@ SPARED = 0.5
 _PLACES = 3000
 
 
-def _standing(ways: Ways, random: np.random.Generator) -> Spheres | None:
+def draw_standing(ways: Ways, random: np.random.Generator) -> Spheres | None:
+    """One sphere that stands on a way and leaves start and goal free; None where the one that was drawn does not."""
     radius = random.uniform(*RADII)
     _, _, centre = ways.place(random)
     ends = ways.start_clearance(centre[None], radius), ways.goal_clearance(centre[None], radius)
@@ -64,7 +65,7 @@ def _standing(ways: Ways, random: np.random.Generator) -> Spheres | None:
 
 def _at_the_elbow(ways: Ways, random: np.random.Generator) -> Spheres | None:
     way, _, _ = ways.place(random)
-    standing = _standing(ways, random)
+    standing = draw_standing(ways, random)
     if standing is None:
         return None
     apart = ways.clearances(way, standing[0].begin, standing[0].radius)
@@ -118,13 +119,13 @@ def _spares_the_start(ways: Ways, sphere: MovingSphere) -> bool:
 def _draws(family: Family, random: np.random.Generator) -> Sequence[Draw]:
     """What is drawn one after the other."""
     several: dict[Family, tuple[Draw, int, int]] = {
-        "static": (_standing, 1, 3), "elbow": (_at_the_elbow, 1, 1), "crossing": (_crossing, 1, 3),
+        "static": (draw_standing, 1, 3), "elbow": (_at_the_elbow, 1, 1), "crossing": (_crossing, 1, 3),
         "chasing": (_chasing, 1, 2), "gate": (_gate, 1, 1),
     }  # fmt: skip
     if family == "none":
         return []
     if family == "crowd":
-        return [_standing] * 5 + [_crossing] * 5
+        return [draw_standing] * 5 + [_crossing] * 5
     draw, least, most = several[family]
     return [draw] * int(random.integers(least, most + 1))
 

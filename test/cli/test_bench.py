@@ -22,6 +22,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
         (["--skill", "panda_pouring"], "joint-space skill"),
         (["--skill", "panda_pouring", "panda_reach_to_grasp"], "one skill without --moving"),
         (["--moving", "0,-1"], "cannot be negative"),
+        (["--detours", "1,0"], "must be positive"),
         (["--moving", "0", "--skill", "no_such_skill"], "no skill 'no_such_skill'"),
         (["--json", "{file}/x.json"], "cannot be written"),
     ],

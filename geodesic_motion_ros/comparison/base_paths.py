@@ -1,0 +1,142 @@
+"""Base paths of detours: what the geodesic of a skill is worth as the path that a detour leaves.
+
+The detour planner takes any path of configurations as its base (`planning/detour_frame.py`). Here are others than the
+skill's geodesic, moved to the start and the goal of a scene as the rows of the comparison move demonstrations:
+
+- *mean demonstration*: the mean of those demonstrations that took the nearest one's mode;
+- *nearest demonstration*: that one itself;
+- *ProMP*: the mean of the primitive that is conditioned on start and goal.
+
+Search, band, time law and certificate are the same with each of them, and so is the metric: the covariance of the
+demonstrations of that mode at the same share of the path. Spheres stand; where nothing blocks its base, a detour is
+that base.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.methods.promp import Primitives
+from geodesic_motion_ros.comparison.scene import Scene
+from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
+from geodesic_motion_ros.demonstrations.similarity import Similarity, compare
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
+from geodesic_motion_ros.planning.detour_band import drawn_tight
+from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
+from geodesic_motion_ros.planning.detour_search import cheapest_detour
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
+from geodesic_motion_ros.verdict import Verdict, VerdictCode
+
+BasePath = Callable[[Arena, Scene], np.ndarray]
+#: A conditioned ProMP is sampled so often.
+_SAMPLES = 100
+
+
+def nearest_demonstration(arena: Arena, scene: Scene) -> np.ndarray:
+    """Configurations (m, eta) [rad] of the demonstration that begins and ends nearest, moved to start and goal."""
+    return scene.demonstrations[arena.nearest(scene.start, scene.goal)].positions
+
+
+def mean_demonstration(arena: Arena, scene: Scene) -> np.ndarray:
+    """Mean (m, eta) [rad] of those that took the same mode, at the same shares of their paths."""
+    mode = arena.modes[arena.nearest(scene.start, scene.goal)]
+    return arena.moved(scene.start, scene.goal)[arena.modes == mode].mean(axis=0)
+
+
+def conditioned_promp(arena: Arena, scene: Scene) -> np.ndarray:
+    """Mean (m, eta) [rad] of the primitive that begins nearest, conditioned on start and goal."""
+    primitives = Primitives(arena)
+    primitives.reset(scene)
+    return next(primitives.paths(scene.start, 0.0, Obstacles.none()))
+
+
+BASES: dict[str, BasePath] = {
+    "mean demonstration": mean_demonstration,
+    "ProMP": conditioned_promp,
+    "nearest demonstration": nearest_demonstration,
+}
+
+
+@dataclass(frozen=True)
+class BaseOutcome:
+    """What came of a scene with one base: the verdict, and how far the tool is from the closest demonstration."""
+
+    verdict: Verdict
+    similarity: Similarity | None
+
+
+class BaseDetours:
+    """Plans in scenes of standing spheres on one skill, from any base path."""
+
+    def __init__(self, arena: Arena, settings: PlannerSettings | None = None) -> None:
+        """settings : of the planner; its `detour` says how far all of them may lead."""
+        self._arena = arena
+        self._planner = planner = ReactivePlanner(arena.skill, settings, scene=DeclaredScene.empty())
+        self._solver = Solver(
+            arena.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits,
+            planner.scene,
+        )  # fmt: skip
+        self._detours = DetourPlanner(self._solver)
+        self._spread = DemonstratedSpread.of(arena.skill, arena.robot)
+
+    def ours(self, scene: Scene) -> BaseOutcome:
+        """The planner's own: what was demonstrated first, then a detour from the skill's geodesic."""
+        self._planner.take_obstacles(_standing(scene))
+        prepared = self._planner.prepared_configuration(scene.goal)
+        if isinstance(prepared, Verdict):
+            return BaseOutcome(prepared, None)
+        return self._outcome(scene, self._planner.plan_configurations(scene.start, prepared.goal))
+
+    def based(self, scene: Scene, base: BasePath) -> BaseOutcome:
+        """A detour from another base path."""
+        planner = self._planner
+        planner.stand_at(scene.start, 0.0)
+        prepared = planner.prepared_configuration(scene.goal)
+        if isinstance(prepared, Verdict) or prepared.query is None:
+            verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH, "the skill has no path between these ends")
+            return BaseOutcome(prepared if isinstance(prepared, Verdict) else verdict, None)
+        plan = self._plan(prepared.query, self._frame(prepared.query, scene, base), _standing(scene))
+        return self._outcome(scene, plan)
+
+    def _frame(self, query: HeldQuery, scene: Scene, base: BasePath) -> DetourFrame:
+        arena, path = self._arena, base(self._arena, scene)
+        share, mode = arc_length_fractions(path), arena.modes[arena.nearest(scene.start, scene.goal)]
+        of_mode = np.tile(np.arange(len(self._spread.covariances)) == mode, (len(path), 1)).astype(float)
+        covariances = query.turned_to_base(self._spread.at(share, of_mode))
+        return DetourFrame.along(arena.robot, path, share[:, None], covariances)
+
+    def _plan(self, query: HeldQuery, frame: DetourFrame, obstacles: Obstacles) -> Plan:
+        planner = self._planner
+        arm = ArmInScene.of(planner.robot, planner.collision, obstacles)
+        reach, margin = planner.settings.detour, planner.settings.obstacle_margin
+        path = cheapest_detour(frame, arm, reach, margin)
+        still = np.zeros_like(query.start)
+        state = MotionState(0.0, query.start, still, still, None)
+        if isinstance(path, str):
+            return Plan(None, 0.0, Verdict(VerdictCode.NO_FEASIBLE_PATH, path))
+        band = drawn_tight(frame, arm, path, reach, margin)
+        if band is None:
+            return Plan(None, 0.0, Verdict(VerdictCode.NO_FEASIBLE_PATH, "the arm cannot hold the band"))
+        return self._detours.plan(Detour.of(query, band, path.cost, path.evaluated), state, obstacles)
+
+    def _outcome(self, scene: Scene, plan: Plan) -> BaseOutcome:
+        if plan.reference is None:
+            return BaseOutcome(plan.verdict, None)
+        instants = np.linspace(0.0, plan.reference.duration, 200)
+        executed = self._arena.tool_curve(plan.reference.samples(instants)[0])
+        return BaseOutcome(plan.verdict, min((compare(executed, one) for one in scene.compared), key=lambda s: s.dtw))
+
+
+def _standing(scene: Scene) -> Obstacles:
+    """The scene's spheres, which stand."""
+    centres = np.array([sphere.begin for sphere in scene.spheres]).reshape(-1, 3)
+    return Obstacles.of_spheres(centres, np.array([sphere.radius for sphere in scene.spheres]))
