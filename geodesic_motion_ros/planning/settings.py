@@ -98,6 +98,9 @@ EVASION_RETURN_SHARE = 0.5
 #: An arm sets out towards a covered goal, or once more, where that leaves so much less of the path [m]: an arm does not
 #: follow every little move of what covers it. Of the arm what moves farthest counts.
 APPROACH_GAIN = 0.01
+#: An approach keeps this multiple of the obstacle margin, more than `DYNAMIC_MARGIN_FACTOR`: where the arm then stands
+#: it may have to set out among what moves, and what it stands before trembles.
+APPROACH_MARGIN_FACTOR = 3.0
 #: In motion a better approach is searched so often [s].
 APPROACH_PERIOD = 0.1
 #: An approach to which its certificate objects is made shorter so often, from 0 on.

@@ -334,8 +334,8 @@ class Solver:
             return None
         curve, latent, correction = path
         # An arm that stands nearer than that may stay so, but not come nearer.
-        factor = 1.0 if obstacles.stand else constants.DYNAMIC_MARGIN_FACTOR
-        kept = min(factor * self.settings.obstacle_margin, _SAME_CLEARANCE * here)
+        kept = min(constants.APPROACH_MARGIN_FACTOR * self.settings.obstacle_margin, _SAME_CLEARANCE * here)
+        margin = 0.0 if obstacles.stand else kept * constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
         placed = self.collision.positions(self.robot, curve)
         end, left = int(np.argmax(np.append(self.certifier.between(placed, swept) < kept, True))), _lengths_left(placed)
         for _ in range(1 + constants.APPROACH_CUTS):
@@ -345,7 +345,7 @@ class Solver:
             if timed.reference is None or timed.swept is None:
                 return None
             certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon)
-            met = self.certifier.first_objection(certificate, 0.0 if obstacles.stand else 0.5 * kept)
+            met = self.certifier.first_objection(certificate, margin)
             if met is None:
                 plan = Plan(self.certifier.certified(timed.reference, certificate), state.time, refusal)
                 to_goal = self._tool_distance(curve[end], query.goal)

@@ -103,9 +103,10 @@ def test_the_arm_goes_as_near_to_a_covered_goal_as_it_can_and_on_when_it_clears(
     assert played.plans[0].verdict.goal_distance == pytest.approx(far)
     assert stands.verdict.goal_distance == pytest.approx(played.to_goal, abs=1e-9)
     assert RADIUS < played.to_goal < 0.25 * far
-    # It keeps the margin, and uses what is there: the samples of a path lie no farther apart than this.
+    # It keeps its margin, and uses what is there: the samples of a path lie no farther apart than this.
     here = obstacle_clearance(planner.collision, planner.robot, played.posture, planner.obstacles)[0]
-    assert planner.settings.obstacle_margin <= here < planner.settings.obstacle_margin + 0.01
+    margin = constants.APPROACH_MARGIN_FACTOR * planner.settings.obstacle_margin
+    assert margin <= here < margin + 0.01
     assert played.least > 0.0
     planner.take_obstacles(Obstacles.none())
     found = played.run(TICK)[0]
@@ -255,4 +256,4 @@ def test_a_goal_that_the_declared_scene_covers_is_approached(name: str) -> None:
     assert {verdict.code for verdict in verdicts} == {VerdictCode.NO_FEASIBLE_PATH}
     assert all(verdict.goal_covered and "inside 'wall'" in verdict.reason for verdict in verdicts)
     assert verdicts[-1].goal_distance < 0.06 < verdicts[0].goal_distance
-    assert 0.0 < nearest < 0.02
+    assert 0.0 < nearest < 0.03
