@@ -181,6 +181,11 @@ class ArmCertifier:
         scene, _ = clearances_in_motion(times, placed, bulges, self._radii, self._moving, self._standing, 0.0)
         return SweptArm(times, placed, bulges, *self_clearances(placed, bulges, self._radii, self._pairs), scene)
 
+    def between(self, placed: np.ndarray, standing: Obstacles) -> np.ndarray:
+        """Clearance [m] of spheres that move straight from sample to sample (m, S, 3) from what stands, (m - 1,)."""
+        times, straight = np.arange(float(len(placed))), np.zeros((len(placed) - 1, placed.shape[1]))
+        return clearances_in_motion(times, placed, straight, self._radii, self._moving, standing, 0.0)[0]
+
     def certify_swept(
         self, swept: SweptArm, obstacles: Obstacles, horizon: float, beyond: bool = True
     ) -> Certificate:
@@ -219,6 +224,12 @@ class ArmCertifier:
             begin = certificate.times[int(np.argmax(certificate.scene_clearance < 0.0))]
             return f"{certificate.entered} of the scene after {max(0.0, begin):.2f} s"
         return None
+
+    def first_objection(self, certificate: Certificate, margin: float = 0.0) -> float | None:
+        """When [s] the first of what `objection` objects to begins; None where it does not."""
+        bad = (certificate.clearance < margin) | (certificate.self_clearance < 0.0)
+        bad |= certificate.scene_clearance < 0.0
+        return max(0.0, float(certificate.times[int(np.argmax(bad))])) if np.any(bad) else None
 
     def _link(self, sphere: int) -> str:
         return self._robot.link_names[self._frames[sphere]]

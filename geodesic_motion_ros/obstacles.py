@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.solids import no_solids, solid_rows, solids_moved
+from geodesic_motion_ros.distance_field import DistanceField, field_distances
+from geodesic_motion_ros.solids import no_solids, solid_distances, solid_rows, solids_moved
 
 #: Nothing that an arm has to do with is farther away or larger [m], has turned further [rad], or is faster [m/s].
 LARGEST_NUMBER = 1000.0
@@ -91,6 +91,18 @@ class Obstacles:
             ages=self.ages[spheres], solid_ages=self.solid_ages[solids],
             velocity_errors=self.velocity_errors[spheres], solid_velocity_errors=self.solid_velocity_errors[solids],
         )  # fmt: skip
+
+    def leaving_free(self, centres: np.ndarray, radii: np.ndarray, prediction: float) -> Obstacles:
+        """Those alone that overlap none of a body's spheres (S, 3), (S,) [m] when they have moved on for a prediction
+        [s]; a cloud as a whole.
+        """
+        later = self.at(self.time + prediction, prediction)
+        spheres = np.linalg.norm(centres[:, None] - later.centres, axis=-1) > radii[:, None] + later.radii
+        solids = [bool(np.all(solid_distances(centres, row[None]) > radii)) for row in later.solids]
+        cloud = self.cloud
+        if cloud.squares.size and np.any(field_distances(centres, *cloud) <= radii):
+            cloud = DistanceField.none()
+        return self._only(np.all(spheres, axis=0), np.array(solids, dtype=bool), cloud)
 
     def objection(self) -> str:
         """What is wrong with the first obstacle that is not one, or ''."""

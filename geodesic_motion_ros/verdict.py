@@ -51,6 +51,9 @@ class Verdict:
         the same for the orientation [rad].
     displacement, swivel : how far the tool [m] and the arm beside it [rad] leave what was demonstrated, where the path
         is a detour; 0 elsewhere. deviation : the largest Mahalanobis distance of that, by the demonstrations' variance.
+    goal_covered : whether an obstacle, or the declared scene, overlaps the arm at the goal. It is a case of
+        NO_FEASIBLE_PATH and has no code of its own: the arm may move nearer, but nothing must take that for OK.
+    goal_distance : how far the tool is from such a goal [m]; nan elsewhere.
     """
 
     code: VerdictCode
@@ -71,6 +74,8 @@ class Verdict:
     displacement: float = 0.0
     swivel: float = 0.0
     deviation: float = 0.0
+    goal_covered: bool = False
+    goal_distance: float = math.nan
 
     @property
     def ok(self) -> bool:

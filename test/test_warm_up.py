@@ -60,6 +60,13 @@ for way in ways(planner):
     planner.tick(time_of + 0.1)
     planner.stop(time_of + 0.2, Verdict(VerdictCode.NO_GOAL))
 planner.plan(*ends)
+# The goal is covered.
+planner.stand_at(way[0], 5.0)
+planner.set_goal_configuration(way[-1])
+covered = end_effector_poses(way[-1:].copy(), planner.robot.chain)[0]
+planner.take_obstacles(Obstacles.of_spheres(covered, np.full(1, 0.05), np.zeros((1, 3)), 5.0))
+modes = [planner.tick(5.0 + 0.01 * number).mode.value for number in range(5)]
+assert "approaching" in modes, modes
 # No way, and something comes to where the arm stands.
 planner.stand_at(way[len(way) // 2], 10.0)
 planner.set_goal_configuration(way[-1])

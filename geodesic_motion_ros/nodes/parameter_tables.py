@@ -79,6 +79,11 @@ PLANNER = (
         3600.0,
     ),
     Parameter(
+        "approach_covered_goal",
+        True,
+        "Where an obstacle covers the goal the arm goes along its path as near to it as it can; false: it waits",
+    ),
+    Parameter(
         "obstacle_position_error",
         0.0,
         "How far obstacles may be from where their source says: so much more clearance is asked, besides how far the "

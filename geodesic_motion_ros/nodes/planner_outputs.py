@@ -158,6 +158,8 @@ class PlannerOutputs:
             "detour_mm": 1e3 * verdict.displacement,
             "swivel_rad": verdict.swivel,
             "deviation": verdict.deviation,
+            "goal_covered": verdict.goal_covered,
+            "goal_distance": verdict.goal_distance,
             **{name: getattr(verdict, name) for name in _END_FIGURES},
             "goal_code": output.goal_verdict.code.name,
             "goal_reason": output.goal_verdict.reason,

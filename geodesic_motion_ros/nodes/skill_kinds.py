@@ -33,7 +33,7 @@ _SETTINGS = (
     "avoidance", "avoid", "obstacle_margin", "obstacle_position_error", "ambient_strength", "ambient_width_ratio",
     "ambient_law", "cost_cap", "ridge_strength", "query_conditioning", "prediction", "maximum_offset",
     "maximum_offset_angle", "maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius",
-    "refine", "detour", "patience",
+    "refine", "detour", "patience", "approach_covered_goal",
 )  # fmt: skip
 #: Negative: what belongs to the kind of skill.
 _TOOL_LIMITS = ("speed", "angular_speed", "acceleration")

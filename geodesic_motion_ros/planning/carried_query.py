@@ -68,10 +68,11 @@ def edges_in_scene(
     scene: DeclaredScene, graph: WeightedGraph, body: NodeBody, start_node: int, goal_node: int, margin: float
 ) -> np.ndarray:
     """Mask (m,) of the edges at nodes where a body is nearer to a scene than a margin [m], or where that is less, than
-    half of what it keeps at both ends.
+    half of what it keeps at both ends; or deeper in it than at the goal, where that is inside: to be approached.
     """
     clearances = scene.clearances(body.spheres, body.sphere_radii)
-    kept = min(margin, 0.5 * float(min(clearances[start_node], clearances[goal_node])))
+    at_goal = float(clearances[goal_node])
+    kept = min(margin, 0.5 * float(clearances[start_node]), 0.5 * at_goal if at_goal > 0.0 else at_goal)
     return np.any((clearances < kept)[graph.edges], axis=1)
 
 

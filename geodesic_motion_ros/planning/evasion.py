@@ -74,7 +74,7 @@ def still_evading(situation: Situation) -> Step | None:
 def _left(situation: Situation) -> SweptArm:
     """Where the arm goes if it does not evade: it stops on a path to the goal, or plays what it plays."""
     followed = situation.followed
-    on_path = followed is not None and followed.verdict.ok and not situation.at_rest
+    on_path = followed is not None and (followed.verdict.ok or followed.approaching) and not situation.at_rest
     return situation.stop.swept if on_path else situation.left
 
 

@@ -14,6 +14,7 @@ class Mode(Enum):
     FOLLOWING = "following"  # it is on a certified path to the goal, or there
     WAITING = "waiting"  # it stands, and there is no path to the goal
     STOPPING = "stopping"  # it comes to rest along the path that it followed
+    APPROACHING = "approaching"  # the goal is covered: it goes as near to it as it can
     EVADING = "evading"  # it makes room for what comes to where it stood or stopped
     HOLDING = "holding"  # it stands, as an input is missing or a hold was requested
 
@@ -23,10 +24,12 @@ class Mode(Enum):
         return self in (Mode.IDLE, Mode.WAITING, Mode.HOLDING)
 
     @classmethod
-    def moving(cls, leads_to_goal: bool, evading: bool) -> Mode:
+    def moving(cls, leads_to_goal: bool, approaching: bool, evading: bool) -> Mode:
         """Of an arm that moves."""
         if leads_to_goal:
             return cls.FOLLOWING
+        if approaching:
+            return cls.APPROACHING
         return cls.EVADING if evading else cls.STOPPING
 
     @classmethod

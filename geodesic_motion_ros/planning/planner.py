@@ -31,6 +31,7 @@ from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import load_references
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.approach import approached, still_approaching
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_demonstrations
 from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
@@ -570,12 +571,18 @@ class ReactivePlanner:
         memory = memory.after(plan, query, blocked, attempts, situation)
         if plan.trajectory is not None:
             return self._taken(situation, query, plan, memory)
-        if situation.deadline.passed or situation.late.passed:
+        step = still_approaching(query, plan.verdict, situation)
+        if step is None and (situation.deadline.passed or situation.late.passed):
             step = still_evading(situation)
             if step is not None or situation.deadline.passed:
                 return _Decision(step or situation.stopped(plan.verdict), query, memory)
-        step, failed = evaded(self._solver, query, plan.verdict, situation, memory.last_failed_evasion)
-        memory = replace(memory, last_failed_evasion=failed)
+        if step is None:
+            step, failed = evaded(self._solver, query, plan.verdict, situation, memory.last_failed_evasion)
+            memory = replace(memory, last_failed_evasion=failed)
+        if (step is None or step.plan.trajectory is None) and memory.origin(query) is query:
+            nearer, search = approached(self._solver, query, plan.verdict, situation, memory.approach)
+            memory = memory.after_approach(search, nearer is not None)
+            step = nearer or step
         return _Decision(step or situation.stopped(plan.verdict), query, memory)
 
     def _solved(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.approach import ApproachSearch
 from geodesic_motion_ros.planning.detour import Detour
 from geodesic_motion_ros.planning.detour_worker import DetourJob
 from geodesic_motion_ros.planning.mission import Goal, Query
@@ -66,6 +67,7 @@ class SearchMemory:
     last_optimistic : when an optimistic attempt was last made for it [s].
     last_failed_evasion : when an evasion path was searched last and none found [s].
     blocked_since : since when the arm has had no path [s].
+    approach : the last one that was searched.
     """
 
     without_path: Query | None = None
@@ -75,6 +77,7 @@ class SearchMemory:
     last_failed_evasion: float = -math.inf
     blocked_since: float = math.inf
     detour: DetourSearch | None = None
+    approach: ApproachSearch | None = None
 
     def still_blocked(self, query: Query, obstacles: Obstacles) -> Blocked | None:
         """What was tried and found no path, where nothing has changed since."""
@@ -117,3 +120,7 @@ class SearchMemory:
         if plan.trajectory is not None:
             return replace(self, without_path=None, blocked=still, blocked_since=math.inf, detour=None)
         return replace(self, without_path=query, blocked=still, blocked_since=min(self.blocked_since, situation.now))
+
+    def after_approach(self, search: ApproachSearch | None, found: bool) -> SearchMemory:
+        """With the last approach that was searched; found : the arm leaves where it was blocked."""
+        return replace(self, approach=search, blocked=None if found else self.blocked)

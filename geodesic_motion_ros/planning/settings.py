@@ -93,6 +93,19 @@ EVASION_TARGETS, EVASION_COSINE = 4, 0.7
 #: From there the goal must be reachable, without obstacles, at less than this share, up to 1, of what a path may cost.
 EVASION_RETURN_SHARE = 0.5
 
+# ------------------------------------------------------------------ goals that are covered
+
+#: An arm sets out towards a covered goal, or once more, where that leaves so much less of the path [m]: an arm does not
+#: follow every little move of what covers it. Of the arm what moves farthest counts.
+APPROACH_GAIN = 0.01
+#: An approach keeps this multiple of the obstacle margin, more than `DYNAMIC_MARGIN_FACTOR`: where the arm then stands
+#: it may have to set out among what moves, and what it stands before trembles.
+APPROACH_MARGIN_FACTOR = 3.0
+#: In motion a better approach is searched so often [s].
+APPROACH_PERIOD = 0.1
+#: An approach to which its certificate objects is made shorter so often, from 0 on.
+APPROACH_CUTS = 3
+
 # ------------------------------------------------------------------ detours
 
 #: The tool leaves what was demonstrated by no more than this [m].
@@ -177,6 +190,8 @@ class PlannerSettings:
         `LARGEST_DETOUR`, if it was declared what stands around the arm; 0: it waits there.
     patience : obstacles may go by themselves: a detour begins when they have stood, or blocked the arm, for so long
         [s].
+    approach_covered_goal : where an obstacle covers the goal the arm goes along its path as near to it as it can;
+        False: it waits where it is.
     """
 
     obstacle_margin: float = 0.005
@@ -207,6 +222,7 @@ class PlannerSettings:
     latency: float = 0.03
     detour: float = 0.25
     patience: float = 3.0
+    approach_covered_goal: bool = True
 
     #: Settings that may be 0.
     may_be_zero: ClassVar[tuple[str, ...]] = (

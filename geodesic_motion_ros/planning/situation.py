@@ -79,6 +79,7 @@ class Followed:
 
     The verdict states the present clearance; `promised` was that of the plan, `drawn` that when another curve was last
     drawn [m]. `nodes` and `optimistic` as of `Plan`. `evading`: it leads to where nothing is expected to come.
+    `remaining`: it is an approach, which leaves so much of the path to a covered goal [m]; inf: it is none.
     """
 
     query: HeldQuery
@@ -90,15 +91,33 @@ class Followed:
     nodes: np.ndarray | None = None
     optimistic: bool = False
     evading: bool = False
+    remaining: float = math.inf
 
     @classmethod
-    def begun(cls, query: HeldQuery, plan: Plan, situation: Situation, evading: bool = False) -> Followed:
+    def begun(
+        cls,
+        query: HeldQuery,
+        plan: Plan,
+        situation: Situation,
+        evading: bool = False,
+        remaining: float = math.inf,
+    ) -> Followed:
         """A plan's path, taken in a situation."""
         nearest = plan.verdict.clearance
         return cls(
             query, plan.verdict, situation.obstacles, situation.now, nearest, nearest, plan.nodes, plan.optimistic,
-            evading,
+            evading, remaining,
         )  # fmt: skip
+
+    @property
+    def approaching(self) -> bool:
+        """Whether it leads as near to a covered goal as the arm can go."""
+        return math.isfinite(self.remaining)
+
+    @property
+    def is_stop(self) -> bool:
+        """Whether it leads nowhere but to rest."""
+        return not (self.verdict.ok or self.evading or self.approaching)
 
     @property
     def close(self) -> bool:
@@ -265,7 +284,7 @@ class Situation:
         followed, verdict = step.followed, step.plan.verdict
         moves = step.plan.trajectory is not None or not self.at_rest
         if followed is not None and moves:
-            return Mode.moving(followed.verdict.ok, followed.evading)
+            return Mode.moving(followed.verdict.ok, followed.approaching, followed.evading)
         return Mode.standing(verdict)
 
     # ------------------------------------------------------------------- steps
@@ -307,7 +326,7 @@ class Situation:
         followed : as of `answered`.
         """
         followed = followed or self.followed
-        if followed is None or not (followed.verdict.ok or followed.evading) or self.at_rest:
+        if followed is None or followed.is_stop or self.at_rest:
             return self.answered(verdict, followed)
         certificate = self.stop.certificate
         objection = self.certifier.objection(certificate)

@@ -40,6 +40,8 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
+#: Clearances are the same up to this share, rounding aside.
+_SAME_CLEARANCE = 0.99
 #: So many motions from one state are remembered.
 _MOST_REMEMBERED = 32
 
@@ -111,6 +113,16 @@ class MotionState:
     velocity: np.ndarray
     acceleration: np.ndarray
     latent: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Approach:
+    """A plan that leads towards a covered goal, and what it leaves of the path there [m]: of the arm's spheres, of the
+    one that moves farthest.
+    """
+
+    plan: Plan
+    remaining: float
 
 
 @dataclass(frozen=True)
@@ -241,14 +253,19 @@ class Solver:
         self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline
     ) -> _Search | Verdict:
         """The searches among obstacles, or the refusal where one of them covers an end."""
-        settings = self.settings
-        avoided = obstacles if settings.avoidance else Obstacles.none()
+        avoided = obstacles if self.settings.avoidance else Obstacles.none()
         ends = self._end_clearance(query, state, avoided, optimistic)
         if isinstance(ends, Verdict):
             return ends
-        swept = avoided.at_rest() if optimistic else avoided.swept(settings.prediction)
-        start, reshaping = _latent_start(query, state), self._reshaping(query, swept)
-        return _Search(self.graph, query, start, reshaping, deadline, settings.obstacle_margin, 0.5 * ends)
+        swept = avoided.at_rest() if optimistic else avoided.swept(self.settings.prediction)
+        return self._search_among(query, state, swept, ends, deadline)
+
+    def _search_among(
+        self, query: HeldQuery, state: MotionState, standing: Obstacles, ends: float, deadline: Deadline
+    ) -> _Search:
+        """The searches among obstacles that stand; ends : clearance [m] of the nearer of both ends."""
+        start, reshaping = _latent_start(query, state), self._reshaping(query, standing)
+        return _Search(self.graph, query, start, reshaping, deadline, self.settings.obstacle_margin, 0.5 * ends)
 
     def along(
         self, query: HeldQuery, state: MotionState, curve: np.ndarray, latent: np.ndarray, obstacles: Obstacles
@@ -289,6 +306,84 @@ class Solver:
                 return None
         return None
 
+    def approach(
+        self,
+        query: HeldQuery,
+        state: MotionState,
+        obstacles: Obstacles,
+        refusal: Verdict,
+        remaining: float = math.inf,
+        deadline: Deadline = NEVER,
+    ) -> Approach | None:
+        """The certified motion along the path to a covered goal, as near as nothing is met; None where that does not
+        leave less of the path by `APPROACH_GAIN`.
+
+        The path is the one to the goal when it clears: what covers it is not counted in the search. What moves is
+        expected to move on for as long as where the arm evades: it would have to leave again.
+
+        Parameters
+        ----------
+        refusal : that the goal is covered; the plan's verdict states the same, and how near it leads.
+        remaining : what the approach that is being played leaves of the path [m]; inf: there is none.
+        """
+        horizon = constants.EVASION_LOOKAHEAD * self.settings.prediction
+        swept = obstacles.swept(horizon).beside(self.scene.solids)
+        here = min(self._clearance(state.position, there) for there in (obstacles, swept))
+        path = self._path_to_covered(query, state, obstacles, here, deadline) if here > 0.0 else None
+        if path is None:
+            return None
+        curve, latent, correction = path
+        # An arm that stands nearer than that may stay so, but not come nearer.
+        kept = min(constants.APPROACH_MARGIN_FACTOR * self.settings.obstacle_margin, _SAME_CLEARANCE * here)
+        margin = 0.0 if obstacles.stand else kept * constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
+        placed = self.collision.positions(self.robot, curve)
+        end, left = int(np.argmax(np.append(self.certifier.between(placed, swept) < kept, True))), _lengths_left(placed)
+        for _ in range(1 + constants.APPROACH_CUTS):
+            if end < 1 or left[end] > min(remaining, left[0]) - constants.APPROACH_GAIN:
+                return None
+            timed = self._timed_curve(state, curve[: end + 1], latent[: end + 1], correction)
+            if timed.reference is None or timed.swept is None:
+                return None
+            certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon)
+            met = self.certifier.first_objection(certificate, margin)
+            if met is None:
+                plan = Plan(self.certifier.certified(timed.reference, certificate), state.time, refusal)
+                to_goal = self._tool_distance(curve[end], query.goal)
+                reason = f"{refusal.reason}; it goes as near as it can, to {1000 * to_goal:.0f} mm"
+                verdict = replace(refusal, reason=reason, clearance=float(np.min(certificate.clearance)))
+                return Approach(replace(plan, verdict=verdict), float(left[end]))
+            posture, _, _ = timed.reference.sample(met)
+            end = int(np.argmin(np.linalg.norm(curve[: end + 1] - posture, axis=1))) - 1
+        return None
+
+    def _path_to_covered(
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, here: float, deadline: Deadline
+    ) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """Configurations (m, eta) of the path to a goal among the obstacles that do not cover it, their latent points
+        (m, d), and how far the ends were moved [rad]; here : clearance of the start [m].
+        """
+        moving, prediction = self.collision.moving, self.settings.prediction
+        at_goal = self.collision.positions(self.robot, query.goal[None])[0, moving]
+        others = obstacles.leaving_free(at_goal, self.collision.radii[moving], prediction)
+        ends = min(here, self._clearance(query.goal, others.at(others.time + prediction, prediction)))
+        search, attempt = self._search_among(query, state, others.swept(prediction), ends, deadline), self.attempts[0]
+        path = search.path(attempt.multiple)
+        if isinstance(path, Verdict):
+            return None
+        if attempt.refine:
+            path = search.refined(path, attempt.multiple)
+        latent, held = self._held(query, state.position, path, attempt.width, True)
+        if isinstance(held, str):
+            return None
+        curve, correction = held
+        judged = path_verdict(
+            self.skill, self.graph, query, self.graph.sigma_at(latent), path, here, correction, objection=None
+        )
+        return (curve, latent, correction) if judged.ok else None
+
+    def _clearance(self, configuration: np.ndarray, obstacles: Obstacles) -> float:
+        return obstacle_clearance(self.collision, self.robot, configuration, obstacles)[0]
+
     def _reshaping(self, query: HeldQuery, obstacles: Obstacles) -> Reshaping:
         settings = self.settings
         return Reshaping.of(
@@ -311,15 +406,24 @@ class Solver:
             ("is to go", query.goal, VerdictCode.NO_FEASIBLE_PATH, later),
         ):
             clearance, sphere = obstacle_clearance(self.collision, self.robot, configuration, there)
+            reason = self._entered_scene(configuration)
             if clearance <= 0.0:
-                link = self.collision.link_of(sphere)
-                reason = f"'{link}' overlaps an obstacle by {-1000 * clearance:.0f} mm where the arm {where}"
-                return Verdict(code, reason, clearance=clearance, **query.misfits)
+                reason = f"'{self.collision.link_of(sphere)}' overlaps an obstacle by {-1000 * clearance:.0f} mm"
+            if reason:
+                verdict = Verdict(
+                    code, f"{reason} where the arm {where}", clearance=clearance if clearance <= 0.0 else math.nan,
+                    **query.misfits,
+                )  # fmt: skip
+                if configuration is query.goal:
+                    to_goal = self._tool_distance(state.position, query.goal)
+                    verdict = replace(verdict, goal_covered=True, goal_distance=to_goal)
+                return verdict
             nearest.append(clearance)
-            entered = self._entered_scene(configuration)
-            if entered:
-                return Verdict(code, f"{entered} where the arm {where}", **query.misfits)
         return min(nearest)
+
+    def _tool_distance(self, one: np.ndarray, other: np.ndarray) -> float:
+        """How far [m] the tool is in one configuration (eta,) from where it is in another one."""
+        return float(np.linalg.norm(self.robot.forward(one)[0] - self.robot.forward(other)[0]))
 
     def _entered_scene(self, configuration: np.ndarray) -> str:
         """Which link is inside which part of the declared scene in a configuration (eta,); "" where none is."""
@@ -481,3 +585,11 @@ def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.
     at_start, at_goal = start - path[0], goal - path[-1]
     moved = float(max(np.linalg.norm(at_start), np.linalg.norm(at_goal)))
     return path + (1.0 - share) * at_start + share * at_goal, moved
+
+
+def _lengths_left(placed: np.ndarray) -> np.ndarray:
+    """How far [m] an arm has still to go from each sample on (m,), with its spheres at (m, S, 3): the farthest of them
+    between any two samples.
+    """
+    steps = np.max(np.linalg.norm(np.diff(placed, axis=0), axis=2), axis=1)
+    return np.append(np.cumsum(steps[::-1])[::-1], 0.0)

@@ -173,10 +173,9 @@ def test_a_goal_that_is_covered_is_no_reason_to_search_for_ever(planner) -> None
     played = Played(planner)
     planner.take_obstacles(on_the_hand(planner, played.nominal.positions[-1], 0.1))
     played.ask()
-    verdict = played.run(PATIENCE + 1.0)[-1].verdict
+    verdict = played.run(played.nominal.duration + PATIENCE)[-1].verdict
     assert verdict.code is VerdictCode.NO_FEASIBLE_PATH
     assert "an obstacle covers where it would begin or end" in verdict.reason
-    np.testing.assert_allclose(played.postures[-1], played.nominal.positions[0])
 
 
 def test_a_plan_that_is_requested_makes_a_detour_at_once(planner) -> None:

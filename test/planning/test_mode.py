@@ -25,8 +25,8 @@ def planner(reach_skill: Skill) -> ReactivePlanner:
 
 
 def test_an_arm_passes_through_all_modes(planner: ReactivePlanner) -> None:
-    """The goal is covered while it is on its way; something falls to where it stands, and past; then the goal is free
-    again, and a hold is requested in motion.
+    """The goal is covered while it is on its way, and it goes near; something falls to where it stands, and past; then
+    the goal is free again, and a hold is requested in motion.
     """
     sheet, modes = planner.skill.canonical, []
     goal, robot = sheet.goal_poles[0], planner.robot
@@ -46,7 +46,7 @@ def test_an_arm_passes_through_all_modes(planner: ReactivePlanner) -> None:
     reference, _ = planner.to_goal()
     run(0.5 * reference.duration)
     planner.set_obstacles(covered[None], np.array([ON_GOAL]))
-    run(0.6)
+    run(2.0)
     hand, met = robot.forward(planner.commanded(now)[0])[0], now + 3.0
     for _ in range(round(PASSING / TICK)):
         centres = np.stack([covered, hand + (now - met) * FALL])
@@ -58,7 +58,7 @@ def test_an_arm_passes_through_all_modes(planner: ReactivePlanner) -> None:
     run(1.0, held=True)
     run(0.1)
     seen = [modes[0], *(after for before, after in pairwise(modes) if after is not before)]
-    assert seen[:5] == [Mode.IDLE, Mode.FOLLOWING, Mode.STOPPING, Mode.WAITING, Mode.EVADING]
+    assert seen[:5] == [Mode.IDLE, Mode.FOLLOWING, Mode.APPROACHING, Mode.WAITING, Mode.EVADING]
     assert seen[-4:] == [Mode.FOLLOWING, Mode.STOPPING, Mode.HOLDING, Mode.FOLLOWING]
     assert all(after in TRANSITIONS[before] for before, after in pairwise(modes))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,6 +12,7 @@ from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -102,7 +104,7 @@ def test_what_was_tried_in_vain_is_not_tried_again_until_something_changes(strea
     stream.run(0.3 * nominal.duration)
     hand, _ = planner.robot.forward(goal)
     planner.set_obstacles(hand[None], np.array([0.05]))
-    stream.run(0.8)
+    stream.run(nominal.duration)
     tried = len(searches)
     plan = stream.run(0.5)[-1]
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
@@ -145,7 +147,7 @@ def test_an_arm_that_has_no_path_evades_what_comes_to_where_it_stands(
     hand, _ = planner.robot.forward(goal)
     wall = hand, 0.05
     planner.set_obstacles(wall[0][None], np.array([wall[1]]))
-    stream.run(0.6)
+    stream.run(2.0)
     stood = stream.state()[0]
     hand, _ = planner.robot.forward(stood)
     velocity, met, radius = np.array([0.0, 0.0, -0.2]), stream.now + 3.0, 0.04
@@ -174,8 +176,14 @@ def test_an_arm_that_has_no_path_evades_what_comes_to_where_it_stands(
     assert stream.off(goal) < 1e-9
 
 
-def test_an_arm_that_can_only_evade_narrowly_does(stream, goal, nominal, least_clearance) -> None:
-    """What is coming is first seen 2 cm beside the hand. The control: the arm as it stands would be hit."""
+def test_an_arm_that_can_only_evade_narrowly_does(stream, start, goal, nominal, least_clearance) -> None:
+    """What is coming is first seen 2 cm beside the hand, where the arm has stopped half way. The control: the arm as it
+    stands would be hit.
+    """
+    settings = replace(stream.planner.settings, approach_covered_goal=False)
+    stream = replace(stream, planner=ReactivePlanner(stream.planner.skill, settings))
+    stream.stand_at(start)
+    assert stream.planner.set_goal_configuration(goal).ok
     planner, radius, velocity = stream.planner, np.array([0.04]), np.array([0.0, 0.1, 0.0])
     stream.run(0.5 * nominal.duration)
     wall, _ = planner.robot.forward(goal)

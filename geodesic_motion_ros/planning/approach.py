@@ -1,0 +1,83 @@
+"""Approach: an arm whose goal is covered goes along its path as near to it as it can, and stands there.
+
+How near that is is worked out by `solver.Solver.approach`; here is decided when, and how long it goes on. What is
+standing there goes on where `APPROACH_GAIN` is won, or the goal is free: then it is searched as every blocked path is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
+from geodesic_motion_ros.planning.solver import HeldQuery, Solver
+from geodesic_motion_ros.verdict import Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class ApproachSearch:
+    """An approach that was searched: for what query, from where (eta,) [rad], among what obstacles, and when [s]."""
+
+    query: HeldQuery
+    position: np.ndarray
+    obstacles: Obstacles
+    time: float
+
+    def is_due_again(self, query: HeldQuery, situation: Situation) -> bool:
+        """Whether another one may come to something else: in motion only obstacles change that."""
+        if query is not self.query:
+            return True
+        unmoved = self.obstacles.unmoved_in(situation.obstacles)
+        if situation.at_rest:
+            return not (unmoved and np.array_equal(self.position, situation.state.position))
+        return not unmoved and situation.now >= self.time + constants.APPROACH_PERIOD - TIME_ROUNDING
+
+
+def still_approaching(query: HeldQuery, verdict: Verdict, situation: Situation) -> Step | None:
+    """The approach being played, as long as what is left of it is free and the arm can stop on it, or a stop where
+    obstacles have come nearer than expected; None where it is not free, or the arm does not approach.
+
+    verdict : why there is no path for a query; the plan's states the same.
+    """
+    followed = situation.followed
+    if followed is None or not followed.approaching or followed.query is not query or situation.at_rest:
+        return None
+    certificate = situation.certifier.certify_swept(situation.left, situation.expected, situation.settings.prediction)
+    if situation.certifier.objection(certificate) is not None or not situation.can_still_stop(situation.played):
+        return None
+    clearance = float(np.min(certificate.clearance))
+    return situation.continued(replace(followed, verdict=replace(verdict, clearance=clearance)))
+
+
+def approached(
+    solver: Solver, query: HeldQuery, verdict: Verdict, situation: Situation, last: ApproachSearch | None
+) -> tuple[Step | None, ApproachSearch | None]:
+    """A new approach of an arm whose goal is covered, where that leads nearer than where it is, or is going; and the
+    last one that was searched.
+
+    Parameters
+    ----------
+    verdict : why there is no path for a query; the plan's states the same, and how near the arm goes.
+    last : the one that was searched before.
+    """
+    settings, followed = situation.settings, situation.followed
+    if not (verdict.goal_covered and settings.approach_covered_goal and settings.avoidance):
+        return None, last
+    evading = followed is not None and followed.evading and not situation.at_rest
+    if evading or not (last is None or last.is_due_again(query, situation)):
+        return None, last
+    remaining = followed.remaining if followed is not None and followed.query is query else math.inf
+    found = solver.approach(query, situation.state, situation.expected, verdict, remaining, situation.deadline)
+    if situation.deadline.passed or situation.late.passed:
+        # What was not found for want of time, or too late, is searched again.
+        return None, last
+    searched = ApproachSearch(query, situation.state.position, situation.obstacles, situation.now)
+    plan = None if found is None else situation.stoppable(found.plan)
+    if found is None or plan is None or plan.trajectory is None:
+        return None, searched
+    begun = Followed.begun(query, plan, situation, remaining=found.remaining)
+    return situation.handed_out(plan, begun), searched
