@@ -79,11 +79,12 @@ class Followed:
 
     The verdict states the present clearance; `promised` was that of the plan, `drawn` that when another curve was last
     drawn [m]. `nodes` and `optimistic` as of `Plan`. `evading`: it leads to where nothing is expected to come.
+    `obstacles`: those among which it was last judged; None: it is to be judged anew.
     """
 
     query: HeldQuery
     verdict: Verdict
-    obstacles: Obstacles
+    obstacles: Obstacles | None
     searched: float
     promised: float
     drawn: float
