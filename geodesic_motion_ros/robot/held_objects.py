@@ -69,9 +69,14 @@ class HeldObject:
             raise RobotError(f"{subject} has the orientation {self.quaternion}: expected a unit quaternion")
 
     @property
+    def sides(self) -> np.ndarray:
+        """(3,) [m] of the box around it, along its axes."""
+        return _sides(self.shape, self.dimensions)
+
+    @property
     def extent(self) -> float:
         """No point of it is farther from the tool frame's origin [m]."""
-        half_sides = 0.5 * _sides(self.shape, self.dimensions)
+        half_sides = 0.5 * self.sides
         around = half_sides[0] if self.shape == "sphere" else float(np.linalg.norm(half_sides))
         if self.shape == "cylinder":
             around = math.hypot(half_sides[0], half_sides[2])
