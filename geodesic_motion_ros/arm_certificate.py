@@ -151,6 +151,7 @@ class ArmCertifier:
         self._standing = self._scene.obstacles
         self._robot, self._radii, self._pairs = robot, collision.radii, collision.self_pairs
         self._frames, self._offsets = collision.points.frames, collision.points.offsets
+        self._names = collision.points.names
         self._levers = lever_bounds(robot, self._frames, self._offsets)
         self._moving = np.flatnonzero(collision.moving)
 
@@ -232,7 +233,7 @@ class ArmCertifier:
         return max(0.0, float(certificate.times[int(np.argmax(bad))])) if np.any(bad) else None
 
     def _link(self, sphere: int) -> str:
-        return self._robot.link_names[self._frames[sphere]]
+        return self._names[sphere]
 
 
 @numba.njit(cache=True, nogil=True)

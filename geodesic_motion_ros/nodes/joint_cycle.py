@@ -11,19 +11,27 @@ from functools import partial
 import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.errors import ParameterError, PlanningError
 from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
+from geodesic_motion_ros.nodes.goal_preparation import GoalPreparation
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.guarded_arm import PreparedHold
 from geodesic_motion_ros.planning.mission import PreparedGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.tracking import TrackingMonitor
+from geodesic_motion_ros.robot.collision_model import obstacle_clearance
+from geodesic_motion_ros.robot.held_objects import HeldObject
+from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: From the planner's answer to the arm that plays it, at most [s].
 TRANSIT = 0.005
+#: Topics whose obstacles have names that an object in the hand may have, too.
+_NAMED = ("obstacles", "obstacle_marker")
 #: Two stops because of the posture have no progress between them where the tool is within this distance [m].
 _NO_PROGRESS = 0.01
 
@@ -74,15 +82,68 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._frame_verdict = Verdict(VerdictCode.OK)
         # Whether the goal that is being prepared is the old one, in a task frame that has moved.
         self._again = False
+        # What the hand is to hold, prepared as goals are; None: that is to be prepared once more.
+        self._holds: GoalPreparation[PreparedHold | Verdict] = GoalPreparation(background)
+        self._held: tuple[HeldObject, ...] | None = ()
+        # Where objects that were released have been left, by name, as long as the arm has not left them.
+        self._released: dict[str, Obstacles] = {}
 
     def run(self, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
-        """See `StreamCycle.run`; after a cycle that came too late, the arm brakes already."""
+        """See `StreamCycle.run`; after a cycle that came too late, the arm brakes already.
+
+        An obstacle that has the name of an object in the hand is that object: it does not count while that is held, and
+        until the hand has left it.
+        """
         braking = self._horizon.overrun(inputs.now + self.planner.settings.latency)
         if braking is not None:
             reason = f"no cycle for {self._horizon.length:g} s: the arm came to rest by itself"
             self.planner.braked(braking.reference, braking.begin, Verdict(VerdictCode.DEADLINE_MISSED, reason))
             self._horizon.forget()
-        return super().run(inputs, period)
+        self._take_held(inputs)
+        self._leave_released(inputs.now)
+        names = [*(held.name for held in self.planner.held), *self._released]
+        return super().run(inputs.without([f"{topic}/{name}" for topic in _NAMED for name in names]), period)
+
+    def _take_held(self, inputs: CycleInputs[np.ndarray]) -> None:
+        """Have what the hand holds prepared where that is new, and count it once that is done."""
+        if inputs.held != self._held:
+            self._held = inputs.held
+            self._holds.ask(partial(self.planner.prepared_hold, inputs.held))
+        before = self.planner.held
+        try:
+            prepared = self._holds.settled()
+            self._goals_wait = self._holds.busy
+            if prepared is None:
+                return
+            verdict = self.planner.take_hold(prepared)
+            if not verdict.ok:
+                raise PlanningError(verdict.reason)
+        except Exception:
+            self._held = None
+            raise
+        self._obstacles_version = -1
+        self._tracking.take_collision(self.planner.collision)
+        names = {held.name for held in self.planner.held}
+        commanded = self.planner.commanded(inputs.now)
+        if commanded is not None:
+            tool = TaskFrame(*self.planner.robot.forward(commanded[0]))
+            left = (held for held in before if held.name not in names)
+            self._released |= {held.name: _placed(held, tool) for held in left}
+        self._released = {name: place for name, place in self._released.items() if name not in names}
+
+    def _leave_released(self, now: float) -> None:
+        """Obstacles of their names count again once the arm keeps off where released objects were left."""
+        planner, commanded = self.planner, self.planner.commanded(now) if self._released else None
+        if commanded is None:
+            return
+        margin = planner.settings.obstacle_margin
+        near = {
+            name: place
+            for name, place in self._released.items()
+            if obstacle_clearance(planner.collision, planner.robot, commanded[0], place)[0] <= margin
+        }
+        if len(near) < len(self._released):
+            self._released, self._obstacles_version = near, -1
 
     def stop(self, verdict: Verdict) -> CycleOutput:
         return self._output(self.planner.stop(self._now, verdict, self._late()))
@@ -229,3 +290,9 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
 
     def _moved(self, measured: np.ndarray, before: np.ndarray) -> bool:
         return joints_moved(measured, before)
+
+
+def _placed(held: HeldObject, tool: TaskFrame) -> Obstacles:
+    """The spheres of an object in the base frame, in which the tool stands so."""
+    centres, radii = held.spheres
+    return Obstacles.of_spheres(tool.points_to_base(centres), radii)

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.nodes.marker_bytes import SeenMarker
 from geodesic_motion_ros.nodes.messages import (
     FrameLookup,
@@ -27,6 +28,8 @@ from geodesic_motion_ros.nodes.messages import (
 )
 from geodesic_motion_ros.nodes.obstacle_tracker import Key
 from geodesic_motion_ros.quaternions import from_rotation, to_rotation
+from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.solids import solid_rows
 
 
@@ -66,18 +69,9 @@ def read_marker(message: Marker | SeenMarker, base_frame: str, lookup: FrameLook
     name = f"marker {message.ns}/{message.id}"
     if message.action != Marker.ADD:  # MODIFY has the same number
         raise MessageRefused(f"{name}: action {message.action}, expected ADD (0), DELETE (2) or DELETEALL (3)")
-    if message.type not in (Marker.SPHERE, Marker.CUBE, Marker.CYLINDER):
-        raise MessageRefused(
-            f"{name}: type {message.type}, expected SPHERE ({Marker.SPHERE}), CUBE ({Marker.CUBE}) or "
-            f"CYLINDER ({Marker.CYLINDER})"
-        )
+    _check_type(message, name)
     frame = frame_of(message.header, base_frame, lookup)
-    centre = checked_point(message.pose.position, f"{name}: centre")
-    scale = (message.scale.x, message.scale.y, message.scale.z)
-    for value in scale:
-        check_number(value, f"{name}: scale", "m")
-    if min(scale) <= 0.0:
-        raise MessageRefused(f"{name}: scale {scale} m holds diameters or sides, which must be positive")
+    centre, scale = checked_point(message.pose.position, f"{name}: centre"), _checked_scale(message, name)
     lifetime = message.lifetime.sec + 1e-9 * message.lifetime.nanosec
     if lifetime < 0.0:
         raise MessageRefused(f"{name}: lifetime {lifetime} s, expected 0 (for ever) or more")
@@ -88,6 +82,82 @@ def read_marker(message: Marker | SeenMarker, base_frame: str, lookup: FrameLook
     rotation = to_rotation(quaternion).as_matrix()
     solid = solid_rows(centre[None], rotation[None], half_extents[None], np.array([radius]))[0]
     return MarkerUpdate("put", key, stamp, centre, lifetime=lifetime, solid=solid)
+
+
+def _check_type(message: Marker | SeenMarker, name: str) -> None:
+    if message.type not in (Marker.SPHERE, Marker.CUBE, Marker.CYLINDER):
+        mesh = ", a mesh, which is not taken" if message.type == Marker.MESH_RESOURCE else ""
+        raise MessageRefused(
+            f"{name}: type {message.type}{mesh}, expected SPHERE ({Marker.SPHERE}), CUBE ({Marker.CUBE}) or "
+            f"CYLINDER ({Marker.CYLINDER})"
+        )
+
+
+def _checked_scale(message: Marker | SeenMarker, name: str) -> tuple[float, float, float]:
+    """Diameters or sides [m]."""
+    scale = (message.scale.x, message.scale.y, message.scale.z)
+    for value in scale:
+        check_number(value, f"{name}: scale", "m")
+    if min(scale) <= 0.0:
+        raise MessageRefused(f"{name}: scale {scale} m holds diameters or sides, which must be positive")
+    return scale
+
+
+def held_after(
+    messages: Sequence[Marker | SeenMarker], held: Sequence[HeldObject], robot: Robot
+) -> tuple[HeldObject, ...]:
+    """What a robot's hand holds after markers, where it held something before; objects are called `ns/id`.
+
+    ADD attaches an object, or replaces the one of its name; DELETE detaches it, DELETEALL those of a namespace, or all
+    where `ns` is empty. Shapes as of `read_marker`, but a CYLINDER is one; the frame must be the tool's.
+
+    All of them are refused where one cannot be used: no shape, a mesh, another frame, a lifetime, two objects of one
+    name, an object that is larger than the arm, a DELETE of what is not held.
+    """
+    objects = {one.name: one for one in held}
+    attached: set[str] = set()
+    for message in messages:
+        name = f"{message.ns}/{message.id}"
+        if message.action == Marker.DELETEALL:
+            objects = {key: one for key, one in objects.items() if message.ns and key.rpartition("/")[0] != message.ns}
+        elif message.action == Marker.DELETE:
+            if name not in objects:
+                raise MessageRefused(f"marker {name}: nothing of this name is held; held: {', '.join(objects) or '-'}")
+            del objects[name]
+        elif name in attached:
+            raise MessageRefused(f"marker {name}: two held objects have this ns and id; each needs its own")
+        else:
+            objects[name] = _read_held(message, name, robot.tool_link)
+            attached.add(name)
+    try:
+        check_held(list(objects.values()), robot)
+    except RobotError as error:
+        raise MessageRefused(str(error)) from error
+    return tuple(objects.values())
+
+
+def _read_held(message: Marker | SeenMarker, name: str, tool_frame: str) -> HeldObject:
+    """The object that a marker attaches."""
+    subject = f"marker {name}"
+    if message.action != Marker.ADD:
+        raise MessageRefused(f"{subject}: action {message.action}, expected ADD (0), DELETE (2) or DELETEALL (3)")
+    _check_type(message, subject)
+    if message.header.frame_id != tool_frame:
+        raise MessageRefused(
+            f"{subject}: frame '{message.header.frame_id}': what is held stands in the tool frame: send it in "
+            f"'{tool_frame}'"
+        )
+    lifetime = seconds(message.lifetime)
+    if lifetime != 0.0:
+        raise MessageRefused(f"{subject}: lifetime {lifetime:g} s, expected 0: it is held until DELETE")
+    centre, scale = checked_point(message.pose.position, f"{subject}: centre"), _checked_scale(message, subject)
+    quaternion = checked_quaternion(message.pose, f"{subject}: orientation")
+    shape, dimensions = {
+        Marker.SPHERE: ("sphere", (0.5 * max(scale),)),
+        Marker.CUBE: ("box", scale),
+        Marker.CYLINDER: ("cylinder", (0.5 * max(scale[:2]), scale[2])),
+    }[message.type]
+    return HeldObject(name, shape, dimensions, tuple(centre.tolist()), tuple(quaternion.tolist()))
 
 
 def _box_or_capsule(kind: int, half_sides: np.ndarray) -> tuple[np.ndarray, float]:
@@ -120,6 +190,17 @@ def solid_marker(namespace: str, number: int, solid: np.ndarray, colour: Colour,
     marker = _marker(namespace, number, kind, colour, frame, stamp)
     fill_pose(marker.pose, solid[:3], from_rotation(Rotation.from_matrix(solid[7:].reshape(3, 3))))
     marker.scale.x, marker.scale.y, marker.scale.z = (2.0 * float(half + radius) for half in half_extents)
+    return marker
+
+
+def held_marker(
+    number: int, held: HeldObject, position: np.ndarray, quaternion: np.ndarray, colour: Colour, frame: str, stamp: Time
+) -> Marker:
+    """A held object whose centre and axes are at a pose (3,) [m], (4,)."""
+    kind = {"sphere": Marker.SPHERE, "box": Marker.CUBE, "cylinder": Marker.CYLINDER}[held.shape]
+    marker = _marker("held", number, kind, colour, frame, stamp)
+    fill_pose(marker.pose, position, quaternion)
+    marker.scale.x, marker.scale.y, marker.scale.z = (float(side) for side in held.sides)
     return marker
 
 

@@ -10,7 +10,7 @@ again, count from the arrival.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -72,6 +72,20 @@ class ObstacleSet:
     def __len__(self) -> int:
         """Spheres and solids, and one for a cloud."""
         return len(self.radii) + len(self.solids) + (self.cloud.squares.size > 0)
+
+    def without(self, labels: Collection[str]) -> ObstacleSet:
+        """Without the obstacles of these labels, under the same version."""
+        kept = np.array([label not in labels for label in self.labels], dtype=bool)
+        if np.all(kept):
+            return self
+        spheres, solids = kept[: len(self.radii)], kept[len(self.radii) :]
+        return replace(
+            self, centres=self.centres[spheres], radii=self.radii[spheres], velocities=self.velocities[spheres],
+            velocity_errors=self.velocity_errors[spheres], times=self.times[spheres], solids=self.solids[solids],
+            solid_velocities=self.solid_velocities[solids], solid_times=self.solid_times[solids],
+            solid_velocity_errors=self.solid_velocity_errors[solids],
+            labels=tuple(label for label in self.labels if label not in labels),
+        )  # fmt: skip
 
     def moved_on(self, now: float, longest: float, time: float) -> Obstacles:
         """Where the obstacles are at `now` [s], having moved linearly since their updates, for `longest` [s] at most.

@@ -20,7 +20,7 @@ from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.frames import frames_of
 from geodesic_motion_ros.nodes.marker_bytes import marker_in, markers_in
-from geodesic_motion_ros.nodes.marker_messages import MarkerUpdate, read_marker
+from geodesic_motion_ros.nodes.marker_messages import MarkerUpdate, held_after, read_marker
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
     check_limits,
@@ -39,6 +39,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.plausible_joints import PlausibleJoints
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.stream_cycle import NO_CLOCK, CycleInputs
+from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -48,6 +49,8 @@ RECENT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 GOALS = QoSProfile(depth=10)
 
 
+#: The topic of what the hand holds.
+HELD = "~/held_objects"
 #: Goals with this frame id are relative to the task frame, and move with it.
 TASK_FRAME = "task_frame"
 
@@ -93,6 +96,8 @@ class PlannerInputs:
         self._task_frame = origin[:3], origin[3:]
         self._task_frame_taken: float | None = None
         self._hold = False
+        self._held: tuple[HeldObject, ...] = ()
+        self._held_refused = ""
         self._publishers: tuple[str, ...] = ()
         self._subscribers: tuple[str, ...] | None = None
         self._load = ObstacleLoad()
@@ -108,6 +113,7 @@ class PlannerInputs:
         edits = {"depth": 50, "reliability": ReliabilityPolicy.RELIABLE, "raw": True}
         self._subscribe_obstacles(MarkerArray, "obstacles", self._on_obstacles, **edits)
         self._subscribe_obstacles(Marker, "obstacle_marker", self._on_marker, **edits)
+        self._held_topic = ObstacleSubscription(node, MarkerArray, HELD, self._receive_held, **edits)
         best_effort = ReliabilityPolicy.BEST_EFFORT
         self._subscribe_obstacles(PointStamped, "obstacle_point", self._on_point, depth=10, reliability=best_effort)
         self._subscribe_obstacles(PointCloud2, "obstacle_cloud", self._on_cloud, depth=1, reliability=best_effort)
@@ -133,6 +139,7 @@ class PlannerInputs:
             timeout = self._parameters["obstacle_timeout"]
             silent, late = self._tracker.silent(now, timeout), self._tracker.late(now, timeout)
             unusable = self._tracker.unusable()
+            held, held_refused = self._held, self._held_refused
         if self._parameters["obstacle_silence_policy"] == "keep":
             # a topic of which nothing is known leaves nothing to keep to
             silent, late = {}, {}
@@ -154,6 +161,8 @@ class PlannerInputs:
             heard=now,
             simulated=moment.simulated,
             set_by=moment.set_by,
+            held=held,
+            held_refused=held_refused,
         )
 
     def ages(self) -> dict[str, float]:
@@ -184,6 +193,9 @@ class PlannerInputs:
             for reason in subscription.other_types():
                 with self._obstacle_guard(topic):
                     raise MessageRefused(reason)
+        for reason in self._held_topic.other_types():
+            with self.refusals.guard(HELD):
+                raise MessageRefused(reason)
 
     def request_hold(self, hold: bool) -> None:
         with self._lock:
@@ -292,6 +304,19 @@ class PlannerInputs:
                 self._tracker.refuse("obstacles", refused)
         self._count_overtaken("obstacles", all(taken))
         self._obstacles_changed()
+
+    def _receive_held(self, message: bytes) -> None:
+        """All of a message, or nothing; where it was to attach something, it is then not known what the hand holds."""
+        attaches = True
+        with self.refusals.guard(HELD) as guard:
+            markers = markers_in(message)
+            attaches = any(marker.action == Marker.ADD for marker in markers)
+            held = held_after(markers, self._held, self._robot)
+            with self._lock:
+                self._held, self._held_refused = held, ""
+        if guard.reason and attaches:
+            with self._lock:
+                self._held_refused = guard.reason
 
     def _on_marker(self, message: bytes) -> None:
         self._load.count(1)

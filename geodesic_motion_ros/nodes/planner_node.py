@@ -31,7 +31,9 @@ from geodesic_motion_ros.nodes.skill_kinds import kind_of, planner_settings
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.view_thread import ViewThread
+from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
@@ -75,6 +77,7 @@ class PlannerNode(LoopingNode):
         )
         self._said: dict[str, float] = {}
         self._newest_plan = ""
+        self._held: tuple[HeldObject, ...] = ()
         self._newest: tuple[CycleInputs, CycleOutput] | None = None
         self._period = 1.0 / values["rate"]
         self._loop = SteadyLoop(self._tick, values["rate"], self._died, name="planner")
@@ -124,8 +127,11 @@ class PlannerNode(LoopingNode):
             verdict = Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}")
             output = self._cycle.stop(verdict)
         self._kind.send(self._outputs, output)
-        margins = self._kind.margins()
-        self._outputs.status(output, self._inputs.refusals, self._loop, self._newest_plan, margins)
+        margins, held = self._kind.margins(), self._kind.held()
+        self._outputs.status(output, self._inputs.refusals, self._loop, self._newest_plan, margins, held)
+        if held != self._held:
+            self._held = held
+            self.get_logger().info(f"holding {', '.join(map(_held_text, held)) or 'nothing'}")
         if inputs is None:
             return
         previous, self._newest = self._newest, (inputs, output)
@@ -206,7 +212,11 @@ class PlannerNode(LoopingNode):
         if self._outputs.markers_are_watched:
             path = np.zeros((0, 3)) if output.reference is None else self._kind.tool_poses(output.reference)[0]
             is_detour = output.verdict.displacement > 0.0
-            self._outputs.markers(path, is_detour, inputs.obstacles, self._kind.scene, self._kind.body(output))
+            held, tool = (), TaskFrame.identity()
+            if output.configuration is not None:
+                held, tool = self._kind.held(), TaskFrame(*self._kind.robot.forward(output.configuration))
+            body = self._kind.body(output)
+            self._outputs.markers(path, is_detour, inputs.obstacles, self._kind.scene, body, held, tool)
 
     def _show_health(self) -> None:
         refusals = self._inputs.refusals
@@ -261,6 +271,11 @@ def _path_news(before: tuple[CycleInputs, CycleOutput], now: tuple[CycleInputs, 
     """Whether the path is of another goal than before, or has appeared or vanished."""
     had, has = before[1].reference is not None, now[1].reference is not None
     return had != has or before[0].goal_number != now[0].goal_number
+
+
+def _held_text(held: HeldObject) -> str:
+    count, out = len(held.spheres[1]), 1000.0 * held.protrusion
+    return f"{held.name} ({held.shape}, covered by {count} spheres that stick out by up to {out:.0f} mm)"
 
 
 def _request_pose(request: GetPlan.Request, end: str, frame: str, lookup: FrameLookup) -> tuple[np.ndarray, np.ndarray]:

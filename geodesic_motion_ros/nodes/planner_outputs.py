@@ -25,6 +25,7 @@ from geodesic_motion_ros.nodes.cloud_thread import CloudFigures
 from geodesic_motion_ros.nodes.marker_messages import (
     MarkerScene,
     cubes_marker,
+    held_marker,
     line_marker,
     solid_marker,
     sphere_marker,
@@ -43,6 +44,8 @@ from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
+from geodesic_motion_ros.robot.held_objects import HeldObject
+from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import VerdictCode
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -65,7 +68,7 @@ _SCENE_COLOUR = (0.55, 0.58, 0.62, 0.35)
 _OBSTACLE_COLOUR = (0.88, 0.28, 0.24, 0.55)
 #: Cubes of a cloud that are shown.
 _MOST_CUBES = 1000
-_TOOL_COLOUR = (0.25, 0.55, 0.85, 0.45)
+_TOOL_COLOUR, _HELD_COLOUR = (0.25, 0.55, 0.85, 0.45), (0.30, 0.70, 0.40, 0.85)
 
 
 class PlannerOutputs:
@@ -132,12 +135,19 @@ class PlannerOutputs:
         return publishers_of(self._node, self.command_topic), self._received_by
 
     def status(
-        self, output: CycleOutput, refusals: Refusals, loop: SteadyLoop, plan: str, margins: Mapping[str, float]
+        self,
+        output: CycleOutput,
+        refusals: Refusals,
+        loop: SteadyLoop,
+        plan: str,
+        margins: Mapping[str, float],
+        held: Sequence[HeldObject],
     ) -> None:
         """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it.
 
         margins : what the certificate counts, by name.
         plan : the newest answer of the service `plan`, `CODE: reason`; empty before the first.
+        held : the objects in the hand that are counted.
         """
         verdict, newest = output.verdict, refusals.newest(within=1.0)
         level, message = _LEVELS.get(verdict.code, DiagnosticStatus.ERROR), verdict.sentence
@@ -150,6 +160,7 @@ class PlannerOutputs:
             "reason": verdict.reason,
             "mode": output.mode,
             "guarded": self._guarded,
+            "holding": ", ".join(one.name for one in held),
             "clearance": verdict.clearance,
             **margins,
             "energy_per_edge": verdict.energy_per_edge,
@@ -232,11 +243,18 @@ class PlannerOutputs:
         self._path.publish(path_message(positions, quaternions, self._frame, self._now()))
 
     def markers(
-        self, path: np.ndarray, is_detour: bool, obstacles: ObstacleSet, scene: np.ndarray, body: np.ndarray
+        self,
+        path: np.ndarray,
+        is_detour: bool,
+        obstacles: ObstacleSet,
+        scene: np.ndarray,
+        body: np.ndarray,
+        held: Sequence[HeldObject],
+        tool: TaskFrame,
     ) -> None:
         """The path (n, 3), in another colour where it is a detour, obstacles as the planner sees them (of a cloud some
         occupied cubes), the solids (b, 16) of the declared scene, and the body's spheres (K, 4): centre and radius [m],
-        base frame.
+        base frame; and the objects in the hand, with the tool where it is commanded to be.
         """
         stamp = self._now()
         shown: list[Marker] = []
@@ -256,6 +274,9 @@ class PlannerOutputs:
             shown.append(cubes_marker("cloud", some, obstacles.cloud.edge, _OBSTACLE_COLOUR, self._frame, stamp))
         for number, sphere in enumerate(body):
             shown.append(sphere_marker("tool", number, sphere[:3], sphere[3], _TOOL_COLOUR, self._frame, stamp))
+        for number, one in enumerate(held):
+            place = tool.to_base(np.array(one.position), np.array(one.quaternion))
+            shown.append(held_marker(number, one, *place, _HELD_COLOUR, self._frame, stamp))
         self._markers.publish(self._scene.update(shown, stamp))
 
     def view(self, pixels: np.ndarray) -> None:

@@ -24,6 +24,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.solids import no_solids
@@ -80,6 +81,10 @@ class SkillKind(ABC):
     @abstractmethod
     def body(self, output: CycleOutput) -> np.ndarray:
         """Spheres (K, 4) that obstacles are kept away from, where they are commanded to be: centre and radius [m]."""
+
+    def held(self) -> tuple[HeldObject, ...]:
+        """The objects in the hand that are counted."""
+        return ()
 
     @abstractmethod
     def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
@@ -146,6 +151,9 @@ class CertifiedKind(SkillKind):
         model = self.planner.collision
         centres = model.positions(self.robot, output.configuration[None])[0]
         return np.concatenate([centres, model.radii[:, None]], axis=1)[model.moving]
+
+    def held(self) -> tuple[HeldObject, ...]:
+        return self.planner.held
 
     def margins(self) -> dict[str, float]:
         settings, tracking, obstacles = self.planner.settings, self.planner.tracking, self.planner.obstacles

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -21,6 +21,7 @@ from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.goal_preparation import GoalPreparation, Prepared
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
+from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 Pose = tuple[np.ndarray, np.ndarray]
@@ -66,6 +67,7 @@ class CycleInputs(Generic[Place]):
     heard : time of the clock that obstacles are heard by [s], which is never set.
     simulated : whether both are of a simulation, which may stand, run slowly or fast.
     set_by : sum of all jumps of `now` so far [s].
+    held : the objects in the hand. held_refused : why it is not known what is in it; "" where it is.
     """
 
     measured: Place | None
@@ -85,6 +87,18 @@ class CycleInputs(Generic[Place]):
     heard: float = 0.0
     simulated: bool = False
     set_by: float = 0.0
+    held: tuple[HeldObject, ...] = ()
+    held_refused: str = ""
+
+    def without(self, labels: Collection[str]) -> CycleInputs[Place]:
+        """Where obstacles of these labels do not count."""
+        if not labels:
+            return self
+        silent, late = (
+            {name: age for name, age in sources.items() if name not in labels}
+            for sources in (self.silent_sources, self.late_sources)
+        )
+        return replace(self, obstacles=self.obstacles.without(labels), silent_sources=silent, late_sources=late)
 
 
 @dataclass(frozen=True)
@@ -170,6 +184,8 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._step = 0.0  # by which what is commanded moves on in the newest cycle whose inputs are known [s]
         self._lost: Unsettled | None = None
         self._obstacles_version = -1
+        # Whether goals are to be prepared later: with what the hand is about to hold.
+        self._goals_wait = False
 
     def run(self, inputs: CycleInputs[Place], period: float) -> CycleOutput:
         """One cycle of a period [s]; what is commanded moves on by that, or by what has passed of a simulation."""
@@ -247,7 +263,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
                 self._goals.ask(self._preparation(inputs))
                 self._goal_verdict = Verdict(VerdictCode.NO_GOAL, PREPARING)
         try:
-            prepared = self._goals.settled()
+            prepared = None if self._goals_wait else self._goals.settled()
         except Exception:
             self._goal_verdict = Verdict(VerdictCode.BAD_INPUT, "internal error while it was prepared, see the log")
             raise
@@ -282,6 +298,9 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             return judged
         if inputs.hold:
             return Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
+        if inputs.held_refused:
+            reason = f"it is not known what the hand holds: {inputs.held_refused}; send what it holds on ~/held_objects"
+            return Verdict(VerdictCode.BAD_INPUT, reason)
         stale = _stale_obstacles(inputs)
         if stale:
             return Verdict(VerdictCode.STALE_OBSTACLES, stale)

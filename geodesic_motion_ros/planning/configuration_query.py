@@ -6,6 +6,7 @@ that was demonstrated: the query goes to the one that is cheapest to reach from 
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,9 +88,13 @@ class _End:
 
 @dataclass(frozen=True)
 class ConfigurationQuery(CarriedQuery):
-    """A start and a goal configuration (eta,) [rad] with the graph carried to them, which was decoded as `decoded`."""
+    """A start and a goal configuration (eta,) [rad] with the graph carried to them, which was decoded as `decoded`.
+
+    ends : the start and the goal, with the latent points that are carried onto them.
+    """
 
     decoded: ConfigurationGraph
+    ends: tuple[_End, _End]
 
     def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
         """Covariances (m, 3, 3) themselves: configurations are of the base frame."""
@@ -122,6 +127,16 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         self._fields: dict[int, np.ndarray] = {}
         self._poles = {end: self._find_poles(end) for end in ("start", "goal")}
         self._tool_positions, self._tool_quaternions = end_effector_poses(graph.configurations, self._robot.chain)
+
+    def guarding(self, collision: CollisionModel) -> ConfigurationQueryBuilder:
+        """The same where other spheres are kept away from obstacles."""
+        other = copy(self)
+        other._collision, other._links = collision, LinkBounds.of(collision)
+        return other
+
+    def rebuilt(self, query: ConfigurationQuery) -> ConfigurationQuery:
+        """The query of a builder that guards other spheres, with the spheres of this one."""
+        return self._between(*query.ends, query.task_start, query.along_ridges)
 
     # ------------------------------------------------------------------ goals
 
@@ -346,4 +361,5 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
             task_goal=there.task_offset,
             along_ridges=along_ridges,
             decoded=self._graph,
+            ends=(here, there),
         )

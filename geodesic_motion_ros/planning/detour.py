@@ -59,9 +59,14 @@ class Detour:
 class DetourPlanner:
     """Searches detours on one skill, for any thread."""
 
-    def __init__(self, solver: Solver) -> None:
+    def __init__(self, solver: Solver, spread: DemonstratedSpread | None = None) -> None:
+        """spread : of the skill's demonstrations; None: it is worked out."""
         self._solver = solver
-        self._spread = DemonstratedSpread.of(solver.skill, solver.robot)
+        self._spread = spread or DemonstratedSpread.of(solver.skill, solver.robot)
+
+    def with_solver(self, solver: Solver) -> DetourPlanner:
+        """The same on another solver of the skill."""
+        return DetourPlanner(solver, self._spread)
 
     def frame(self, query: HeldQuery) -> DetourFrame | str:
         """The coordinates beside the base path of a query, or why the arm cannot hold that."""

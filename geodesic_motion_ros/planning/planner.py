@@ -16,6 +16,7 @@ A tick works out its `Situation` once, decides without changing anything, and co
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
 
@@ -37,6 +38,7 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_dem
 from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
 from geodesic_motion_ros.planning.detour_worker import DetourWorker, Search
 from geodesic_motion_ros.planning.evasion import evaded, still_evading
+from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedHold
 from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Inputs, Mission, PreparedGoal, Query
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
@@ -50,6 +52,7 @@ from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.planning.tracking import Tracking
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
@@ -103,23 +106,15 @@ class ReactivePlanner:
         self.skill = skill
         self.settings = settings or PlannerSettings()
         self.robot = robot or Robot.named(skill.robot)
-        arm = collision or CollisionModel.named(skill.robot)
+        guarded = collision or CollisionModel.named(skill.robot)
         if self.settings.avoid == "tool":
-            arm = arm.guarding_tool(self.robot, self.settings.tool_points, self.settings.tool_radii)
-        self.collision = arm
+            guarded = guarded.guarding_tool(self.robot, self.settings.tool_points, self.settings.tool_radii)
         self.graph: ConfigurationGraph | PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         self.limits = JointLimits.of(self.robot, self.settings.speed_scale, self.settings.acceleration_scale)
         self.may_detour, self.scene = scene is not None, scene or DeclaredScene.empty()
         check_demonstrations(self.scene, skill, self.robot, CollisionModel.named(skill.robot))
-        self._solver = Solver(skill, self.graph, self.settings, self.robot, self.collision, self.limits, self.scene)
-        self._queries: ConfigurationQueryBuilder | ToolQueryBuilder
-        if isinstance(self.graph, PoseGraph):
-            self._queries = ToolQueryBuilder(
-                skill, self.graph, self.settings, self.robot, self.collision, self.scene
-            )
-        else:
-            self._queries = ConfigurationQueryBuilder(skill, self.graph, self.settings, self.collision, self.scene)
-        self._detours, self._worker = DetourPlanner(self._solver), detours or DetourWorker(DETOUR_DELAY)
+        self._arm = GuardedArm.of(skill, self.graph, self.settings, self.robot, guarded, self.limits, self.scene)
+        self._worker = detours or DetourWorker(DETOUR_DELAY)
         self._stream = Stream(self._solver.certifier)
         self._inputs = Inputs(
             Obstacles.none(), self.settings.obstacle_position_error, Tracking(), TaskFrame.identity()
@@ -128,9 +123,31 @@ class ReactivePlanner:
         self._reach = self.settings.detour if self.may_detour else 0.0
         self._mission = Mission()
         self._memory = SearchMemory()
-        # The time of the newest tick [s], and how often the arm was said to stand somewhere.
+        # The time of the newest tick [s], and how often the arm was said to stand somewhere, or to hold something.
         self._ticked, self._stands = 0.0, 0
         self._warm_up()
+
+    @property
+    def collision(self) -> CollisionModel:
+        """The spheres that obstacles are kept away from, those of held objects among them."""
+        return self._arm.collision
+
+    @property
+    def held(self) -> tuple[HeldObject, ...]:
+        """The objects in the hand."""
+        return self._arm.objects
+
+    @property
+    def _solver(self) -> Solver:
+        return self._arm.solver
+
+    @property
+    def _queries(self) -> ConfigurationQueryBuilder | ToolQueryBuilder:
+        return self._arm.queries
+
+    @property
+    def _detours(self) -> DetourPlanner:
+        return self._arm.detours
 
     def _warm_up(self) -> None:
         """Load the compiled kernels, or compile them on the first start: no tick of the stream shall wait for that.
@@ -334,6 +351,44 @@ class ReactivePlanner:
         self._reach = float(reach)
         return Verdict(VerdictCode.OK)
 
+    def hold(self, objects: Sequence[HeldObject]) -> Verdict:
+        """Say what the hand holds from now on, all of it; nothing: (). `take_hold` what was prepared."""
+        return self.take_hold(self.prepared_hold(objects))
+
+    def prepared_hold(self, objects: Sequence[HeldObject]) -> PreparedHold | Verdict:
+        """All that takes time of holding other objects: any thread may do it while another one ticks.
+
+        BAD_INPUT where two objects have one name, or one is larger than the arm.
+        """
+        try:
+            check_held(objects, self.robot)
+        except RobotError as error:
+            return Verdict(VerdictCode.BAD_INPUT, str(error))
+        arm, before = self._arm.holding(objects), self._mission.query
+        query = None if before is None else arm.queries.rebuilt(before)
+        return PreparedHold(arm, before, None if isinstance(query, Verdict) else query)
+
+    def take_hold(self, prepared: PreparedHold | Verdict) -> Verdict:
+        """Count prepared objects from the next tick on: it judges what is being played anew, with them. What was found
+        with those held before is forgotten. Where they were refused nothing changes, and the refusal is returned.
+        """
+        if isinstance(prepared, Verdict):
+            return prepared
+        self._arm = prepared.arm
+        # What was carried meanwhile counts what was held before.
+        self._stands += 1
+        query = prepared.query if self._mission.query is prepared.before else None
+        self._mission, self._memory = replace(self._mission, query=query), SearchMemory()
+        played, followed = self._stream.played, self._stream.followed
+        self._stream.take_certifier(self._solver.certifier)
+        if played is not None:
+            self._stream.certify_anew(self._certified(played.reference, played.begin))
+        if followed is not None:
+            carried = query if followed.query is prepared.before and query is not None else followed.query
+            self._stream.followed = replace(followed, query=carried, obstacles=None, nodes=None)
+        names = ", ".join(held.name for held in self.held)
+        return Verdict(VerdictCode.OK, f"holding {names or 'nothing'}")
+
     def stand_at(self, configuration: np.ndarray, now: float) -> Plan:
         """The arm stands in a configuration (eta,) [rad] at `now` [s]: what was played is forgotten, the goal is not.
 
@@ -529,7 +584,9 @@ class ReactivePlanner:
 
     def _is_unchanged(self, followed: Followed, situation: Situation) -> bool:
         """Whether what is followed is still the best path, as nothing has changed."""
-        return not self.settings.avoidance or followed.obstacles.unmoved_in(situation.obstacles)
+        if not self.settings.avoidance:
+            return True
+        return followed.obstacles is not None and followed.obstacles.unmoved_in(situation.obstacles)
 
     def _improved(self, situation: Situation, query: Query, followed: Followed) -> _Decision:
         """What is followed and free, or a new path where that is a gain."""

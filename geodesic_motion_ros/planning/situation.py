@@ -80,11 +80,12 @@ class Followed:
     The verdict states the present clearance; `promised` was that of the plan, `drawn` that when another curve was last
     drawn [m]. `nodes` and `optimistic` as of `Plan`. `evading`: it leads to where nothing is expected to come.
     `remaining`: it is an approach, which leaves so much of the path to a covered goal [m]; inf: it is none.
+    `obstacles`: those among which it was last judged; None: it is to be judged anew.
     """
 
     query: HeldQuery
     verdict: Verdict
-    obstacles: Obstacles
+    obstacles: Obstacles | None
     searched: float
     promised: float
     drawn: float

@@ -43,6 +43,15 @@ class Stream:
         self.forget()
         self.played = Played(trajectory, now, self._certifier)
 
+    def take_certifier(self, certifier: ArmCertifier) -> None:
+        """What is played from now on is certified by another one."""
+        self._certifier = certifier
+
+    def certify_anew(self, trajectory: CertifiedTrajectory) -> None:
+        """What is being played has another certificate."""
+        assert self.played is not None
+        self.played = Played(trajectory, self.played.begin, self._certifier)
+
     def commanded(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Position, velocity and acceleration (eta,) played at `time` [s]; None where nothing is."""
         played = self.played

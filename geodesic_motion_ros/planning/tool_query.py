@@ -7,6 +7,7 @@ path at the same progress (`posture.py`). What the metric measures stays what th
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -178,6 +179,16 @@ class ToolQueryBuilder:
         self._radii = np.array(settings.tool_radii, dtype=float)
         self._poses = QueryBuilder(skill, graph, settings)
         self._step = float(np.min(graph.grid.spacing))
+
+    def guarding(self, collision: CollisionModel) -> ToolQueryBuilder:
+        """The same where other spheres are kept away from obstacles."""
+        other = copy(self)
+        other._collision, other._links = collision, LinkBounds.of(collision)
+        return other
+
+    def rebuilt(self, query: ToolQuery) -> ToolQuery | Verdict:
+        """The query of a builder that guards other spheres, with the spheres of this one."""
+        return self._held_with(query.poses, query.frame, query.start, query.swivel)
 
     def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ToolGoal | Verdict:
         """A goal pose of the base frame, refused where it is too far from what was demonstrated.

@@ -71,6 +71,11 @@ class TrackingMonitor:
         """The arm is on its way to another goal from now on."""
         self._with_goal_before, self._with_goal = self._with_goal, Tracking()
 
+    def take_collision(self, collision: CollisionModel) -> None:
+        """The centres of other spheres are compared from now on; what was measured so far counts as long."""
+        self._collision = collision
+        self._sent.clear()
+
     def forget(self) -> None:
         """The arm begins anew where it stands."""
         self._sent.clear()

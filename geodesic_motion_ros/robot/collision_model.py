@@ -8,7 +8,7 @@ simulation/sphere_cover.py makes it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from geodesic_motion_ros.distance_field import field_distances
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.robot.body_points import BodyPoints, link_points, place_body_points
+from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import FOLDER, VECTOR, Robot, contiguous
 from geodesic_motion_ros.solids import solid_distances
 
@@ -33,7 +34,7 @@ class CollisionModel:
 
     Attributes
     ----------
-    points : their centres, named after their links.
+    points : their centres, named after their links, or the objects that they cover.
     radii : (S,) [m].
     moving : (S,) bool, which of them are kept away from obstacles: those that joints move. The others, those of the
         base, matter to self-collision alone: no motion keeps them from an obstacle.
@@ -111,17 +112,39 @@ class CollisionModel:
         """Of which only spheres (K, 3), (K,) [m] fixed to the robot's tool are kept away from obstacles; all of the
         arm's are still kept away from each other.
         """
-        tool, count = robot.tool_link, len(radii)
-        frame = np.full(count, robot.link_names.index(tool), dtype=np.int64)
+        joined = self._with(robot, [robot.tool_link] * len(radii), points, radii)
+        return replace(joined, moving=np.repeat([False, True], [len(self), len(radii)]))
+
+    def holding(self, robot: Robot, objects: Sequence[HeldObject]) -> CollisionModel:
+        """With the spheres of objects that the robot's tool holds, which are kept away from obstacles like its own, and
+        from the spheres of all links that two joints or more turn against the tool; the hand, and the link before the
+        last joint, they may overlap.
+        """
+        model = self
+        turned = np.append(0, np.cumsum(robot.chain[3] >= 0))
+        apart = np.flatnonzero(turned[self.points.frames] <= turned[-1] - 2)
+        for held in objects:
+            centres, radii = held.spheres
+            own = np.arange(len(model), len(model) + len(radii))
+            pairs = np.stack(np.meshgrid(own, apart, indexing="ij"), axis=-1).reshape(-1, 2)
+            model = model._with(robot, [held.name] * len(radii), centres, radii)
+            model = replace(model, self_pairs=np.concatenate([model.self_pairs, pairs]))
+        return model
+
+    def _with(
+        self, robot: Robot, names: Sequence[str], points: Sequence[Sequence[float]], radii: Sequence[float]
+    ) -> CollisionModel:
+        """With spheres (K, 3), (K,) [m] fixed to the robot's tool, of names (K,)."""
+        frame = np.full(len(radii), robot.link_names.index(robot.tool_link), dtype=np.int64)
         joined = BodyPoints(
-            (*self.points.names, *(tool,) * count), np.concatenate([self.points.frames, frame]),
-            np.concatenate([self.points.offsets, link_points(robot, tool, points)]),
+            (*self.points.names, *names), np.concatenate([self.points.frames, frame]),
+            np.concatenate([self.points.offsets, link_points(robot, robot.tool_link, points)]),
         )  # fmt: skip
-        moving = np.repeat([False, True], [len(self), count])
+        moving = np.append(self.moving, np.ones(len(radii), dtype=bool))
         return CollisionModel(joined, np.concatenate([self.radii, radii]), moving, self.self_pairs)
 
     def link_of(self, sphere: int) -> str:
-        """The link that a sphere is fixed to."""
+        """The link that a sphere is fixed to, or the object that it covers."""
         return self.points.names[sphere]
 
     def positions(self, robot: Robot, configurations: np.ndarray) -> np.ndarray:

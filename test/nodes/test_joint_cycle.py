@@ -16,9 +16,11 @@ from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import VerdictCode
 
 PERIOD = 0.01
@@ -59,6 +61,7 @@ def planner(reach_skill: Skill) -> ReactivePlanner:
 def cycle(planner: ReactivePlanner) -> JointCycle:
     planner.clear_goal()
     planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
+    planner.hold(())
     return JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=HORIZON, clock=lambda: 0.0)
 
 
@@ -431,3 +434,66 @@ def test_an_old_state_is_compared_with_what_was_commanded_then(cycle, arm, input
         arm.states.append(arm.desired(arm.now))
         arm.now += PERIOD
         assert output.verdict.ok
+
+
+class TestHeldObjects:
+    """An object in the hand, and the obstacle that has its name."""
+
+    #: Between the fingers.
+    BALL = HeldObject("toy/1", "sphere", (0.03,))
+
+    def seen(self, cycle: JointCycle, configuration: np.ndarray, name: str = "toy") -> ObstacleTracker:
+        """A tracker of a sphere where the ball is, with the arm in a configuration (7,)."""
+        position, quaternion = cycle.planner.robot.forward(configuration)
+        tracker = ObstacleTracker()
+        centre = TaskFrame(position, quaternion).points_to_base(np.array([self.BALL.position]))[0]
+        tracker.put("obstacles", (name, 1), centre, 0.03, 100.0)
+        return tracker
+
+    def test_the_obstacle_of_its_name_does_not_count_while_it_is_held_nor_until_the_hand_has_left_it(
+        self, cycle, arm, inputs
+    ):
+        tracker = self.seen(cycle, arm.position)
+        inputs = dataclasses.replace(inputs, obstacles=tracker.current(100.0))
+        assert follow(cycle, arm, inputs, 0.05)[-1].verdict.code is VerdictCode.IN_COLLISION
+        held = dataclasses.replace(inputs, held=(self.BALL,))
+        assert follow(cycle, arm, held, 0.05)[-1].verdict.ok
+        assert cycle.planner.held == (self.BALL,)
+        # Released again at once: the hand is still where the ball is, and leaves.
+        outputs = follow(cycle, arm, inputs, 14.0)
+        assert cycle.planner.held == ()
+        assert outputs[-1].verdict.ok
+        np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-6)
+        assert len(cycle.planner.obstacles.radii) == 1
+
+    def test_another_obstacle_there_counts(self, cycle, arm, inputs):
+        tracker = self.seen(cycle, arm.position, "other")
+        held = dataclasses.replace(inputs, held=(self.BALL,), obstacles=tracker.current(100.0))
+        assert follow(cycle, arm, held, 0.05)[-1].verdict.code is VerdictCode.IN_COLLISION
+
+    def test_it_is_prepared_before_a_goal_that_comes_with_it(self, planner, arm, inputs):
+        release = threading.Event()
+        with ThreadPoolExecutor(1) as background:
+            cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: 0.0, background=background)
+            planner.clear_goal()
+            planner.hold(())
+            background.submit(release.wait)
+            with_goal = dataclasses.replace(inputs, held=(self.BALL,))
+            waiting = follow(cycle, arm, with_goal, 0.05)
+            assert {output.verdict.code for output in waiting} == {VerdictCode.NO_GOAL}
+            assert planner.held == ()
+            release.set()
+            background.submit(lambda: None).result()
+            follow(cycle, arm, with_goal, 0.02)
+            assert planner.held == (self.BALL,)
+            background.submit(lambda: None).result()
+            assert follow(cycle, arm, with_goal, 0.2)[-1].verdict.ok
+
+    def test_the_arm_stops_while_it_is_not_known_what_the_hand_holds(self, cycle, arm, inputs):
+        follow(cycle, arm, inputs, 1.0)
+        refused = dataclasses.replace(inputs, held_refused="marker toy/1: type 10")
+        stopped = follow(cycle, arm, refused, 1.0)[-1]
+        assert stopped.verdict.code is VerdictCode.BAD_INPUT
+        assert "not known what the hand holds: marker toy/1: type 10" in stopped.verdict.reason
+        assert stopped.speed == 0.0
+        assert follow(cycle, arm, inputs, 0.1)[-1].verdict.ok

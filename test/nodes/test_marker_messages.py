@@ -16,6 +16,8 @@ from visualization_msgs.msg import Marker
 
 from geodesic_motion_ros.nodes import marker_messages as m
 from geodesic_motion_ros.nodes.messages import MessageRefused
+from geodesic_motion_ros.robot.held_objects import HeldObject
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.solids import solid_distances
 
 BASE = "panda_link0"
@@ -187,3 +189,69 @@ class TestWriters:
         back = deserialize_message(serialize_message(marker), Marker)
         assert (back.type, back.scale.y) == (Marker.CUBE_LIST, 0.25)
         assert [(p.x, p.y, p.z) for p in back.points] == [(0.0, 1.0, 2.0), (3.0, 4.0, 5.0)]
+
+
+class TestHeld:
+    """What the hand holds, by markers in the tool frame."""
+
+    TOOL = "panda_grasptarget"
+    BOTTLE = HeldObject("n/1", "cylinder", (0.03, 0.2), (0.1, 0.2, 0.3))
+
+    def marker(self, number: int = 1, kind: int = Marker.CYLINDER, **fields) -> Marker:
+        marker = sphere(number=number, frame=self.TOOL, type=kind, **fields)
+        marker.scale.x, marker.scale.y, marker.scale.z = 0.06, 0.06, 0.2
+        return marker
+
+    def after(self, *markers: Marker, held: Sequence[HeldObject] = ()) -> tuple[HeldObject, ...]:
+        return m.held_after(markers, held, Robot.panda())
+
+    def test_attach_replace_detach(self):
+        assert self.after(self.marker()) == (self.BOTTLE,)
+        assert self.after(self.marker(), held=[self.BOTTLE]) == (self.BOTTLE,)
+        box = HeldObject("n/1", "box", (0.06, 0.06, 0.2), self.BOTTLE.position)
+        assert self.after(self.marker(kind=Marker.CUBE), held=[self.BOTTLE]) == (box,)
+        ball = self.after(self.marker(2, Marker.SPHERE), held=[self.BOTTLE])[1]
+        assert (ball.name, ball.shape, ball.dimensions) == ("n/2", "sphere", (0.1,))
+        assert self.after(self.marker(action=Marker.DELETE), held=[self.BOTTLE, ball]) == (ball,)
+        assert self.after(self.marker(action=Marker.DELETEALL), held=[self.BOTTLE, ball]) == ()
+        other = sphere("m", action=Marker.DELETEALL)
+        assert self.after(other, held=[self.BOTTLE, ball]) == (self.BOTTLE, ball)
+        assert self.after(sphere("", action=Marker.DELETEALL), self.marker(), held=[ball]) == (self.BOTTLE,)
+
+    @pytest.mark.parametrize(
+        ("changes", "reason"),
+        [
+            ({"type": Marker.MESH_RESOURCE}, "marker n/1: type 10, a mesh, which is not taken, expected SPHERE"),
+            ({"type": Marker.ARROW}, "marker n/1: type 0, expected SPHERE"),
+            ({"header": Header(frame_id=BASE)}, "marker n/1: frame 'panda_link0'.*send it in 'panda_grasptarget'"),
+            ({"lifetime": Duration(sec=2)}, "lifetime 2 s, expected 0"),
+            ({"action": 7}, "action 7"),
+            ({"action": Marker.DELETE}, "marker n/1: nothing of this name is held; held: n/2"),
+        ],
+    )
+    def test_what_cannot_be_used_is_refused_by_name(self, changes, reason):
+        marker = self.marker()
+        for name, value in changes.items():
+            setattr(marker, name, value)
+        with pytest.raises(MessageRefused, match=reason):
+            self.after(marker, held=[HeldObject("n/2", "sphere", (0.02,))])
+
+    @pytest.mark.parametrize("value", [*BAD, 0.0, -0.1])
+    def test_no_size(self, value):
+        marker = self.marker()
+        marker.scale.z = value
+        with pytest.raises(MessageRefused, match="marker n/1: scale"):
+            self.after(marker)
+
+    def test_two_of_one_name_and_what_is_larger_than_the_arm(self):
+        with pytest.raises(MessageRefused, match="marker n/1: two held objects have this ns and id"):
+            self.after(self.marker(), self.marker())
+        large = self.marker()
+        large.scale.z = 3.0
+        with pytest.raises(MessageRefused, match=r"'n/1' reaches 1\.87 m from 'panda_grasptarget'"):
+            self.after(large)
+
+    def test_what_is_shown_is_read_again(self):
+        place = np.array(self.BOTTLE.position), np.array(self.BOTTLE.quaternion)
+        shown = m.held_marker(0, self.BOTTLE, *place, (0.0,) * 4, self.TOOL, STAMP)
+        assert self.after(shown)[0] == HeldObject("held/0", "cylinder", (0.03, 0.2), (0.1, 0.2, 0.3))

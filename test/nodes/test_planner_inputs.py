@@ -288,3 +288,39 @@ def test_the_task_frame_has_an_age_once_it_was_heard_and_is_never_silent(bench):
     bench.go(3.0)
     assert bench.inputs.ages() == {"task_frame": pytest.approx(3.2)}
     assert not bench.inputs.snapshot().silent_sources
+
+
+class TestHeld:
+    """What the hand holds: a message counts as a whole, or not at all."""
+
+    def ball(self, number: int = 1, **fields: Any) -> Marker:
+        marker = Marker(header=Header(frame_id="panda_grasptarget"), ns="toy", id=number, type=Marker.SPHERE, **fields)
+        marker.scale.x = marker.scale.y = marker.scale.z = 0.06
+        return marker
+
+    def tell(self, bench: Bench, *markers: Marker) -> tuple[list[str], str]:
+        """Names of what is held after a message, and why that is not known."""
+        bench.inputs._receive_held(serialize_message(MarkerArray(markers=list(markers))))
+        snapshot = bench.inputs.snapshot()
+        return [held.name for held in snapshot.held], snapshot.held_refused
+
+    def test_all_of_a_message_or_nothing(self, bench):
+        assert self.tell(bench, self.ball(), self.ball(2)) == (["toy/1", "toy/2"], "")
+        mesh = self.ball(3)
+        mesh.type, mesh.mesh_resource = Marker.MESH_RESOURCE, "package://toys/car.stl"
+        names, refused = self.tell(bench, self.ball(4), mesh)
+        assert names == ["toy/1", "toy/2"]
+        assert "marker toy/3: type 10, a mesh" in refused
+        assert bench.inputs.refusals.counts == {"~/held_objects": 1}
+        # What could be used says what the hand holds, even where it changes nothing.
+        assert self.tell(bench) == (["toy/1", "toy/2"], "")
+
+    def test_to_detach_what_is_not_held_changes_nothing(self, bench):
+        self.tell(bench, self.ball())
+        assert self.tell(bench, self.ball(2, action=Marker.DELETE)) == (["toy/1"], "")
+        assert "nothing of this name is held; held: toy/1" in bench.inputs.refusals.newest(PATIENCE)
+        assert self.tell(bench, self.ball(action=Marker.DELETE)) == ([], "")
+
+    def test_what_is_no_marker_array(self, bench):
+        bench.inputs._receive_held(b"\x00\x01\x00\x00\xff")
+        assert bench.inputs.snapshot().held_refused
