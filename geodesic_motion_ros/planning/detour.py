@@ -20,6 +20,8 @@ from geodesic_motion_ros.planning.path_smoothing import smooth_latent
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
 from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 
+#: Why there is none between two configurations; in another posture there may be one.
+COVERED_END = "an obstacle covers where it would begin or end"
 #: The band is smoothed by so many of its points.
 _SMOOTHING = 1.5
 
@@ -89,7 +91,7 @@ class DetourPlanner:
             obstacle_clearance(solver.collision, solver.robot, end, swept)[0] for end in (query.start, query.goal)
         )
         if ends <= 0.0:
-            return "an obstacle covers where it would begin or end"
+            return COVERED_END
         margin = min(solver.settings.obstacle_margin, 0.5 * ends)
         arm = ArmInScene.of(solver.robot, solver.collision, swept)
         path = cheapest_detour(frame, arm, reach, margin)

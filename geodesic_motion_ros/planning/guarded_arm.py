@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.detour import DetourPlanner
+from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner
 from geodesic_motion_ros.planning.mission import Query
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
@@ -66,6 +67,17 @@ class GuardedArm:
             self, objects=tuple(objects), collision=collision, solver=solver, queries=self.queries.guarding(collision),
             detours=self.detours.with_solver(solver),
         )  # fmt: skip
+
+    def detour(self, query: Query, obstacles: Obstacles, reach: float) -> Detour | str:
+        """The cheapest detour of up to `reach` [m], or why there is none; where an obstacle covers an end, in the first
+        of the other postures that has one.
+        """
+        found = self.detours.find(query, obstacles, reach)
+        other = self.queries.other_posture(query) if found == COVERED_END else None
+        while other is not None and isinstance(found, str):
+            found = self.detours.find(other, obstacles, reach)
+            other = self.queries.other_posture(other)
+        return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -569,16 +569,16 @@ class ReactivePlanner:
 
     def _detour_search(self, situation: Situation, query: Query, goal: Goal) -> Search:
         """The search of a detour from where the arm stands."""
-        state, obstacles, reach = situation.state, situation.expected, self._reach
+        state, obstacles, arm, reach = situation.state, situation.expected, self._arm, self._reach
 
         def search() -> Detour | str:
             here: Query | Verdict | None = query
             if not np.array_equal(query.start, state.position):
                 here = None
                 if state.latent is not None:
-                    here = self._queries.redirected(query, state.position, state.latent, goal)
-                here = here or self._queries.build(state.position, goal)
-            return here.reason if isinstance(here, Verdict) else self._detours.find(here, obstacles, reach)
+                    here = arm.queries.redirected(query, state.position, state.latent, goal)
+                here = here or arm.queries.build(state.position, goal)
+            return here.reason if isinstance(here, Verdict) else arm.detour(here, obstacles, reach)
 
         return search
 
@@ -708,7 +708,7 @@ class ReactivePlanner:
         plan = self._solver.solve(query, state, obstacles, self._solver.cautious)
         if plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH or self._reach == 0.0:
             return plan
-        detour = self._detours.find(query, obstacles, self._reach)
+        detour = self._arm.detour(query, obstacles, self._reach)
         if isinstance(detour, str):
             return replace(plan, verdict=replace(plan.verdict, reason=self._without_detour(plan.verdict, detour)))
         return self._detours.plan(detour, state, obstacles)

@@ -11,9 +11,11 @@ from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.robot.collision_model import obstacle_clearance
+from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 
@@ -208,3 +210,21 @@ def test_reaches_that_make_no_sense_are_refused(planner, reach: float) -> None:
     assert planner.set_detour(reach).code is VerdictCode.BAD_INPUT
     with pytest.raises(PlanningError, match="detour"):
         PlannerSettings(detour=reach)
+
+
+def test_what_covers_the_arm_at_the_goal_in_one_posture_is_avoided_in_another_one() -> None:
+    """A sphere beside the elbow: the tool's goal is free, and so is a posture that holds it."""
+    settings = PlannerSettings(patience=PATIENCE)
+    planner = ReactivePlanner(Skill.load("panda_pouring"), settings, scene=DeclaredScene.empty())
+    played = Played(planner)
+    posture = played.nominal.positions[-1]
+    elbow = elbow_position(planner.robot, posture)
+    aside = elbow_position(planner.robot, posture + 0.05 * null_vectors(posture[None], planner.robot.chain)[0]) - elbow
+    beside = elbow + 0.15 * aside / np.linalg.norm(aside)
+    blocker = Obstacles.of_spheres(beside[None], np.array([0.04]))
+    assert obstacle_clearance(planner.collision, planner.robot, posture, blocker)[0] < -0.01
+    planner.take_obstacles(blocker)
+    played.ask()
+    played.run(PATIENCE + 15.0)
+    assert played.at_goal
+    assert played.least_clearance(blocker) > 0.0
