@@ -8,7 +8,7 @@ trajectory is certified for the whole arm, against obstacles that move on linear
 
 While nothing changes the trajectory stays. Otherwise the search is repeated, and the new path taken where it is a gain.
 Where no path is left that can be certified the arm stops along the one that it follows; where something is then coming
-to where it stands, it evades (`evasion`).
+to where it stands, it evades (`evasion`). Where its goal is covered it goes as near as it can (`approach`).
 
 A tick works out its `Situation` once, decides without changing anything, and commits the decision in one place.
 """

@@ -80,7 +80,7 @@ class Plan:
     trajectory : what is to be played from `begin` on, in the place of everything before; None: what is being played
         stays, or the arm stands.
     begin : time of its first knot [s].
-    verdict : OK comes with a path to the goal. With any other verdict the trajectory is a stop, or evades.
+    verdict : OK comes with a path to the goal. With any other verdict the trajectory is a stop, evades, or approaches.
     nodes : of the graph that the path was found along, where the first attempt found it.
     optimistic : as of `Attempt`.
     mode : what the arm does after the tick.
