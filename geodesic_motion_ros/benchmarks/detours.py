@@ -20,10 +20,8 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.families import FREE_END, draw_standing
 from geodesic_motion_ros.comparison.scene import moved_demonstrations
 from geodesic_motion_ros.comparison.ways import Ways
-from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
-from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
@@ -31,7 +29,6 @@ from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
 from geodesic_motion_ros.planning.detour_band import band_cost, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
-from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
 from geodesic_motion_ros.robot.collision_model import obstacle_clearance
@@ -40,8 +37,6 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: Starts and goals, and spheres between two of them, that are drawn until it is said that none fit.
 _ENDS, _SPHERES = 20, 30_000
-#: The lattice's path is taken every so often [rad], and smoothed by so many of these samples.
-_SPACING, _SMOOTHING = 0.05, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +159,7 @@ class DetourBench:
                 with band[play]:
                     drawn = drawn_tight(found.frame, found.arm, found.path, self._reach, self.margin)
                     if drawn is not None:
-                        detour = Detour.of(motion.query, drawn, found.path.cost, found.path.evaluated)
+                        detour = Detour.along_band(motion.query, found.path, drawn)
                         tight = self._detours.plan(detour, motion.state, obstacles)
         into.found += 1
         if found.plan.verdict.ok:
@@ -183,7 +178,5 @@ class DetourBench:
         path = cheapest_detour(frame, arm, self._reach, self.margin)
         if isinstance(path, str):
             return path
-        curve = smooth_latent(resample_latent(path.configurations, _SPACING), _SMOOTHING)
-        shares, latent = arc_length_fractions(path.configurations), frame.latent[path.samples]
-        along = interpolated(np.linspace(0.0, 1.0, len(curve)), shares, np.ascontiguousarray(latent))
-        return _First(frame, arm, path, self._solver.along(motion.query, motion.state, curve, along, obstacles))
+        lattice = Detour.along_lattice(motion.query, frame, path)
+        return _First(frame, arm, path, self._detours.plan(lattice, motion.state, obstacles))

@@ -25,12 +25,9 @@ from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.demonstrations.similarity import Similarity, compare
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
-from geodesic_motion_ros.planning.detour_band import drawn_tight
+from geodesic_motion_ros.planning.detour import DetourPlanner
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
-from geodesic_motion_ros.planning.detour_search import cheapest_detour
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
@@ -115,18 +112,11 @@ class BaseDetours:
         return DetourFrame.along(arena.robot, path, share[:, None], covariances)
 
     def _plan(self, query: HeldQuery, frame: DetourFrame, obstacles: Obstacles) -> Plan:
-        planner = self._planner
-        arm = ArmInScene.of(planner.robot, planner.collision, obstacles)
-        reach, margin = planner.settings.detour, planner.settings.obstacle_margin
-        path = cheapest_detour(frame, arm, reach, margin)
+        found = self._detours.beside(frame, query, obstacles, self._planner.settings.detour)
+        if isinstance(found, str):
+            return Plan(None, 0.0, Verdict(VerdictCode.NO_FEASIBLE_PATH, found))
         still = np.zeros_like(query.start)
-        state = MotionState(0.0, query.start, still, still, None)
-        if isinstance(path, str):
-            return Plan(None, 0.0, Verdict(VerdictCode.NO_FEASIBLE_PATH, path))
-        band = drawn_tight(frame, arm, path, reach, margin)
-        if band is None:
-            return Plan(None, 0.0, Verdict(VerdictCode.NO_FEASIBLE_PATH, "the arm cannot hold the band"))
-        return self._detours.plan(Detour.of(query, band, path.cost, path.evaluated), state, obstacles)
+        return self._detours.plan(found, MotionState(0.0, query.start, still, still, None), obstacles)
 
     def _outcome(self, scene: Scene, plan: Plan) -> BaseOutcome:
         if plan.reference is None:

@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
+from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
-from geodesic_motion_ros.planning.detour_search import cheapest_detour
-from geodesic_motion_ros.planning.path_smoothing import smooth_latent
+from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
+from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
 from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 
@@ -24,6 +26,8 @@ from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 COVERED_END = "an obstacle covers where it would begin or end"
 #: The band is smoothed by so many of its points.
 _SMOOTHING = 1.5
+#: A path of the lattice is sampled so often [rad], and smoothed by so many of these samples.
+_LATTICE_STEP, _LATTICE_SMOOTHING = 0.05, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +53,24 @@ class Detour:
     evaluated: int
 
     @classmethod
-    def of(cls, query: HeldQuery, band: Band, cost: float, evaluated: int) -> Detour:
-        """Along a band."""
+    def along_band(cls, query: HeldQuery, path: LatticePath, band: Band) -> Detour:
+        """A path of the lattice as a band has drawn it tight."""
         return cls(
             query, smooth_latent(band.configurations, _SMOOTHING), band.latent,
             float(np.max(np.linalg.norm(band.displacements, axis=1))), float(np.max(np.abs(band.swivels))),
-            float(np.max(band.deviations)), cost, evaluated,
+            float(np.max(band.deviations)), path.cost, path.evaluated,
+        )  # fmt: skip
+
+    @classmethod
+    def along_lattice(cls, query: HeldQuery, frame: DetourFrame, path: LatticePath) -> Detour:
+        """A path of the lattice as it is, its corners rounded."""
+        curve = smooth_latent(resample_latent(path.configurations, _LATTICE_STEP), _LATTICE_SMOOTHING)
+        lengths = arc_length_fractions(path.configurations)
+        latent = interpolated(np.linspace(0.0, 1.0, len(curve)), lengths, frame.latent[path.samples])
+        deviations = frame.deviations(path.samples, path.displacements)
+        return cls(
+            query, curve, latent, float(np.max(np.linalg.norm(path.displacements, axis=1))),
+            float(np.max(np.abs(path.swivels))), float(np.max(deviations)), path.cost, path.evaluated,
         )  # fmt: skip
 
 
@@ -83,8 +99,13 @@ class DetourPlanner:
     def find(self, query: HeldQuery, obstacles: Obstacles, reach: float) -> Detour | str:
         """The cheapest detour with displacements up to `reach` [m], or why there is none."""
         frame = self.frame(query)
-        if isinstance(frame, str):
-            return frame
+        return frame if isinstance(frame, str) else self.beside(frame, query, obstacles, reach)
+
+    def beside(self, frame: DetourFrame, query: HeldQuery, obstacles: Obstacles, reach: float) -> Detour | str:
+        """The same beside a base path: certified for an arm that begins at rest.
+
+        The path of the lattice is drawn tight; where that is not certified it is taken as it is.
+        """
         solver = self._solver
         swept = obstacles.swept(solver.settings.prediction).beside(solver.scene.solids)
         ends = min(
@@ -98,9 +119,20 @@ class DetourPlanner:
         if isinstance(path, str):
             return path
         band = drawn_tight(frame, arm, path, reach, margin)
-        if band is None:
-            return "the arm cannot hold it between the nodes of the lattice"
-        return Detour.of(query, band, path.cost, path.evaluated)
+        refusal = "the arm cannot hold it between the nodes of the lattice"
+        if band is not None:
+            detour = Detour.along_band(query, path, band)
+            refusal = self._refusal(detour, obstacles)
+        if refusal:
+            detour = Detour.along_lattice(query, frame, path)
+            refusal = self._refusal(detour, obstacles) and refusal
+        return refusal or detour
+
+    def _refusal(self, detour: Detour, obstacles: Obstacles) -> str:
+        """Why a detour is not certified for an arm at rest where it begins, or ""."""
+        still = np.zeros_like(detour.query.start)
+        state = MotionState(obstacles.time, detour.query.start, still, still, detour.query.start_latent)
+        return "" if (plan := self.plan(detour, state, obstacles)).verdict.ok else plan.verdict.reason
 
     def plan(self, detour: Detour, state: MotionState, obstacles: Obstacles) -> Plan:
         """The certified motion along a detour from a state at its start, or why it is not certified."""

@@ -124,3 +124,7 @@ class DetourFrame:
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    def deviations(self, samples: np.ndarray, displacements: np.ndarray) -> np.ndarray:
+        """Mahalanobis distances (p,) of displacements (p, 3) [m] from what was demonstrated at samples (p,)."""
+        return np.sqrt(np.einsum("pa,pab,pb->p", displacements, self.precisions[samples], displacements))
