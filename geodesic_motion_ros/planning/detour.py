@@ -24,8 +24,8 @@ from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 
 #: Why there is none between two configurations; in another posture there may be one.
 COVERED_END = "an obstacle covers where it would begin or end"
-#: The band is smoothed by so many of its points.
-_SMOOTHING = 1.5
+#: A band is smoothed by so many of its points; by fewer where that cuts a corner too short.
+SMOOTHINGS = (1.5, 0.5)
 #: A path of the lattice is sampled so often [rad], and smoothed by so many of these samples.
 _LATTICE_STEP, _LATTICE_SMOOTHING = 0.05, 1.0
 
@@ -53,10 +53,10 @@ class Detour:
     evaluated: int
 
     @classmethod
-    def along_band(cls, query: HeldQuery, path: LatticePath, band: Band) -> Detour:
-        """A path of the lattice as a band has drawn it tight."""
+    def along_band(cls, query: HeldQuery, path: LatticePath, band: Band, smoothing: float = SMOOTHINGS[0]) -> Detour:
+        """A path of the lattice as a band has drawn it tight, smoothed by so many of its points."""
         return cls(
-            query, smooth_latent(band.configurations, _SMOOTHING), band.latent,
+            query, smooth_latent(band.configurations, smoothing), band.latent,
             float(np.max(np.linalg.norm(band.displacements, axis=1))), float(np.max(np.abs(band.swivels))),
             float(np.max(band.deviations)), path.cost, path.evaluated,
         )  # fmt: skip
@@ -104,7 +104,8 @@ class DetourPlanner:
     def beside(self, frame: DetourFrame, query: HeldQuery, obstacles: Obstacles, reach: float) -> Detour | str:
         """The same beside a base path: certified for an arm that begins at rest.
 
-        The path of the lattice is drawn tight; where that is not certified it is taken as it is.
+        The path of the lattice is drawn tight; where that is not certified, however it is smoothed, it is taken as it
+        is.
         """
         solver = self._solver
         swept = obstacles.swept(solver.settings.prediction).beside(solver.scene.solids)
@@ -119,16 +120,16 @@ class DetourPlanner:
         if isinstance(path, str):
             return path
         band = drawn_tight(frame, arm, path, reach, margin)
-        refusal = "the arm cannot hold it between the nodes of the lattice"
-        if band is not None:
-            detour = Detour.along_band(query, path, band)
-            refusal = self._refusal(detour, obstacles)
-        if refusal:
-            detour = Detour.along_lattice(query, frame, path)
-            refusal = self._refusal(detour, obstacles) and refusal
-        return refusal or detour
+        drawn = [] if band is None else [Detour.along_band(query, path, band, width) for width in SMOOTHINGS]
+        refusal = ""
+        for detour in (*drawn, Detour.along_lattice(query, frame, path)):
+            objection = self._objection(detour, obstacles)
+            if not objection:
+                return detour
+            refusal = refusal or objection
+        return refusal
 
-    def _refusal(self, detour: Detour, obstacles: Obstacles) -> str:
+    def _objection(self, detour: Detour, obstacles: Obstacles) -> str:
         """Why a detour is not certified for an arm at rest where it begins, or ""."""
         still = np.zeros_like(detour.query.start)
         state = MotionState(obstacles.time, detour.query.start, still, still, detour.query.start_latent)

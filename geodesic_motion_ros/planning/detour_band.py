@@ -28,6 +28,8 @@ from geodesic_motion_ros.quaternions import normalise
 
 #: Points of the band, so often [m], at first and then; rounds in which each of them is moved.
 _SPACINGS, _ROUNDS = (0.05, 0.03, 0.015), 15
+#: A swivel counts as much as other turns of joints where points are spaced: between two of them nothing is judged.
+_SPACED_BY = np.array([1.0, 1.0, 1.0, 1.0, constants.DETOUR_METRES_PER_RADIAN / constants.DETOUR_METRES_PER_SWIVEL])
 #: A step by which the gradient of the clearance is measured [m].
 _DIFFERENCE = 1e-3
 #: A step is a share of that to the middle of both neighbours where the price is the same, and a shorter one is tried.
@@ -63,7 +65,7 @@ def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: f
     ])
     configurations = path.configurations
     for spacing in _SPACINGS:
-        lengths = _lengths(points)
+        lengths = _lengths(points * _SPACED_BY)
         even = np.linspace(0.0, lengths[-1], max(len(frame), math.ceil(lengths[-1] / spacing) + 1))
         points, near = interpolated(even, lengths, points), interpolated(even, lengths, configurations)
         held = _at(frame, points[:, 0] / frame.step)
