@@ -228,3 +228,20 @@ def test_what_covers_the_arm_at_the_goal_in_one_posture_is_avoided_in_another_on
     played.run(PATIENCE + 15.0)
     assert played.at_goal
     assert played.least_clearance(blocker) > 0.0
+
+
+def test_what_cannot_be_drawn_tight_is_passed_along_the_lattice() -> None:
+    """Near the goal the elbow has to swing back past a sphere within a few centimetres of the path."""
+    planner = ReactivePlanner(Skill.load("panda_pouring"), scene=DeclaredScene.empty())
+    start = np.array([0.48657, 0.18517, 0.32135, -2.17672, -0.90834, 1.01772, 0.19634])
+    goal = np.array([0.36036, -0.41456, 0.25392]), np.array([0.07047, -0.77006, -0.61731, -0.14483])
+    blocker = Obstacles.of_spheres(np.array([[0.23131, -0.1581, 0.50692]]), np.array([0.03208]))
+    planner.stand_at(start, 0.0)
+    planner.take_obstacles(blocker)
+    plan = planner.plan(*planner.robot.forward(start), *goal)
+    assert plan.verdict.ok
+    assert plan.verdict.displacement > 0.0
+    assert plan.reference is not None
+    instants = np.linspace(0.0, plan.reference.duration, 500)
+    postures = plan.reference.samples(instants)[0]
+    assert min(obstacle_clearance(planner.collision, planner.robot, one, blocker)[0] for one in postures) > 0.0
