@@ -318,14 +318,17 @@ class Solver:
         """The certified motion along the path to a covered goal, as near as nothing is met; None where that does not
         leave less of the path by `APPROACH_GAIN`.
 
-        The path is the one to the goal when it clears: what covers it is not counted in the search. What moves is
-        expected to move on for as long as where the arm evades: it would have to leave again.
+        The path is the one to the goal when it clears: what covers it is not counted in the search. None as well where
+        nothing that stands covers the goal: what moves leaves it by itself, and would meet an arm that waits beside it.
+        What moves elsewhere is expected to move on for as long as where the arm evades: it would have to leave again.
 
         Parameters
         ----------
         refusal : that the goal is covered; the plan's verdict states the same, and how near it leads.
         remaining : what the approach that is being played leaves of the path [m]; inf: there is none.
         """
+        if self._clearance(query.goal, obstacles.at_rest().beside(self.scene.solids)) > 0.0:
+            return None
         horizon = constants.EVASION_LOOKAHEAD * self.settings.prediction
         swept = obstacles.swept(horizon).beside(self.scene.solids)
         here = min(self._clearance(state.position, there) for there in (obstacles, swept))
