@@ -81,7 +81,7 @@ PLANNER = (
     Parameter(
         "approach_covered_goal",
         True,
-        "Where an obstacle that stands covers the goal the arm goes along its path as near to it as it can; false: it waits",
+        "Where what stands covers the goal the arm goes along its path as near to it as it can; false: it waits",
     ),
     Parameter(
         "obstacle_position_error",

@@ -190,8 +190,8 @@ class PlannerSettings:
         `LARGEST_DETOUR`, if it was declared what stands around the arm; 0: it waits there.
     patience : obstacles may go by themselves: a detour begins when they have stood, or blocked the arm, for so long
         [s].
-    approach_covered_goal : where an obstacle that stands covers the goal the arm goes along its path as near to it as it
-        can; False: it waits where it is.
+    approach_covered_goal : where what stands covers the goal the arm goes along its path as near to it as it can;
+        False: it waits where it is.
     """
 
     obstacle_margin: float = 0.005
