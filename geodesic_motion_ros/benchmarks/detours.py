@@ -25,7 +25,7 @@ from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
+from geodesic_motion_ros.planning.detour import LATTICE_SMOOTHINGS, Detour, DetourPlanner
 from geodesic_motion_ros.planning.detour_band import band_cost, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
@@ -178,5 +178,5 @@ class DetourBench:
         path = cheapest_detour(frame, arm, self._reach, self.margin)
         if isinstance(path, str):
             return path
-        lattice = Detour.along_lattice(motion.query, frame, path)
+        lattice = Detour.along_lattice(motion.query, frame, path, LATTICE_SMOOTHINGS[-1])
         return _First(frame, arm, path, self._detours.plan(lattice, motion.state, obstacles))

@@ -8,6 +8,7 @@ every other path is. It is an extension of the method of the paper.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -27,7 +28,8 @@ COVERED_END = "an obstacle covers where it would begin or end"
 #: A band is smoothed by so many of its points; by fewer where that cuts a corner too short.
 SMOOTHINGS = (1.5, 0.5)
 #: A path of the lattice is sampled so often [rad], and smoothed by so many of these samples.
-_LATTICE_STEP, _LATTICE_SMOOTHING = 0.05, 1.0
+_LATTICE_STEP = 0.05
+LATTICE_SMOOTHINGS = (6.0, 3.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +64,9 @@ class Detour:
         )  # fmt: skip
 
     @classmethod
-    def along_lattice(cls, query: HeldQuery, frame: DetourFrame, path: LatticePath) -> Detour:
-        """A path of the lattice as it is, its corners rounded."""
-        curve = smooth_latent(resample_latent(path.configurations, _LATTICE_STEP), _LATTICE_SMOOTHING)
+    def along_lattice(cls, query: HeldQuery, frame: DetourFrame, path: LatticePath, smoothing: float) -> Detour:
+        """A path of the lattice, smoothed by so many samples."""
+        curve = smooth_latent(resample_latent(path.configurations, _LATTICE_STEP), smoothing)
         lengths = arc_length_fractions(path.configurations)
         latent = interpolated(np.linspace(0.0, 1.0, len(curve)), lengths, frame.latent[path.samples])
         deviations = frame.deviations(path.samples, path.displacements)
@@ -104,8 +106,8 @@ class DetourPlanner:
     def beside(self, frame: DetourFrame, query: HeldQuery, obstacles: Obstacles, reach: float) -> Detour | str:
         """The same beside a base path: certified for an arm that begins at rest.
 
-        The path of the lattice is drawn tight; where that is not certified, however it is smoothed, it is taken as it
-        is.
+        The path of the lattice is drawn tight; where that is not certified, however it is smoothed, the path itself is
+        smoothed.
         """
         solver = self._solver
         swept = obstacles.swept(solver.settings.prediction).beside(solver.scene.solids)
@@ -121,8 +123,9 @@ class DetourPlanner:
             return path
         band = drawn_tight(frame, arm, path, reach, margin)
         drawn = [] if band is None else [Detour.along_band(query, path, band, width) for width in SMOOTHINGS]
+        rounded = (Detour.along_lattice(query, frame, path, width) for width in LATTICE_SMOOTHINGS)
         refusal = ""
-        for detour in (*drawn, Detour.along_lattice(query, frame, path)):
+        for detour in chain(drawn, rounded):
             objection = self._objection(detour, obstacles)
             if not objection:
                 return detour

@@ -37,17 +37,25 @@ def test_the_methods_are_those_of_the_catalogue() -> None:
     assert list(methods) == list(ROWS)
 
 
+def counted(number: int, name: str) -> tuple[int, int]:
+    """Successes and scenes of a method, over all families of a table."""
+    counts = [pair.split("/") for cell in FAMILIES[number][name].values() for pair in cell.split(", ") if pair != "-"]
+    return tuple(sum(map(int, column)) for column in zip(*counts, strict=True))
+
+
+def interval(successes: int, scenes: int) -> str:
+    return "..".join(f"{100.0 * bound:.1f}" for bound in wilson(successes, scenes))
+
+
 @pytest.mark.parametrize("number", range(len(TOTALS)))
 def test_totals_are_the_sums_of_their_parts(number: int) -> None:
-    total, families = TOTALS[number], FAMILIES[number]
-    half, fewer = PARTS[2 * number : 2 * number + 2]
-    assert list(total) == list(half) == list(fewer) == list(families) == [name for name in ROWS if name in total]
+    total, (half, fewer) = TOTALS[number], PARTS[2 * number : 2 * number + 2]
+    names = [name for name in ROWS if name in total]
+    assert list(total) == list(half) == list(fewer) == list(FAMILIES[number]) == names
     for name, row in total.items():
-        counts = [pair.split("/") for cell in families[name].values() for pair in cell.split(", ") if pair != "-"]
-        successes, scenes = (sum(map(int, column)) for column in zip(*counts, strict=True))
-        interval = "..".join(f"{100.0 * bound:.1f}" for bound in wilson(successes, scenes))
+        successes, scenes = counted(number, name)
         assert (row["successes"], row["success %"], row["95 %"]) == (
-            str(successes), f"{100.0 * successes / scenes:.1f}", interval,
+            str(successes), f"{100.0 * successes / scenes:.1f}", interval(successes, scenes),
         )  # fmt: skip
         for end in row.keys() - {"successes", "success %", "95 %"}:
             assert int(row[end]) == int(half[name][end]) + int(fewer[name][end])
@@ -58,7 +66,10 @@ def test_totals_are_the_sums_of_their_parts(number: int) -> None:
 def test_the_readme_has_the_names_and_the_figures_of_the_page() -> None:
     (table,) = tables("README.md", "success %")
     rows = {name.partition(":")[0]: list(cells.values()) for name, cells in table.items()}
-    assert rows.keys() == ROWS.keys() - {"ours, hard"}
+    assert list(rows) == list(TOTALS[0])
     for name, cells in rows.items():
-        assert cells[:3] == [total[name]["success %"] for total in TOTALS]
-        assert cells[3] == f"{PARTS[0][name]['success %']} ({PARTS[0][name]['95 %']})"
+        assert cells[:3] == [total[name]["success %"] for total in TOTALS[:3]]
+        successes, scenes = (sum(column) for column in zip(*(counted(skill, name) for skill in range(3)), strict=True))
+        assert cells[3] == f"{100.0 * successes / scenes:.1f} ({interval(successes, scenes)})"
+        touched = [[int(total[name][f"touched, {how}"]) for total in TOTALS[:3]] for how in ("moving", "standing")]
+        assert cells[4] == ", ".join(str(sum(counts)) for counts in touched)
