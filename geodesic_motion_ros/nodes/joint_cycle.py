@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.errors import ParameterError, PlanningError
 from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_reference import JointReference
@@ -87,12 +89,14 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._held: tuple[HeldObject, ...] | None = ()
         # Where objects that were released have been left, by name, as long as the arm has not left them.
         self._released: dict[str, Obstacles] = {}
+        # The names of obstacles that do not count.
+        self._not_counted: list[str] = []
 
     def run(self, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
         """See `StreamCycle.run`; after a cycle that came too late, the arm brakes already.
 
-        An obstacle that has the name of an object in the hand is that object: it does not count while that is held, and
-        until the hand has left it.
+        An obstacle that has the name of an object in the hand is that object: it does not count while that is held, nor
+        where it was released until the arm has left it. An arm stands until what it is to hold counts.
         """
         braking = self._horizon.overrun(inputs.now + self.planner.settings.latency)
         if braking is not None:
@@ -100,9 +104,10 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self.planner.braked(braking.reference, braking.begin, Verdict(VerdictCode.DEADLINE_MISSED, reason))
             self._horizon.forget()
         self._take_held(inputs)
-        self._leave_released(inputs.now)
-        names = [*(held.name for held in self.planner.held), *self._released]
-        return super().run(inputs.without([f"{topic}/{name}" for topic in _NAMED for name in names]), period)
+        names = [*(held.name for held in self.planner.held), *self._left_in_place(inputs)]
+        if names != self._not_counted:
+            self._not_counted, self._obstacles_version = names, -1
+        return super().run(inputs.without(_labels(names)), period)
 
     def _take_held(self, inputs: CycleInputs[np.ndarray]) -> None:
         """Have what the hand holds prepared where that is new, and count it once that is done."""
@@ -110,6 +115,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self._held = inputs.held
             self._holds.ask(partial(self.planner.prepared_hold, inputs.held))
         before = self.planner.held
+        self._uncounted = _uncounted(inputs.held, before)
         try:
             prepared = self._holds.settled()
             self._goals_wait = self._holds.busy
@@ -121,6 +127,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         except Exception:
             self._held = None
             raise
+        self._uncounted = _uncounted(inputs.held, self.planner.held)
         self._obstacles_version = -1
         self._tracking.take_collision(self.planner.collision)
         names = {held.name for held in self.planner.held}
@@ -131,19 +138,27 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self._released |= {held.name: _placed(held, tool) for held in left}
         self._released = {name: place for name, place in self._released.items() if name not in names}
 
-    def _leave_released(self, now: float) -> None:
-        """Obstacles of their names count again once the arm keeps off where released objects were left."""
-        planner, commanded = self.planner, self.planner.commanded(now) if self._released else None
+    def _left_in_place(self, inputs: CycleInputs[np.ndarray]) -> list[str]:
+        """Names of released objects that the arm has not left, and whose obstacles are where they were left."""
+        planner, commanded = self.planner, self.planner.commanded(inputs.now) if self._released else None
         if commanded is None:
-            return
-        margin = planner.settings.obstacle_margin
-        near = {
-            name: place
-            for name, place in self._released.items()
-            if obstacle_clearance(planner.collision, planner.robot, commanded[0], place)[0] <= margin
-        }
-        if len(near) < len(self._released):
-            self._released, self._obstacles_version = near, -1
+            return []
+        kept, in_place = {}, []
+        uncertain = planner.settings.obstacle_position_error + planner.tracking.error
+        for name, place in self._released.items():
+            others = [label for label in inputs.obstacles.labels if label not in _labels([name])]
+            own = inputs.obstacles.without(others).moved_on(inputs.heard, 0.0, inputs.now)
+            own = replace(own, cloud=DistanceField.none())
+            there = own.leaving_free(place.centres, place.radii, 0.0)
+            stands_there = len(there.radii) + len(there.solids) < len(own.radii) + len(own.solids)
+            for left in (place, own) if stands_there else (place,):
+                clearance = obstacle_clearance(planner.collision, planner.robot, commanded[0], left.enlarged(uncertain))
+                if clearance[0] <= planner.settings.obstacle_margin:
+                    kept[name] = place
+            if stands_there and name in kept:
+                in_place.append(name)
+        self._released = kept
+        return in_place
 
     def stop(self, verdict: Verdict) -> CycleOutput:
         return self._output(self.planner.stop(self._now, verdict, self._late()))
@@ -290,6 +305,17 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
 
     def _moved(self, measured: np.ndarray, before: np.ndarray) -> bool:
         return joints_moved(measured, before)
+
+
+def _labels(names: Sequence[str]) -> list[str]:
+    """Those of the obstacles that have the names of objects."""
+    return [f"{topic}/{name}" for topic in _NAMED for name in names]
+
+
+def _uncounted(wanted: Sequence[HeldObject], held: Sequence[HeldObject]) -> str:
+    """Why an arm stands that is to hold some objects; "" where it does."""
+    names = ", ".join(sorted(one.name for one in wanted if one not in held))
+    return f"the hand is to hold {names}, which does not count yet: the arm stands until it does" if names else ""
 
 
 def _placed(held: HeldObject, tool: TaskFrame) -> Obstacles:

@@ -184,8 +184,8 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._step = 0.0  # by which what is commanded moves on in the newest cycle whose inputs are known [s]
         self._lost: Unsettled | None = None
         self._obstacles_version = -1
-        # Whether goals are to be prepared later: with what the hand is about to hold.
-        self._goals_wait = False
+        # Whether goals are to be prepared later: with what the hand is about to hold; and why that does not count yet.
+        self._goals_wait, self._uncounted = False, ""
 
     def run(self, inputs: CycleInputs[Place], period: float) -> CycleOutput:
         """One cycle of a period [s]; what is commanded moves on by that, or by what has passed of a simulation."""
@@ -301,6 +301,8 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         if inputs.held_refused:
             reason = f"it is not known what the hand holds: {inputs.held_refused}; send what it holds on ~/held_objects"
             return Verdict(VerdictCode.BAD_INPUT, reason)
+        if self._uncounted:
+            return Verdict(VerdictCode.BAD_INPUT, self._uncounted)
         stale = _stale_obstacles(inputs)
         if stale:
             return Verdict(VerdictCode.STALE_OBSTACLES, stale)

@@ -72,7 +72,7 @@ def approached(
         return None, last
     remaining = followed.remaining if followed is not None and followed.query is query else math.inf
     found = solver.approach(query, situation.state, situation.expected, verdict, remaining, situation.deadline)
-    if situation.deadline.passed or situation.late.passed:
+    if situation.late.passed or (found is None and situation.deadline.passed):
         # What was not found for want of time, or too late, is searched again.
         return None, last
     searched = ApproachSearch(query, situation.state.position, situation.obstacles, situation.now)

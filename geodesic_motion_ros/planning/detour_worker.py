@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 from geodesic_motion_ros.planning.detour import Detour
 
 Search = Callable[[], Detour | str]
+_LOGGER = logging.getLogger(__name__)
 #: Of times [s].
 _ROUNDING = 1e-6
 
@@ -43,8 +45,17 @@ class DetourWorker:
     def start(self, search: Search, now: float) -> DetourJob:
         """Begin a search at a time [s], or as soon as those begun before have ended."""
         ready = None if self._delay is None else now + self._delay
-        return DetourJob(self._executor.submit(search), ready)
+        return DetourJob(self._executor.submit(_explained, search), ready)
 
     def close(self) -> None:
         """End the thread, after the search that runs."""
         self._executor.shutdown(cancel_futures=True)
+
+
+def _explained(search: Search) -> Detour | str:
+    """What a search comes to; an error in it must not end ticks that go on without a detour."""
+    try:
+        return search()
+    except Exception as error:
+        _LOGGER.exception("the search of a detour failed")
+        return f"its search failed, see the log: {error!r}"

@@ -19,6 +19,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,7 +44,7 @@ from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Inputs, Miss
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
 from geodesic_motion_ros.planning.search import load_search
-from geodesic_motion_ros.planning.search_memory import Blocked, DetourSearch, SearchMemory
+from geodesic_motion_ros.planning.search_memory import Blocked, DetourRequest, DetourSearch, SearchMemory
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
 from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
@@ -62,6 +63,13 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 DETOUR_DELAY = 0.15
 
 
+class DetourStart(NamedTuple):
+    """A search of a detour that is to begin, and for what."""
+
+    search: Search
+    request: DetourRequest
+
+
 @dataclass(frozen=True, eq=False)
 class _Decision:
     """What a tick comes to, and what is remembered of it; detour : a search that is to begin."""
@@ -69,7 +77,7 @@ class _Decision:
     step: Step
     query: Query | None
     memory: SearchMemory
-    detour: Search | None = None
+    detour: DetourStart | None = None
 
 
 class ReactivePlanner:
@@ -482,9 +490,9 @@ class ReactivePlanner:
     def _commit(self, situation: Situation, mission: Mission, decision: _Decision) -> Plan:
         """Play what was decided, and remember it: nothing else in a tick changes the planner."""
         memory = decision.memory
-        if decision.detour is not None and mission.active is not None:
-            job = self._worker.start(decision.detour, situation.now)
-            memory = replace(memory, detour=DetourSearch(job, mission.active.goal, situation.obstacles))
+        if decision.detour is not None:
+            job = self._worker.start(decision.detour.search, situation.now)
+            memory = replace(memory, detour=DetourSearch(job, decision.detour.request))
         self._mission, self._memory = replace(mission, query=decision.query), memory
         mode = situation.mode(decision.step)
         return replace(self._stream.take(decision.step, situation.now), mode=mode)
@@ -494,7 +502,7 @@ class ReactivePlanner:
         memory, query = self._memory, mission.query
         if mission.active is None:
             stop = situation.stopped(Verdict(VerdictCode.NO_GOAL, "no goal has been given"))
-            return _Decision(stop, None, memory)
+            return _Decision(stop, None, replace(memory, blocked_since=math.inf))
         following = situation.following(query)
         if following is not None and self._is_unchanged(following, situation):
             return _Decision(situation.answered(following.verdict), query, memory)
@@ -531,56 +539,54 @@ class ReactivePlanner:
         memory, search, now = self._memory, self._memory.detour, situation.now
         if self._reach == 0.0 or not situation.at_rest or math.isinf(memory.blocked_since):
             return None
-        if search is not None and not search.job.done(now):
+        request = self._detour_request(situation, goal)
+        if search is not None and (not search.job.done(now) or search.reason(request, now)):
             return None
-        if search is not None and search.reason(goal, situation.obstacles, now):
-            return None
-        if search is not None and search.goal is goal and isinstance(search.job.result, Detour):
-            plan = self._detour_plan(situation, search.job.result)
+        detour = None if search is None else search.found(request)
+        if search is not None and detour is not None:
+            plan = situation.stoppable(self._detours.plan(detour, situation.state, situation.expected))
             if plan.trajectory is not None:
-                query = search.job.result.query
+                query = detour.query
                 return self._taken(situation, query, plan, memory.after(plan, query, None, (), situation))
             search = replace(search, refusal=plan.verdict.reason)
         waited = self._waited(situation, query, goal)
-        if search is not None and search.is_of(goal, situation.obstacles):
+        if waited.step.plan.trajectory is not None:
+            return waited
+        if search is not None and search.request.is_same(request):
             return replace(waited, memory=replace(waited.memory, detour=search))
         since = min(memory.blocked_since, self._inputs.unmoved_since)
         if now < since + self.settings.patience - TIME_ROUNDING:
             return waited
-        return replace(waited, detour=self._detour_search(situation, memory.origin(query), goal))
+        return replace(waited, detour=self._detour_search(situation, memory.origin(query), request))
 
-    def _detour_plan(self, situation: Situation, detour: Detour) -> Plan:
-        """The motion along a detour that was found, judged among the obstacles that are there by now."""
-        if not np.array_equal(detour.query.start, situation.state.position):
-            reason = "the arm has left where it began"
-            return Plan(None, situation.now, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason))
-        return situation.stoppable(self._detours.plan(detour, situation.state, situation.expected))
+    def _detour_request(self, situation: Situation, goal: Goal) -> DetourRequest:
+        return DetourRequest(goal, situation.obstacles, self._reach, situation.state.position)
 
     def _explained(self, situation: Situation, decision: _Decision, goal: Goal) -> _Decision:
         """A decision of an arm without a path, whose verdict says why no detour was found either."""
         search, plan = decision.memory.detour, decision.step.plan
         if search is None or plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH:
             return decision
-        reason = search.reason(goal, situation.obstacles, situation.now)
+        reason = search.reason(self._detour_request(situation, goal), situation.now)
         if not reason:
             return decision
         verdict = replace(plan.verdict, reason=self._without_detour(plan.verdict, reason))
         return replace(decision, step=replace(decision.step, plan=replace(plan, verdict=verdict)))
 
-    def _detour_search(self, situation: Situation, query: Query, goal: Goal) -> Search:
+    def _detour_search(self, situation: Situation, query: Query, request: DetourRequest) -> DetourStart:
         """The search of a detour from where the arm stands."""
-        state, obstacles, arm, reach = situation.state, situation.expected, self._arm, self._reach
+        latent, obstacles, arm = situation.state.latent, situation.expected, self._arm
 
         def search() -> Detour | str:
             here: Query | Verdict | None = query
-            if not np.array_equal(query.start, state.position):
+            if not np.array_equal(query.start, request.position):
                 here = None
-                if state.latent is not None:
-                    here = arm.queries.redirected(query, state.position, state.latent, goal)
-                here = here or arm.queries.build(state.position, goal)
-            return here.reason if isinstance(here, Verdict) else arm.detour(here, obstacles, reach)
+                if latent is not None:
+                    here = arm.queries.redirected(query, request.position, latent, request.goal)
+                here = here or arm.queries.build(request.position, request.goal)
+            return here.reason if isinstance(here, Verdict) else arm.detour(here, obstacles, request.reach)
 
-        return search
+        return DetourStart(search, request)
 
     def _is_unchanged(self, followed: Followed, situation: Situation) -> bool:
         """Whether what is followed is still the best path, as nothing has changed."""
@@ -632,12 +638,14 @@ class ReactivePlanner:
         if step is None and (situation.deadline.passed or situation.late.passed):
             step = still_evading(situation)
             if step is not None or situation.deadline.passed:
-                return _Decision(step or situation.stopped(plan.verdict), query, memory)
+                return _Decision(step or situation.stopped(plan.verdict), query, memory.interrupted(plan.verdict))
         if step is None:
             step, failed = evaded(self._solver, query, plan.verdict, situation, memory.last_failed_evasion)
             memory = replace(memory, last_failed_evasion=failed)
         if (step is None or step.plan.trajectory is None) and memory.origin(query) is query:
             nearer, search = approached(self._solver, query, plan.verdict, situation, memory.approach)
+            if search is memory.approach and (situation.deadline.passed or situation.late.passed):
+                memory = memory.interrupted(plan.verdict)
             memory = memory.after_approach(search, nearer is not None)
             step = nearer or step
         return _Decision(step or situation.stopped(plan.verdict), query, memory)

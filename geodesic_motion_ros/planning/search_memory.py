@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.approach import ApproachSearch
@@ -34,24 +36,44 @@ class Blocked:
 
 
 @dataclass(frozen=True, eq=False)
+class DetourRequest:
+    """What a detour is searched for: a goal, obstacles, how far it may lead [m], where the arm stands (eta,) [rad]."""
+
+    goal: Goal
+    obstacles: Obstacles
+    reach: float
+    position: np.ndarray
+
+    def is_same(self, other: DetourRequest) -> bool:
+        """Whether the answer is."""
+        unmoved = self.goal is other.goal and self.obstacles.unmoved_in(other.obstacles)
+        return unmoved and self.reach == other.reach and np.array_equal(self.position, other.position)
+
+    def is_met_by(self, detour: Detour, goal: Goal) -> bool:
+        """Whether a detour that was found to a goal leads there from here, no farther off than it may; if free."""
+        here = goal is self.goal and np.array_equal(detour.query.start, self.position)
+        return here and detour.displacement <= self.reach
+
+
+@dataclass(frozen=True, eq=False)
 class DetourSearch:
-    """A search of a detour that was begun: for what goal, among what obstacles.
+    """A search of a detour that was begun, and for what.
 
     refusal : why the detour that it found is not followed, where it found one.
     """
 
     job: DetourJob
-    goal: Goal
-    obstacles: Obstacles
+    request: DetourRequest
     refusal: str = ""
 
-    def is_of(self, goal: Goal, obstacles: Obstacles) -> bool:
-        """Whether it need not be begun again."""
-        return self.goal is goal and self.obstacles.unmoved_in(obstacles)
+    def found(self, request: DetourRequest) -> Detour | None:
+        """A detour that meets a request, if it is free; once the job is done."""
+        detour = self.job.result
+        return detour if isinstance(detour, Detour) and request.is_met_by(detour, self.request.goal) else None
 
-    def reason(self, goal: Goal, obstacles: Obstacles, now: float) -> str:
-        """Why there is no detour at a time [s]; "" where that is not known."""
-        if not self.is_of(goal, obstacles) or not self.job.done(now):
+    def reason(self, request: DetourRequest, now: float) -> str:
+        """Why nothing meets a request at a time [s]; "" where that is not known."""
+        if not self.request.is_same(request) or not self.job.done(now):
             return ""
         return self.refusal if isinstance(self.job.result, Detour) else self.job.result
 
@@ -121,6 +143,14 @@ class SearchMemory:
             return replace(self, without_path=None, blocked=still, blocked_since=math.inf, detour=None)
         return replace(self, without_path=query, blocked=still, blocked_since=min(self.blocked_since, situation.now))
 
+    def interrupted(self, verdict: Verdict) -> SearchMemory:
+        """Where there was no time for an approach that a verdict asks for: all is tried once more."""
+        if self.blocked is None or not verdict.goal_covered:
+            return self
+        return replace(self, blocked=replace(self.blocked, unfinished=True))
+
     def after_approach(self, search: ApproachSearch | None, found: bool) -> SearchMemory:
         """With the last approach that was searched; found : the arm leaves where it was blocked."""
-        return replace(self, approach=search, blocked=None if found else self.blocked)
+        if not found:
+            return replace(self, approach=search)
+        return replace(self, approach=search, blocked=None, detour=None)

@@ -24,6 +24,8 @@ SHAPES = {"sphere": ("radius",), "box": ("sides along x", "y", "z"), "cylinder":
 #: Spheres that stick out of no face by more than this [m] are fine enough, as those of the Panda's hand; there are no
 #: more of them than this, however far they stick out.
 PROTRUSION, MOST_SPHERES = 0.02, 64
+#: No length of an object is shorter [m], and all that are held take no more spheres than this.
+SHORTEST, MOST_IN_ALL = 1e-4, 256
 #: Of the prism that stands for a cylinder: it sticks out by 0.9 % of the radius.
 _SIDES = 24
 
@@ -50,17 +52,22 @@ class HeldObject:
     quaternion: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        for name in ("dimensions", "position", "quaternion"):
+            try:
+                object.__setattr__(self, name, tuple(float(number) for number in getattr(self, name)))
+            except (TypeError, ValueError) as error:
+                raise RobotError(f"held object '{self.name}': {name} are to be a few numbers ({error})") from error
         if not self.name:
             raise RobotError("a held object has no name: it is attached and detached by it")
         subject = f"held object '{self.name}'"
         if self.shape not in SHAPES:
             raise RobotError(f"{subject} has the shape {self.shape!r}: expected one of {', '.join(SHAPES)}")
         wanted = SHAPES[self.shape]
-        good = len(self.dimensions) == len(wanted) and all(0.0 < length < math.inf for length in self.dimensions)
+        good = len(self.dimensions) == len(wanted) and all(SHORTEST <= length < math.inf for length in self.dimensions)
         if not good:
             raise RobotError(
                 f"{subject}, a {self.shape}, has the dimensions {self.dimensions} m: expected {', '.join(wanted)}, "
-                "finite and positive"
+                f"finite, and none shorter than {SHORTEST:g}"
             )
         if len(self.position) != 3 or not np.all(np.isfinite(self.position)):
             raise RobotError(f"{subject} is at {self.position} in the tool frame: expected finite (x, y, z) [m]")
@@ -99,7 +106,7 @@ def check_held(objects: Sequence[HeldObject], robot: Robot) -> None:
 
     Raises
     ------
-    RobotError : two of them have one name; one is larger than the arm.
+    RobotError : two of them have one name; one is larger than the arm; they take too many spheres.
     """
     names = [held.name for held in objects]
     for held in objects:
@@ -110,6 +117,10 @@ def check_held(objects: Sequence[HeldObject], robot: Robot) -> None:
                 f"held object '{held.name}' reaches {held.extent:.2f} m from '{robot.tool_link}', and the whole arm "
                 f"{robot.reach:.2f} m: its dimensions and position are to be in metres, in the tool frame"
             )
+
+    count = sum(len(held.spheres[1]) for held in objects)
+    if count > MOST_IN_ALL:
+        raise RobotError(f"{len(objects)} held objects take {count} spheres: no more than {MOST_IN_ALL} can be counted")
 
 
 def _sides(shape: str, dimensions: tuple[float, ...]) -> np.ndarray:

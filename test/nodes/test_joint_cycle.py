@@ -466,6 +466,15 @@ class TestHeldObjects:
         np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-6)
         assert len(cycle.planner.obstacles.radii) == 1
 
+    def test_an_obstacle_of_its_name_that_is_elsewhere_counts(self, cycle, arm, inputs):
+        held = dataclasses.replace(inputs, held=(self.BALL,))
+        follow(cycle, arm, held, 0.05)
+        ahead = cycle.planner.to_goal()[0].sample(0.5 * cycle.planner.to_goal()[0].duration)[0]
+        tracker = self.seen(cycle, ahead)
+        outputs = follow(cycle, arm, dataclasses.replace(inputs, obstacles=tracker.current(100.0)), 8.0)
+        assert len(cycle.planner.obstacles.radii) == 1
+        assert outputs[-1].verdict.code is not VerdictCode.IN_COLLISION
+
     def test_another_obstacle_there_counts(self, cycle, arm, inputs):
         tracker = self.seen(cycle, arm.position, "other")
         held = dataclasses.replace(inputs, held=(self.BALL,), obstacles=tracker.current(100.0))
@@ -480,9 +489,11 @@ class TestHeldObjects:
             background.submit(release.wait)
             with_goal = dataclasses.replace(inputs, held=(self.BALL,))
             waiting = follow(cycle, arm, with_goal, 0.05)
-            assert {output.verdict.code for output in waiting} == {VerdictCode.NO_GOAL}
-            assert planner.held == ()
             release.set()
+            # An arm does not move while what its hand holds does not count yet.
+            assert {output.verdict.code for output in waiting} == {VerdictCode.BAD_INPUT}
+            assert "which does not count yet" in waiting[-1].verdict.reason
+            assert planner.held == ()
             background.submit(lambda: None).result()
             follow(cycle, arm, with_goal, 0.02)
             assert planner.held == (self.BALL,)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
@@ -82,6 +83,18 @@ class Played:
 @pytest.fixture(scope="module", params=SKILLS)
 def planner(request: pytest.FixtureRequest) -> ReactivePlanner:
     return ReactivePlanner(Skill.load(request.param))
+
+
+def test_an_approach_that_there_was_no_time_for_is_made_later(planner: ReactivePlanner) -> None:
+    played = Played(planner)
+    planner.take_obstacles(played.on_goal())
+    over = Deadline(-1.0, lambda: 0.0)
+    for _ in range(20):
+        assert planner.tick(played.now, over).mode is not Mode.APPROACHING
+        played.now += TICK
+    far = played.to_goal
+    played.run_to_rest()
+    assert played.to_goal < 0.5 * far
 
 
 def test_what_moves_onto_the_goal_is_not_approached(planner: ReactivePlanner) -> None:

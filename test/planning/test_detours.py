@@ -10,6 +10,7 @@ import pytest
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -245,3 +246,31 @@ def test_what_cannot_be_drawn_tight_is_passed_along_the_lattice() -> None:
     instants = np.linspace(0.0, plan.reference.duration, 500)
     postures = plan.reference.samples(instants)[0]
     assert min(obstacle_clearance(planner.collision, planner.robot, one, blocker)[0] for one in postures) > 0.0
+
+
+def test_a_reach_that_is_changed_is_searched_with(planner) -> None:
+    played = Played(planner, 0.05)
+    planner.take_obstacles(on_the_hand(planner, halfway(played)))
+    played.ask()
+    assert "no detour of up to 5 cm" in played.run(PATIENCE + 1.0)[-1].verdict.reason
+    assert planner.set_detour(REACH).ok
+    assert played.run(1.0)[-1].verdict.ok
+
+
+def test_a_detour_that_was_found_is_not_followed_where_it_has_become_too_long(planner) -> None:
+    played = Played(planner)
+    planner.take_obstacles(on_the_hand(planner, halfway(played)))
+    played.ask()
+    played.run(PATIENCE + 2.0 * TICK)
+    assert planner.set_detour(0.02).ok
+    assert not any(plan.verdict.ok for plan in played.run(1.0))
+
+
+def test_an_error_in_a_search_is_why_there_is_no_detour() -> None:
+    worker = DetourWorker(0.0)
+
+    def search() -> str:
+        raise ValueError("no such thing")
+
+    assert "no such thing" in worker.start(search, 0.0).result
+    worker.close()
