@@ -205,7 +205,7 @@ def moved(guidance: Guidance, by: list[float]) -> Guidance:
     ("changed", "message"),
     [
         (lambda g: moved(g, [0.4, 0.0, 0.0]), "'family_0_0' cannot be shown: .*remain"),
-        (lambda g: moved(g, [0.0, 0.0, -0.2]), "'family_0_0', sample .* and the table are -?"),
+        (lambda g: moved(g, [0.0, 0.0, -0.2]), "'family_0_0', sample .* and 'table' are -?"),
         (lambda g: replace(g, swivels=g.swivels + 0.05 * np.sin(60.0 * g.motion.times)), "sample .* velocity limit"),
     ],
     ids=["out of reach", "into the table", "too fast"],
