@@ -7,6 +7,8 @@ skill's geodesic, moved to the start and the goal of a scene as the rows of the 
 - *nearest demonstration*: that one itself;
 - *ProMP*: the mean of the primitive that is conditioned on start and goal.
 
+    python -m geodesic_motion_ros.comparison.base_paths --skill panda_pouring --scenes 20 --seed 800
+
 Search, band, time law and certificate are the same with each of them, and so is the metric: the covariance of the
 demonstrations of that mode at the same share of the path. Spheres stand; where nothing blocks its base, a detour is
 that base.
@@ -14,16 +16,19 @@ that base.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import argparse
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.methods.promp import Primitives
-from geodesic_motion_ros.comparison.scene import Scene
+from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.demonstrations.similarity import Similarity, compare
+from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour import DetourPlanner
@@ -31,9 +36,13 @@ from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, Detour
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.tables import text_table
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 BasePath = Callable[[Arena, Scene], np.ndarray]
+#: Families whose spheres stand.
+_FAMILIES = ("static", "elbow")
 #: A conditioned ProMP is sampled so often.
 _SAMPLES = 100
 
@@ -126,7 +135,48 @@ class BaseDetours:
         return BaseOutcome(plan.verdict, min((compare(executed, one) for one in scene.compared), key=lambda s: s.dtw))
 
 
+def measured(arena: Arena, count: int, seed: int) -> str:
+    """So many scenes of each family of standing spheres, solved from each base: a table of what came of it. Similarity
+    is of the scenes that are solved from all of them.
+    """
+    detours, scenes = BaseDetours(arena), [draw_scene(arena, family, number, seed) for family in _FAMILIES
+                                           for number in range(count)]  # fmt: skip
+    rows = {"ours": [detours.ours(scene) for scene in scenes]}
+    rows |= {name: [detours.based(scene, base) for scene in scenes] for name, base in BASES.items()}
+    common = [all(outcomes[i].similarity is not None for outcomes in rows.values()) for i in range(len(scenes))]
+    cells = []
+    for name, outcomes in rows.items():
+        similar = [outcome.similarity for outcome, counts in zip(outcomes, common, strict=True) if counts]
+        cells.append([
+            name, sum(outcome.verdict.ok for outcome in outcomes), len(scenes), len(similar),
+            1e3 * float(np.median([one.dtw for one in similar])) if similar else None,
+            float(np.degrees(np.median([one.orientation for one in similar]))) if similar else None,
+        ])  # fmt: skip
+    return text_table([arena.skill.name, "solved", "of", "by all", "dtw mm", "orient deg"], cells)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--skill", default="panda_reach_to_grasp", help="its folder, or the name of a shipped one")
+    parser.add_argument("--scenes", type=int, default=20, metavar="N", help="of each family (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: %(default)s)")
+    arguments = parser.parse_args(argv)
+    try:
+        if arguments.scenes < 1:
+            raise ParameterError(f"--scenes {arguments.scenes}: at least 1 of each family is needed")
+        print(measured(Arena.of(Skill.load(arguments.skill), "arm"), arguments.scenes, arguments.seed))
+    except GeodesicMotionError as error:
+        print(f"base_paths: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
 def _standing(scene: Scene) -> Obstacles:
     """The scene's spheres, which stand."""
     centres = np.array([sphere.begin for sphere in scene.spheres]).reshape(-1, 3)
     return Obstacles.of_spheres(centres, np.array([sphere.radius for sphere in scene.spheres]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

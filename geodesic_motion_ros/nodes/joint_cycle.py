@@ -17,7 +17,7 @@ from geodesic_motion_ros.errors import ParameterError, PlanningError
 from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
-from geodesic_motion_ros.nodes.goal_preparation import GoalPreparation
+from geodesic_motion_ros.nodes.preparation import Preparation
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.guarded_arm import PreparedHold
@@ -85,7 +85,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         # Whether the goal that is being prepared is the old one, in a task frame that has moved.
         self._again = False
         # What the hand is to hold, prepared as goals are; None: that is to be prepared once more.
-        self._holds: GoalPreparation[PreparedHold | Verdict] = GoalPreparation(background)
+        self._holds: Preparation[PreparedHold | Verdict] = Preparation(background)
         self._held: tuple[HeldObject, ...] | None = ()
         # Where objects that were released have been left, by name, as long as the arm has not left them.
         self._released: dict[str, Obstacles] = {}
@@ -104,7 +104,9 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self.planner.braked(braking.reference, braking.begin, Verdict(VerdictCode.DEADLINE_MISSED, reason))
             self._horizon.forget()
         self._take_held(inputs)
-        names = [*(held.name for held in self.planner.held), *self._left_in_place(inputs)]
+        self._released = self._not_left(inputs)
+        in_place = (name for name, place in self._released.items() if _overlapping(_own(inputs, name), place))
+        names = [*(held.name for held in self.planner.held), *in_place]
         if names != self._not_counted:
             self._not_counted, self._obstacles_version = names, -1
         return super().run(inputs.without(_labels(names)), period)
@@ -138,27 +140,23 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self._released |= {held.name: _placed(held, tool) for held in left}
         self._released = {name: place for name, place in self._released.items() if name not in names}
 
-    def _left_in_place(self, inputs: CycleInputs[np.ndarray]) -> list[str]:
-        """Names of released objects that the arm has not left, and whose obstacles are where they were left."""
+    def _not_left(self, inputs: CycleInputs[np.ndarray]) -> dict[str, Obstacles]:
+        """Of the places of released objects those near which the arm is, or near the obstacle that is still there."""
         planner, commanded = self.planner, self.planner.commanded(inputs.now) if self._released else None
         if commanded is None:
-            return []
-        kept, in_place = {}, []
+            return self._released
         uncertain = planner.settings.obstacle_position_error + planner.tracking.error
-        for name, place in self._released.items():
-            others = [label for label in inputs.obstacles.labels if label not in _labels([name])]
-            own = inputs.obstacles.without(others).moved_on(inputs.heard, 0.0, inputs.now)
-            own = replace(own, cloud=DistanceField.none())
-            there = own.leaving_free(place.centres, place.radii, 0.0)
-            stands_there = len(there.radii) + len(there.solids) < len(own.radii) + len(own.solids)
-            for left in (place, own) if stands_there else (place,):
-                clearance = obstacle_clearance(planner.collision, planner.robot, commanded[0], left.enlarged(uncertain))
-                if clearance[0] <= planner.settings.obstacle_margin:
-                    kept[name] = place
-            if stands_there and name in kept:
-                in_place.append(name)
-        self._released = kept
-        return in_place
+
+        def is_near(obstacles: Obstacles) -> bool:
+            larger = obstacles.enlarged(uncertain)
+            clearance, _ = obstacle_clearance(planner.collision, planner.robot, commanded[0], larger)
+            return clearance <= planner.settings.obstacle_margin
+
+        return {
+            name: place
+            for name, place in self._released.items()
+            if is_near(place) or (_overlapping(own := _own(inputs, name), place) and is_near(own))
+        }
 
     def stop(self, verdict: Verdict) -> CycleOutput:
         return self._output(self.planner.stop(self._now, verdict, self._late()))
@@ -310,6 +308,19 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
 def _labels(names: Sequence[str]) -> list[str]:
     """Those of the obstacles that have the names of objects."""
     return [f"{topic}/{name}" for topic in _NAMED for name in names]
+
+
+def _own(inputs: CycleInputs[np.ndarray], name: str) -> Obstacles:
+    """The obstacles that have the name of an object."""
+    others = [label for label in inputs.obstacles.labels if label not in _labels([name])]
+    own = inputs.obstacles.without(others).moved_on(inputs.heard, 0.0, inputs.now)
+    return replace(own, cloud=DistanceField.none())
+
+
+def _overlapping(own: Obstacles, place: Obstacles) -> bool:
+    """Whether any of an object's own obstacles is where the object was left."""
+    elsewhere = own.leaving_free(place.centres, place.radii, 0.0)
+    return len(elsewhere.radii) + len(elsewhere.solids) < len(own.radii) + len(own.solids)
 
 
 def _uncounted(wanted: Sequence[HeldObject], held: Sequence[HeldObject]) -> str:

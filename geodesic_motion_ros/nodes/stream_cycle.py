@@ -19,8 +19,8 @@ import numpy as np
 
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.nodes.goal_preparation import GoalPreparation, Prepared
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
+from geodesic_motion_ros.nodes.preparation import Preparation, Prepared
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -171,7 +171,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._command_topic = command_topic
         self.state_topic = "joint_states"
         self._clock = clock
-        self._goals: GoalPreparation[Prepared | Verdict] = GoalPreparation(background)
+        self._goals: Preparation[Prepared | Verdict] = Preparation(background)
         self.state_timeout = state_timeout
         self.resume_timeout = resume_timeout
         self._goal_number = 0

@@ -46,10 +46,9 @@ def still_approaching(query: HeldQuery, verdict: Verdict, situation: Situation) 
     followed = situation.followed
     if followed is None or not followed.approaching or followed.query is not query or situation.at_rest:
         return None
-    certificate = situation.certifier.certify_swept(situation.left, situation.expected, situation.settings.prediction)
-    if situation.certifier.objection(certificate) is not None or not situation.can_still_stop(situation.played):
+    clearance = situation.clearance_left(beyond=True)
+    if clearance is None:
         return None
-    clearance = float(np.min(certificate.clearance))
     return situation.continued(replace(followed, verdict=replace(verdict, clearance=clearance)))
 
 

@@ -17,7 +17,7 @@ from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
-from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
+from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
@@ -69,10 +69,10 @@ class Detour:
         curve = smooth_latent(resample_latent(path.configurations, _LATTICE_STEP), smoothing)
         lengths = arc_length_fractions(path.configurations)
         latent = interpolated(np.linspace(0.0, 1.0, len(curve)), lengths, frame.latent[path.samples])
-        deviations = frame.deviations(path.samples, path.displacements)
+        deviation = float(np.max(deviations(path.displacements, frame.precisions[path.samples])))
         return cls(
             query, curve, latent, float(np.max(np.linalg.norm(path.displacements, axis=1))),
-            float(np.max(np.abs(path.swivels))), float(np.max(deviations)), path.cost, path.evaluated,
+            float(np.max(np.abs(path.swivels))), deviation, path.cost, path.evaluated,
         )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
-from geodesic_motion_ros.planning.detour_frame import DetourFrame
+from geodesic_motion_ros.planning.detour_frame import DetourFrame, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, nearness_factor, stretch
 from geodesic_motion_ros.planning.posture import hold_displaced
 from geodesic_motion_ros.quaternions import normalise
@@ -75,10 +75,10 @@ def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: f
         _draw(*held, points, configurations, arm, reach, margin, _ROUNDS)
     progress = points[:, 0] / frame.step
     precisions, displacements = held[4], points[:, 1:4]
-    deviations = np.sqrt(np.einsum("ma,mab,mb->m", displacements, precisions, displacements))
     return Band(
         progress, displacements, points[:, 4] / constants.DETOUR_METRES_PER_SWIVEL, configurations,
-        interpolated(progress, np.arange(float(len(frame))), frame.latent), deviations,
+        interpolated(progress, np.arange(float(len(frame))), frame.latent),
+        deviations(displacements, precisions),
     )  # fmt: skip
 
 

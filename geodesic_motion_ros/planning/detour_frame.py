@@ -125,6 +125,7 @@ class DetourFrame:
     def __len__(self) -> int:
         return len(self.positions)
 
-    def deviations(self, samples: np.ndarray, displacements: np.ndarray) -> np.ndarray:
-        """Mahalanobis distances (p,) of displacements (p, 3) [m] from what was demonstrated at samples (p,)."""
-        return np.sqrt(np.einsum("pa,pab,pb->p", displacements, self.precisions[samples], displacements))
+
+def deviations(displacements: np.ndarray, precisions: np.ndarray) -> np.ndarray:
+    """Mahalanobis distances (m,) of displacements (m, 3) [m] from what was demonstrated, with (m, 3, 3) [1/m^2]."""
+    return np.sqrt(np.einsum("ma,mab,mb->m", displacements, precisions, displacements))

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from geodesic_motion_ros.arm_certificate import SweptArm
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
@@ -64,11 +62,8 @@ def still_evading(situation: Situation) -> Step | None:
     followed = situation.followed
     if followed is None or not followed.evading or situation.obstacles.stand:
         return None
-    prediction = situation.settings.prediction
-    certificate = situation.certifier.certify_swept(situation.left, situation.expected, prediction, beyond=False)
-    if situation.certifier.objection(certificate) is not None or not situation.can_still_stop(situation.played):
-        return None
-    return situation.answered(replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
+    clearance = situation.clearance_left(beyond=False)
+    return None if clearance is None else situation.answered(replace(followed.verdict, clearance=clearance))
 
 
 def _left(situation: Situation) -> SweptArm:

@@ -5,21 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
-from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner
 from geodesic_motion_ros.planning.mission import Query
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
-from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,23 +33,14 @@ class GuardedArm:
     detours: DetourPlanner
 
     @classmethod
-    def of(
-        cls,
-        skill: Skill,
-        graph: ConfigurationGraph | PoseGraph,
-        settings: PlannerSettings,
-        robot: Robot,
-        collision: CollisionModel,
-        limits: JointLimits,
-        scene: DeclaredScene,
-    ) -> GuardedArm:
-        """An arm that holds nothing."""
-        solver = Solver(skill, graph, settings, robot, collision, limits, scene)
+    def of(cls, solver: Solver) -> GuardedArm:
+        """The arm of a solver, which holds nothing."""
+        skill, graph, settings, collision = solver.skill, solver.graph, solver.settings, solver.collision
         queries: ConfigurationQueryBuilder | ToolQueryBuilder
         if isinstance(graph, PoseGraph):
-            queries = ToolQueryBuilder(skill, graph, settings, robot, collision, scene)
+            queries = ToolQueryBuilder(skill, graph, settings, solver.robot, collision, solver.scene)
         else:
-            queries = ConfigurationQueryBuilder(skill, graph, settings, collision, scene)
+            queries = ConfigurationQueryBuilder(skill, graph, settings, collision, solver.scene)
         return cls(collision, (), collision, solver, queries, DetourPlanner(solver))
 
     def holding(self, objects: Sequence[HeldObject]) -> GuardedArm:

@@ -1,4 +1,4 @@
-"""What the planner was told: where the arm is to go (`Mission`), and what is there (`Inputs`)."""
+"""What a planner plans for: where the arm is to go (`Mission`), and what was received (`Inputs`)."""
 
 from __future__ import annotations
 

@@ -19,7 +19,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
-from typing import NamedTuple
 
 import numpy as np
 
@@ -63,21 +62,14 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 DETOUR_DELAY = 0.15
 
 
-class DetourStart(NamedTuple):
-    """A search of a detour that is to begin, and for what."""
-
-    search: Search
-    request: DetourRequest
-
-
 @dataclass(frozen=True, eq=False)
 class _Decision:
-    """What a tick comes to, and what is remembered of it; detour : a search that is to begin."""
+    """What a tick comes to, and what is remembered of it; detour : what one is to be searched for from now on."""
 
     step: Step
     query: Query | None
     memory: SearchMemory
-    detour: DetourStart | None = None
+    detour: DetourRequest | None = None
 
 
 class ReactivePlanner:
@@ -121,7 +113,9 @@ class ReactivePlanner:
         self.limits = JointLimits.of(self.robot, self.settings.speed_scale, self.settings.acceleration_scale)
         self.may_detour, self.scene = scene is not None, scene or DeclaredScene.empty()
         check_demonstrations(self.scene, skill, self.robot, CollisionModel.named(skill.robot))
-        self._arm = GuardedArm.of(skill, self.graph, self.settings, self.robot, guarded, self.limits, self.scene)
+        self._arm = GuardedArm.of(
+            Solver(skill, self.graph, self.settings, self.robot, guarded, self.limits, self.scene)
+        )
         self._worker = detours or DetourWorker(DETOUR_DELAY)
         self._stream = Stream(self._solver.certifier)
         self._inputs = Inputs(
@@ -491,8 +485,8 @@ class ReactivePlanner:
         """Play what was decided, and remember it: nothing else in a tick changes the planner."""
         memory = decision.memory
         if decision.detour is not None:
-            job = self._worker.start(decision.detour.search, situation.now)
-            memory = replace(memory, detour=DetourSearch(job, decision.detour.request))
+            job = self._worker.start(self._detour_search(situation, decision.detour), situation.now)
+            memory = replace(memory, detour=DetourSearch(job, decision.detour))
         self._mission, self._memory = replace(mission, query=decision.query), memory
         mode = situation.mode(decision.step)
         return replace(self._stream.take(decision.step, situation.now), mode=mode)
@@ -518,7 +512,7 @@ class ReactivePlanner:
             return self._improved(situation, query, followed)
         goal = mission.active.goal
         decision = self._detoured(situation, query, goal) or self._waited(situation, query, goal)
-        return self._explained(situation, decision, goal)
+        return self._explained(situation, decision, query, goal)
 
     def _waited(self, situation: Situation, query: Query, goal: Goal) -> _Decision:
         """What an arm without a path does: it goes on searching."""
@@ -539,15 +533,15 @@ class ReactivePlanner:
         memory, search, now = self._memory, self._memory.detour, situation.now
         if self._reach == 0.0 or not situation.at_rest or math.isinf(memory.blocked_since):
             return None
-        request = self._detour_request(situation, goal)
+        request = self._detour_request(situation, query, goal)
         if search is not None and (not search.job.done(now) or search.reason(request, now)):
             return None
         detour = None if search is None else search.found(request)
         if search is not None and detour is not None:
             plan = situation.stoppable(self._detours.plan(detour, situation.state, situation.expected))
             if plan.trajectory is not None:
-                query = detour.query
-                return self._taken(situation, query, plan, memory.after(plan, query, None, (), situation))
+                after = memory.after(plan, detour.query, None, (), situation)
+                return self._taken(situation, detour.query, plan, after)
             search = replace(search, refusal=plan.verdict.reason)
         waited = self._waited(situation, query, goal)
         if waited.step.plan.trajectory is not None:
@@ -557,25 +551,26 @@ class ReactivePlanner:
         since = min(memory.blocked_since, self._inputs.unmoved_since)
         if now < since + self.settings.patience - TIME_ROUNDING:
             return waited
-        return replace(waited, detour=self._detour_search(situation, memory.origin(query), request))
+        return replace(waited, detour=request)
 
-    def _detour_request(self, situation: Situation, goal: Goal) -> DetourRequest:
-        return DetourRequest(goal, situation.obstacles, self._reach, situation.state.position)
+    def _detour_request(self, situation: Situation, query: Query, goal: Goal) -> DetourRequest:
+        origin = self._memory.origin(query)
+        return DetourRequest(origin, goal, situation.obstacles, self._reach, situation.state.position)
 
-    def _explained(self, situation: Situation, decision: _Decision, goal: Goal) -> _Decision:
+    def _explained(self, situation: Situation, decision: _Decision, query: Query, goal: Goal) -> _Decision:
         """A decision of an arm without a path, whose verdict says why no detour was found either."""
         search, plan = decision.memory.detour, decision.step.plan
         if search is None or plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH:
             return decision
-        reason = search.reason(self._detour_request(situation, goal), situation.now)
+        reason = search.reason(self._detour_request(situation, query, goal), situation.now)
         if not reason:
             return decision
         verdict = replace(plan.verdict, reason=self._without_detour(plan.verdict, reason))
         return replace(decision, step=replace(decision.step, plan=replace(plan, verdict=verdict)))
 
-    def _detour_search(self, situation: Situation, query: Query, request: DetourRequest) -> DetourStart:
+    def _detour_search(self, situation: Situation, request: DetourRequest) -> Search:
         """The search of a detour from where the arm stands."""
-        latent, obstacles, arm = situation.state.latent, situation.expected, self._arm
+        query, latent, obstacles, arm = request.query, situation.state.latent, situation.expected, self._arm
 
         def search() -> Detour | str:
             here: Query | Verdict | None = query
@@ -586,7 +581,7 @@ class ReactivePlanner:
                 here = here or arm.queries.build(request.position, request.goal)
             return here.reason if isinstance(here, Verdict) else arm.detour(here, obstacles, request.reach)
 
-        return DetourStart(search, request)
+        return search
 
     def _is_unchanged(self, followed: Followed, situation: Situation) -> bool:
         """Whether what is followed is still the best path, as nothing has changed."""

@@ -37,22 +37,25 @@ class Blocked:
 
 @dataclass(frozen=True, eq=False)
 class DetourRequest:
-    """What a detour is searched for: a goal, obstacles, how far it may lead [m], where the arm stands (eta,) [rad]."""
+    """What a detour is searched for: a goal, obstacles, how far it may lead [m], where the arm stands (eta,) [rad].
 
+    query : the one that the arm stopped on.
+    """
+
+    query: Query
     goal: Goal
     obstacles: Obstacles
     reach: float
     position: np.ndarray
 
     def is_same(self, other: DetourRequest) -> bool:
-        """Whether the answer is."""
-        unmoved = self.goal is other.goal and self.obstacles.unmoved_in(other.obstacles)
-        return unmoved and self.reach == other.reach and np.array_equal(self.position, other.position)
+        """Whether it has the same answer."""
+        unmoved = self.is_between_same(other) and self.obstacles.unmoved_in(other.obstacles)
+        return unmoved and self.reach == other.reach
 
-    def is_met_by(self, detour: Detour, goal: Goal) -> bool:
-        """Whether a detour that was found to a goal leads there from here, no farther off than it may; if free."""
-        here = goal is self.goal and np.array_equal(detour.query.start, self.position)
-        return here and detour.displacement <= self.reach
+    def is_between_same(self, other: DetourRequest) -> bool:
+        """Whether it is to lead from the same place to the same goal."""
+        return self.goal is other.goal and np.array_equal(self.position, other.position)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +70,11 @@ class DetourSearch:
     refusal: str = ""
 
     def found(self, request: DetourRequest) -> Detour | None:
-        """A detour that meets a request, if it is free; once the job is done."""
+        """The detour of a job that is done, where it is one for a request, no farther off than that may lead."""
         detour = self.job.result
-        return detour if isinstance(detour, Detour) and request.is_met_by(detour, self.request.goal) else None
+        if not isinstance(detour, Detour) or not self.request.is_between_same(request):
+            return None
+        return detour if self.request.reach <= request.reach or detour.displacement <= request.reach else None
 
     def reason(self, request: DetourRequest, now: float) -> str:
         """Why nothing meets a request at a time [s]; "" where that is not known."""

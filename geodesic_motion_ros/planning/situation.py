@@ -223,14 +223,18 @@ class Situation:
         followed = self.following(query)
         if followed is None:
             return None
-        certificate = self.certifier.certify_swept(
-            self.left, self.expected, self.settings.prediction, beyond=not followed.optimistic
-        )
+        clearance = self.clearance_left(beyond=not followed.optimistic)
+        return None if clearance is None else replace(followed, verdict=replace(followed.verdict, clearance=clearance))
+
+    def clearance_left(self, beyond: bool) -> float | None:
+        """Least clearance [m] of what is left of what is being played, where that is free and can be stopped on.
+
+        beyond : what moves is expected to stand where it is after the prediction, and counted there.
+        """
+        certificate = self.certifier.certify_swept(self.left, self.expected, self.settings.prediction, beyond)
         if self.settings.avoidance and self.certifier.objection(certificate) is not None:
             return None
-        if not self.can_still_stop(self.played):
-            return None
-        return replace(followed, verdict=replace(followed.verdict, clearance=float(np.min(certificate.clearance))))
+        return float(np.min(certificate.clearance)) if self.can_still_stop(self.played) else None
 
     def stoppable(self, plan: Plan) -> Plan:
         """A plan, or that there is none where `can_still_stop` does not hold of it."""

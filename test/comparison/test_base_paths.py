@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.base_paths import BASES, BaseDetours
+from geodesic_motion_ros.comparison.base_paths import BASES, BaseDetours, main
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.skill import Skill
 
@@ -51,3 +51,15 @@ def test_where_nothing_is_in_the_way_the_base_is_followed(arena: Arena) -> None:
     assert outcome.verdict.ok
     assert outcome.verdict.displacement == pytest.approx(0.0, abs=1e-6)
     assert outcome.similarity.dtw < 0.003
+
+
+def test_the_table_has_a_row_for_each_base(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("movement_primitives")
+    assert main(["--skill", "panda_reach_to_grasp", "--scenes", "1", "--seed", "800"]) == 0
+    lines = capsys.readouterr().out.splitlines()[2:]
+    assert all(line.startswith(name) for line, name in zip(lines, ["ours", *BASES], strict=True))
+
+
+def test_a_skill_that_does_not_exist_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--skill", "no_such_skill"]) == 2
+    assert "no_such_skill" in capsys.readouterr().err

@@ -488,8 +488,10 @@ class TestHeldObjects:
             planner.hold(())
             background.submit(release.wait)
             with_goal = dataclasses.replace(inputs, held=(self.BALL,))
-            waiting = follow(cycle, arm, with_goal, 0.05)
-            release.set()
+            try:
+                waiting = follow(cycle, arm, with_goal, 0.05)
+            finally:
+                release.set()
             # An arm does not move while what its hand holds does not count yet.
             assert {output.verdict.code for output in waiting} == {VerdictCode.BAD_INPUT}
             assert "which does not count yet" in waiting[-1].verdict.reason

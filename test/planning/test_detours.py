@@ -220,9 +220,9 @@ def test_what_covers_the_arm_at_the_goal_in_one_posture_is_avoided_in_another_on
     played = Played(planner)
     posture = played.nominal.positions[-1]
     elbow = elbow_position(planner.robot, posture)
-    aside = elbow_position(planner.robot, posture + 0.05 * null_vectors(posture[None], planner.robot.chain)[0]) - elbow
-    beside = elbow + 0.15 * aside / np.linalg.norm(aside)
-    blocker = Obstacles.of_spheres(beside[None], np.array([0.04]))
+    beside = elbow_position(planner.robot, posture + 0.05 * null_vectors(posture[None], planner.robot.chain)[0]) - elbow
+    centre = elbow + 0.15 * beside / np.linalg.norm(beside)
+    blocker = Obstacles.of_spheres(centre[None], np.array([0.04]))
     assert obstacle_clearance(planner.collision, planner.robot, posture, blocker)[0] < -0.01
     planner.take_obstacles(blocker)
     played.ask()

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from geodesic_motion_ros.nodes.goal_preparation import GoalPreparation
+from geodesic_motion_ros.nodes.preparation import Preparation
 
 
 @pytest.fixture
@@ -18,7 +18,7 @@ def background() -> Iterator[ThreadPoolExecutor]:
 
 
 def test_without_a_background_a_goal_is_settled_where_it_is_asked_for():
-    goals = GoalPreparation(None)
+    goals = Preparation(None)
     assert goals.settled() is None
     goals.ask(lambda: "goal")
     assert goals.settled() == "goal"
@@ -26,7 +26,7 @@ def test_without_a_background_a_goal_is_settled_where_it_is_asked_for():
 
 
 def test_goals_that_come_faster_than_they_are_prepared_are_taken_all_the_same(background):
-    goals, asked, taken = GoalPreparation(background), [], []
+    goals, asked, taken = Preparation(background), [], []
     for number in range(20):
         go_on = threading.Event()
 
@@ -60,7 +60,7 @@ def test_goals_that_come_faster_than_they_are_prepared_are_taken_all_the_same(ba
 
 
 def test_what_is_forgotten_is_never_settled(background):
-    goals, go_on = GoalPreparation(background), threading.Event()
+    goals, go_on = Preparation(background), threading.Event()
     goals.ask(lambda: go_on.wait() and "old")
     assert goals.settled() is None
     goals.forget()
@@ -77,7 +77,7 @@ def test_what_a_preparation_raises_reaches_the_loop_once(background):
     def fail() -> str:
         raise ValueError("no goal")
 
-    goals = GoalPreparation(background)
+    goals = Preparation(background)
     goals.ask(fail)
     goals.settled()
     background.submit(lambda: None).result()

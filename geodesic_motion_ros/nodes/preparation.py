@@ -1,4 +1,4 @@
-"""Goals are prepared beside the control loop: to carry the graph to one takes longer than a cycle may."""
+"""What takes longer than a cycle may is prepared beside the control loop: goals, and what the hand is to hold."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Generic, TypeVar
 Prepared = TypeVar("Prepared")
 
 
-class GoalPreparation(Generic[Prepared]):
-    """Prepares one goal after the other; of those asked for meanwhile only the newest is next.
+class Preparation(Generic[Prepared]):
+    """Prepares one thing after the other; of those asked for meanwhile only the newest is next.
 
     So goals that come faster than they are prepared neither queue up nor keep each other from ever being taken. One
     thread asks.
@@ -23,7 +23,7 @@ class GoalPreparation(Generic[Prepared]):
         self._next: Callable[[], Prepared] | None = None
 
     def ask(self, prepare: Callable[[], Prepared]) -> None:
-        """Prepare this goal after the one that is being prepared, in the place of any other."""
+        """Prepare this after what is being prepared, in the place of anything else that was asked for."""
         self._next = prepare
 
     def forget(self) -> None:
@@ -32,11 +32,11 @@ class GoalPreparation(Generic[Prepared]):
 
     @property
     def busy(self) -> bool:
-        """Whether a goal is being prepared, or is to be."""
+        """Whether something is being prepared, or is to be."""
         return self._running is not None or self._next is not None
 
     def settled(self) -> Prepared | None:
-        """A goal that has been prepared, once; None while there is none. Raises what its preparation raised."""
+        """What has been prepared, once; None while there is nothing. Raises what its preparation raised."""
         done = self._running if self._running is not None and self._running.done() else None
         if done is not None:
             self._running = None
