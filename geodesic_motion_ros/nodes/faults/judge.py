@@ -1,8 +1,7 @@
 """Judges of commands: what every command must be, whatever happens. Know nothing of ROS.
 
 The first promise: every reference is finite, inside limits with a margin, starts within 0.02 rad of what was last
-commanded, ends at rest; and its stamp is not old. What is streamed neither stops nor sets out at once, and a pose that
-comes late is as far from the one before as the time between their stamps has it move.
+commanded, ends at rest; and its stamp is not old. What is streamed neither stops nor sets out at once.
 """
 
 from __future__ import annotations
@@ -22,8 +21,6 @@ from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, Tra
 #: A reference starts no further than this from what was last commanded: a joint [rad], the tool's orientation [rad],
 #: and its position [m], which an arm half a metre long moves by at such an angle.
 LARGEST_STEP, LARGEST_STEP_POSITION = 0.02, 0.01
-#: A pose that comes late has moved on for as long: of so many periods at most, by its stamp, each may be such a step.
-MOST_PERIODS = 3.0
 #: A reference that begins further than this in the past has an old stamp [s]. The first knot is that before the
 #: present, and the judge hears of it a moment later.
 OLDEST_BEGIN = 0.25
@@ -145,7 +142,6 @@ class TargetJudge:
     def __init__(self, most_acceleration: float, period: float) -> None:
         """most_acceleration : that is not objected to [m/s^2]. period : of the stream [s]."""
         self._most, self._acceleration = most_acceleration, StreamAcceleration(period)
-        self._period = period
         self._before: Target | None = None
         self.largest_step = self.largest_acceleration = 0.0
         self.count = 0
@@ -169,8 +165,7 @@ class TargetJudge:
             steps, key=lambda step: max(step[0] / LARGEST_STEP_POSITION, step[1] / LARGEST_STEP), default=(0.0, 0.0)
         )
         self.largest_step = max(self.largest_step, angle)
-        periods = 1.0 if places is not None else self._periods(command)
-        if distance > periods * LARGEST_STEP_POSITION or angle > periods * LARGEST_STEP:
+        if distance > LARGEST_STEP_POSITION or angle > LARGEST_STEP:
             wrong.append(f"is {1000 * distance:.1f} mm and {angle:.4f} rad from the one before")
         before, self._before = self._before, command
         if before is not None and places is None and float(before.quaternion @ command.quaternion) < 0.0:
@@ -182,11 +177,6 @@ class TargetJudge:
         if acceleration > self._most:
             wrong.append(f"ends an acceleration of {acceleration:.2f} m/s^2, allowed are {self._most:g}")
         return wrong
-
-    def _periods(self, command: Target) -> float:
-        """For how many periods, by the stamps, a pose has moved on from the one before; one and more."""
-        passed = 0.0 if self._before is None else command.stamp - self._before.stamp
-        return float(np.clip(passed / self._period, 1.0, MOST_PERIODS))
 
     def _starts(self, places: Sequence[Pose] | None) -> Sequence[Pose]:
         before = [] if self._before is None else [(self._before.position, self._before.quaternion)]

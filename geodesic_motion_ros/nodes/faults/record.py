@@ -50,11 +50,6 @@ class Status(NamedTuple):
         """Whether the arm was found elsewhere than commanded: commands will begin anew at where it is."""
         return _LOST in self.reason
 
-    @property
-    def goal_covered(self) -> bool:
-        """Whether an obstacle covers the goal: then the arm goes as near to it as it can, and need not stop at once."""
-        return self.values["goal_covered"] == "True"
-
     def number(self, key: str) -> float:
         return float(self.values[key])
 

@@ -129,7 +129,6 @@ class MadePlanner:
             "code": self.verdict[0], "reason": self.verdict[1], "goal_code": goal_code, "goal_reason": "",
             "speed": SPEED * goes, "tick": self.ticks, "time_to_goal": (1.0 - self.share) * DURATION,
             "clearance": self._gap(now, round(80 * self.share)), "deadline_misses": 0, "refused_input": self.reason,
-            "goal_covered": False,
         }  # fmt: skip
         values |= {f"refused_{topic}": number for topic, number in self.refusals.items()}
         return record.Status(now, {key: str(value) for key, value in values.items()})
