@@ -56,9 +56,8 @@ from geodesic_motion_ros.simulation.scripted_spheres import NAMED, ScriptedSpher
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill import Skill
 
-# After a stall physics catches up by this many steps at most; what is more is lost, and the world is late
-# for good.
-_MOST_STEPS = 24
+# After a stall physics makes up for so long [s] at most; what is more is lost, and the world is late for good.
+_LONGEST_STALL = 1.0
 # A service waits this long [s] for the physics thread.
 _PATIENCE = 2.0
 # After a reset, commands from before it may still be under way: none counts for this long [s].
@@ -174,15 +173,19 @@ class TwinNode(LoopingNode):
     def _tick(self, periods: int) -> None:
         self._serve_mailbox()
         moment = self._time.read()
-        steps = min(self._steps_due(moment) if moment.simulated else periods, _MOST_STEPS)
+        steps = self._steps_due(moment) if moment.simulated else periods
+        steps = min(steps, int(_LONGEST_STALL / self._world.dt))
         if moment.set_by != self._set_by:
             self._set_by, self._clock_offset = moment.set_by, ClockOffset()
             self._world.hold()
         # what the steps arrive at is the state of now
         arrival = self._world.time + steps * self._world.dt
         self._world.clock_offset = self._clock_offset.update(moment.now, arrival)
+        # What a late tick makes up for was before its command came: until then the old one is followed.
+        for _ in range(steps - 1):
+            self._step()
         self._take_command()
-        for _ in range(steps):
+        if steps:
             self._step()
         for every, publish in self._schedule:
             # a late tick makes several steps at once; what fell due among them is published once

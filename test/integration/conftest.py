@@ -123,7 +123,7 @@ class Bench:
         if topic not in self._publishers:
             self._publishers[topic] = self.probe.create_publisher(kind, topic, 10)
         publisher = self._publishers[topic]
-        self._poll(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
+        self.poll(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher
 
     def call(self, kind: type, name: str, request: Any) -> Any:
@@ -144,8 +144,8 @@ class Bench:
         with self._changed:
             self._changed.notify_all()
 
-    def _poll(self, condition: Callable[[], bool], what: str) -> None:
-        # the ROS graph tells nobody when it changes, so it is looked at again and again
+    def poll(self, condition: Callable[[], bool], what: str) -> None:
+        """`wait` for what nobody tells of, as the ROS graph and the time: it is looked at again and again."""
         timer = self.probe.create_timer(0.02, self._notify)
         self.wait(condition, what)
         self.probe.destroy_timer(timer)

@@ -217,7 +217,7 @@ def test_two_processes_reach_the_goal_answer_plan_and_exit_cleanly(
 def test_a_signal_while_starting_ends_cleanly(bench, options, node):
     process = bench.launch(f"{node}_node", **(options if node == "planner" else {}))
     # the node's name appears in the graph before it has loaded its skill or its world
-    bench._poll(lambda: node in bench.probe.get_node_names(), f"the node {node}")
+    bench.poll(lambda: node in bench.probe.get_node_names(), f"the node {node}")
     process.send_signal(signal.SIGTERM)
     _, errors = process.communicate(timeout=30.0)
     assert process.returncode == 0, errors
