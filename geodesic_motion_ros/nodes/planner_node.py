@@ -3,8 +3,8 @@
 It sends `joint_trajectory`, or streams `target_pose` with `target_posture` (parameter `output`).
 
 The control loop has a thread of its own on the steady clock. Callbacks only check and store
-(`planner_inputs`), the loop plans and commands (`joint_cycle`), pictures are drawn by a third thread, and a fourth
-answers the service `plan`.
+(`planner_inputs`), the loop plans and commands (`joint_cycle`), pictures are drawn by threads of
+their own, and another one answers the service `plan`.
 """
 
 from __future__ import annotations
@@ -81,8 +81,9 @@ class PlannerNode(LoopingNode):
         self._newest: tuple[CycleInputs, CycleOutput] | None = None
         self._period = 1.0 / values["rate"]
         self._loop = SteadyLoop(self._tick, values["rate"], self._died, name="planner")
-        self._view_thread = self._make_view(skill)
-        self._every(1.0 / values["path_rate"], self._show_path, "path and ~/markers")
+        draws_path = "path and ~/markers", self._show_path, self._path_is_watched, values["path_rate"]
+        self._pictures = [self._drawn(*draws_path)]
+        self._make_view(skill)
         self._every(1.0, self._show_health, "/diagnostics")
         self._every(1.0, self._look_at_commands, "the search for other commanders")
         self._every(1.0, self._inputs.look_for_other_types, "the search for obstacles of other types")
@@ -102,15 +103,15 @@ class PlannerNode(LoopingNode):
         """Begin to plan and command."""
         self._inputs.start()
         self._loop.start()
-        if self._view_thread is not None:
-            self._view_thread.start()
+        for picture in self._pictures:
+            picture.start()
 
     def stop(self) -> None:
         """End the threads; harmless when they have ended or never began."""
         self._loop.stop()
         self._inputs.stop()
-        if self._view_thread is not None:
-            self._view_thread.stop()
+        for picture in self._pictures:
+            picture.stop()
         self._plans.stop()
         self._kind.close()
 
@@ -181,14 +182,26 @@ class PlannerNode(LoopingNode):
 
         self.create_timer(period, guarded, clock=STEADY)
 
-    def _make_view(self, skill: Skill) -> ViewThread | None:
+    def _drawn(self, name: str, draw: Callable[[], None], watched: Callable[[], bool], rate: float) -> ViewThread:
+        """A thread that draws a picture while somebody looks.
+
+        It takes milliseconds of the interpreter, an image tens of them: callbacks, which hear the time of a simulation,
+        must not wait for that, and nothing is drawn for nobody.
+        """
+
+        def died(error: BaseException) -> None:
+            self.get_logger().error(f"no more {name}: " + "".join(traceback.format_exception(error)))
+
+        return ViewThread(draw, watched, 1.0 / rate, died, name)
+
+    def _make_view(self, skill: Skill) -> None:
         rate = self._options["latent_view_rate"]
         view = None if rate == 0.0 else self._kind.view(skill, self._options["latent_view_size"])
-        if view is None:
-            return None
-        self._view = view
-        # A picture takes tens of milliseconds of the interpreter that the ticks share: none is drawn for nobody.
-        return ViewThread(self._show_view, lambda: self._outputs.view_is_watched, 1.0 / rate, self._view_died)
+        if view is not None:
+            self._view = view
+            self._pictures.append(
+                self._drawn("~/latent_view", self._show_view, lambda: self._outputs.view_is_watched, rate)
+            )
 
     def _show_view(self) -> None:
         if self._newest is None:
@@ -200,8 +213,8 @@ class PlannerNode(LoopingNode):
             self._view.render(obstacles, path, output.verdict.code.name, output.verdict.displacement > 0.0)
         )
 
-    def _view_died(self, error: BaseException) -> None:
-        self.get_logger().error("no more latent views: " + "".join(traceback.format_exception(error)))
+    def _path_is_watched(self) -> bool:
+        return self._outputs.path_is_watched or self._outputs.markers_are_watched
 
     def _show_path(self) -> None:
         if self._newest is None:

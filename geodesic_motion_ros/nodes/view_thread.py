@@ -24,10 +24,11 @@ class ViewThread:
         watched: Callable[[], bool],
         period: float,
         failed: Callable[[BaseException], None],
+        name: str = "view",
     ) -> None:
         self._draw, self._watched, self._period, self._failed = draw, watched, period, failed
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="latent_view", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
         self._thread.start()
