@@ -209,8 +209,9 @@ class PlayedMethod:
 class Judge:
     """The meshes by which motions are judged, in one scene after the other."""
 
-    def __init__(self, arm: GuardedArm) -> None:
-        self.arm, self.geometry = arm, CollisionGeometry.panda()
+    def __init__(self, arm: GuardedArm, geometry: CollisionGeometry | None = None) -> None:
+        """geometry : the meshes; None: the arm's."""
+        self.arm, self.geometry = arm, geometry or CollisionGeometry.panda()
         self.guarded = frozenset(arm.collision.points.names)
 
     def judge(self, scene: Scene, motion: Motion) -> tuple[Outcome, np.ndarray]:
@@ -237,8 +238,9 @@ class Judge:
 class Stage(Judge):
     """A judge, and the arm in physics that methods move."""
 
-    def __init__(self, arm: GuardedArm) -> None:
-        super().__init__(arm)
+    def __init__(self, arm: GuardedArm, geometry: CollisionGeometry | None = None) -> None:
+        """geometry : as of `Judge`."""
+        super().__init__(arm, geometry)
         self.world = PandaWorld(rate_hz=STEP_HZ)
 
     def play(self, scene: Scene, method: Method) -> tuple[Outcome, np.ndarray]:
