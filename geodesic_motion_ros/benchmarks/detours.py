@@ -171,12 +171,13 @@ class DetourBench:
 
     def _first(self, motion: BlockedMotion, obstacles: Obstacles) -> _First | str:
         """The lattice's path, timed and certified; or why there is none."""
-        frame, planner = self._detours.frame(motion.query), self.planner
-        if isinstance(frame, str):
-            return frame
+        frames, planner = self._detours.frames(motion.query, obstacles), self.planner
+        if isinstance(frames, str):
+            return frames
         arm = ArmInScene.of(planner.robot, planner.collision, obstacles)
-        path = cheapest_detour(frame, arm, self._reach, self.margin)
-        if isinstance(path, str):
-            return path
-        lattice = Detour.along_lattice(motion.query, frame, path, LATTICE_SMOOTHINGS[-1])
-        return _First(frame, arm, path, self._detours.plan(lattice, motion.state, obstacles))
+        for frame in frames:
+            path = cheapest_detour(frame, arm, self._reach, self.margin)
+            if isinstance(path, LatticePath):
+                lattice = Detour.along_lattice(motion.query, frame, path, LATTICE_SMOOTHINGS[-1])
+                return _First(frame, arm, path, self._detours.plan(lattice, motion.state, obstacles))
+        return path

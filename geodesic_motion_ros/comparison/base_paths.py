@@ -116,8 +116,7 @@ class BaseDetours:
     def _frame(self, query: HeldQuery, scene: Scene, base: BasePath) -> DetourFrame:
         arena, path = self._arena, base(self._arena, scene)
         share, mode = arc_length_fractions(path), arena.modes[arena.nearest(scene.start, scene.goal)]
-        of_mode = np.tile(np.arange(len(self._spread.covariances)) == mode, (len(path), 1)).astype(float)
-        covariances = query.turned_to_base(self._spread.at(share, of_mode))
+        covariances = query.turned_to_base(self._spread.at(share, mode))
         return DetourFrame.along(arena.robot, path, share[:, None], covariances)
 
     def _plan(self, query: HeldQuery, frame: DetourFrame, obstacles: Obstacles) -> Plan:

@@ -1,8 +1,9 @@
 """Detours: where obstacles block every path that was demonstrated, the arm leaves them by as little as it can.
 
-The base path of a query is the one that the skill has where nothing is in the way. Beside it the cheapest path is
-searched that keeps the whole arm clear (`detour_search.py`), drawn tight (`detour_band.py`), and timed and certified as
-every other path is. It is an extension of the method of the paper.
+The base path of a query is the one that the skill has where nothing is in the way, first that of the demonstrated mode
+which obstacles bar least. Beside it the cheapest path is searched that keeps the whole arm clear (`detour_search.py`),
+drawn tight (`detour_band.py`), and timed and certified as every other path is. It is an extension of the method of the
+paper.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
-from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, deviations
+from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
@@ -88,20 +89,38 @@ class DetourPlanner:
         """The same on another solver of the skill."""
         return DetourPlanner(solver, self._spread)
 
-    def frame(self, query: HeldQuery) -> DetourFrame | str:
-        """The coordinates beside the base path of a query, or why the arm cannot hold that."""
-        base = self._solver.base_path(query)
-        if isinstance(base, str):
-            return base
-        latent, path = base
-        progress, shares = self._solver.graph.progress_map(latent)
-        covariances = query.turned_to_base(self._spread.at(progress, shares))
-        return DetourFrame.along(self._solver.robot, path, latent, covariances)
+    def frames(self, query: HeldQuery, obstacles: Obstacles) -> list[DetourFrame] | str:
+        """The coordinates beside the base paths of a query, in the order in which they are tried; or why the arm cannot
+        hold any.
+
+        Where several modes were demonstrated, first that of the mode which obstacles bar least: of the geodesic of the
+        metric that they reshape.
+        """
+        several = len(self._spread.covariances) > 1
+        frames, objection = {}, ""
+        for among in (obstacles, Obstacles.none()) if several else (Obstacles.none(),):
+            base = self._solver.base_path(query, among)
+            if isinstance(base, str):
+                objection = base
+                continue
+            latent, path = base
+            progress, shares = self._solver.graph.progress_map(latent)
+            mode = demonstrated_mode(shares)
+            covariances = query.turned_to_base(self._spread.at(progress, mode))
+            # In one mode the geodesic without obstacles serves.
+            frames[mode] = DetourFrame.along(self._solver.robot, path, latent, covariances)
+        return list(frames.values()) or objection
 
     def find(self, query: HeldQuery, obstacles: Obstacles, reach: float) -> Detour | str:
         """The cheapest detour with displacements up to `reach` [m], or why there is none."""
-        frame = self.frame(query)
-        return frame if isinstance(frame, str) else self.beside(frame, query, obstacles, reach)
+        frames = self.frames(query, obstacles)
+        if isinstance(frames, str):
+            return frames
+        for frame in frames:
+            found = self.beside(frame, query, obstacles, reach)
+            if isinstance(found, Detour):
+                break
+        return found
 
     def beside(self, frame: DetourFrame, query: HeldQuery, obstacles: Obstacles, reach: float) -> Detour | str:
         """The same beside a base path: certified for an arm that begins at rest.

@@ -58,14 +58,16 @@ class DemonstratedSpread:
         samples = positions.shape[1]
         return cls(gaussian_filter1d(np.stack(spread), _SMOOTHING * samples, axis=1, mode="nearest"))
 
-    def at(self, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Covariances (m, 3, 3) at progress (m,) from 0 to 1 of the skill, of the mode with the largest of shares
-        (m, K) in the mean; of the only one where K is 0.
-        """
-        mode = int(np.argmax(shares.mean(axis=0))) if shares.shape[1] else 0
+    def at(self, progress: np.ndarray, mode: int) -> np.ndarray:
+        """Covariances (m, 3, 3) at progress (m,) from 0 to 1 of the skill, of one mode."""
         samples = self.covariances.shape[1]
         table = self.covariances[mode].reshape(samples, 9)
         return interpolated(progress, np.linspace(0.0, 1.0, samples), table).reshape(-1, 3, 3)
+
+
+def demonstrated_mode(shares: np.ndarray) -> int:
+    """The mode with the largest of shares (m, K) in the mean; the only one where K is 0."""
+    return int(np.argmax(shares.mean(axis=0))) if shares.shape[1] else 0
 
 
 def _decoded_positions(skill: Skill, robot: Robot) -> np.ndarray:

@@ -517,16 +517,16 @@ class Solver:
             return _Timed(latent, reason)
         return _Timed(latent, "", correction, reference, self.certifier.swept(reference))
 
-    def base_path(self, query: HeldQuery) -> tuple[np.ndarray, np.ndarray] | str:
-        """The path of a query where nothing is in the way: latent points (m, d) and configurations (m, eta); or why the
-        arm cannot hold it.
+    def base_path(self, query: HeldQuery, obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray] | str:
+        """The geodesic of the metric that obstacles reshape, whether it is free of them or not: latent points (m, d)
+        and configurations (m, eta); or why there is none, or the arm cannot hold it.
         """
-        attempt, free = self.attempts[0], self._reshaping(query, Obstacles.none())
-        path = cheapest_path(self.graph, query, query.start_latent, free, 0.0)
+        attempt, reshaped = self.attempts[0], self._reshaping(query, obstacles.swept(self.settings.prediction))
+        path = cheapest_path(self.graph, query, query.start_latent, reshaped, -math.inf)
         if isinstance(path, Verdict):
             return path.reason
         if attempt.refine:
-            path = replace(path, polyline=refined(query.field, free, 0.0, path.polyline))
+            path = replace(path, polyline=refined(query.field, reshaped, -math.inf, path.polyline))
         latent, held = self._held(query, query.start, path, attempt.width, True)
         return held if isinstance(held, str) else (latent, held[0])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
+from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode
 from geodesic_motion_ros.planning.settings import DETOUR_METRES_PER_RADIAN, DETOUR_NARROWEST_SPREAD
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.body_points import end_effector_poses
@@ -91,9 +91,12 @@ def test_the_spread_is_the_covariance_of_each_mode_at_both_ends_and_between(name
         assert np.all(ends < middle)
 
 
-def test_progress_beyond_the_ends_counts_as_the_ends_and_the_mode_is_the_one_of_most_shares() -> None:
+def test_progress_beyond_the_ends_counts_as_the_ends() -> None:
     spread = DemonstratedSpread(np.array([[1.0, 2.0], [5.0, 7.0]])[:, :, None, None] * np.eye(3))
-    shares = np.array([[0.3, 0.7], [0.4, 0.6]])
-    found = spread.at(np.array([-0.5, 0.5]), shares)
-    np.testing.assert_allclose(found, [5.0 * np.eye(3), 6.0 * np.eye(3)])
-    np.testing.assert_allclose(spread.at(np.array([1.5]), np.empty((1, 0))), [2.0 * np.eye(3)])
+    np.testing.assert_allclose(spread.at(np.array([-0.5, 0.5]), 1), [5.0 * np.eye(3), 6.0 * np.eye(3)])
+    np.testing.assert_allclose(spread.at(np.array([1.5]), 0), [2.0 * np.eye(3)])
+
+
+def test_the_mode_is_the_one_of_most_shares() -> None:
+    assert demonstrated_mode(np.array([[0.3, 0.7], [0.8, 0.2], [0.3, 0.7]])) == 1
+    assert demonstrated_mode(np.empty((3, 0))) == 0

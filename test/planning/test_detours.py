@@ -10,11 +10,14 @@ import pytest
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.detour import DetourPlanner
+from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
+from geodesic_motion_ros.planning.mission import PreparedGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.solver import Plan, Solver
 from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill import Skill
@@ -246,6 +249,38 @@ def test_what_cannot_be_drawn_tight_is_passed_along_the_lattice() -> None:
     instants = np.linspace(0.0, plan.reference.duration, 500)
     postures = plan.reference.samples(instants)[0]
     assert min(obstacle_clearance(planner.collision, planner.robot, one, blocker)[0] for one in postures) > 0.0
+
+
+def test_the_first_base_is_of_the_mode_that_obstacles_bar_least() -> None:
+    """The skill was shown with the elbow on one side and on the other; a sphere bars the side of its geodesic."""
+    planner = ReactivePlanner(Skill.load("panda_reach_to_grasp"), scene=DeclaredScene.empty())
+    solver = Solver(
+        planner.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits, planner.scene
+    )
+    played, detours = Played(planner), DetourPlanner(solver)
+    prepared = planner.prepared_goal(played.goal[:3], played.goal[3:])
+    assert isinstance(prepared, PreparedGoal)
+    (geodesic,) = detours.frames(prepared.query, Obstacles.none())
+    middle = geodesic.configurations[len(geodesic) // 2]
+    barred = Obstacles.of_spheres(elbow_position(planner.robot, middle)[None], np.array([0.06]))
+    first, second = detours.frames(prepared.query, barred)
+    np.testing.assert_allclose(second.configurations, geodesic.configurations)
+
+    def least_clearance(frame: DetourFrame) -> float:
+        return min(obstacle_clearance(planner.collision, planner.robot, q, barred)[0] for q in frame.configurations)
+
+    assert least_clearance(first) > least_clearance(second) + 0.05
+
+
+def test_where_one_mode_was_demonstrated_there_is_one_base() -> None:
+    planner = ReactivePlanner(Skill.load("panda_pouring"), scene=DeclaredScene.empty())
+    solver = Solver(
+        planner.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits, planner.scene
+    )
+    played = Played(planner)
+    prepared = planner.prepared_goal(played.goal[:3], played.goal[3:])
+    assert isinstance(prepared, PreparedGoal)
+    assert len(DetourPlanner(solver).frames(prepared.query, on_the_hand(planner, halfway(played)))) == 1
 
 
 def test_a_reach_that_is_changed_is_searched_with(planner) -> None:
