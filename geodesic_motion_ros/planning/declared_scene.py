@@ -57,6 +57,8 @@ _ENTRIES = {
     "keep_out": ("name", "centre", "size", "|", "quaternion"),
 }
 _WORKSPACE = ("lower", "upper")
+#: The lists of a file, of which the last is no list but one box.
+KINDS = (*_ENTRIES, "workspace")
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -115,11 +117,10 @@ class DeclaredScene:
     @classmethod
     def of(cls, table: Any) -> DeclaredScene:
         """From a table as a file holds it; FileError as of `load`."""
-        known = (*_ENTRIES, "workspace")
         if not isinstance(table, dict):
-            raise FileError(f"must be a table with {', '.join(known)}; an empty scene is {{}}")
+            raise FileError(f"must be a table with {', '.join(KINDS)}; an empty scene is {{}}")
         for key in table:
-            _check_known(key, known, "the scene")
+            _check_known(key, KINDS, "the scene")
         rows: list[np.ndarray] = []
         names: list[str] = []
         kinds: list[str] = []

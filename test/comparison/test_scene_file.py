@@ -62,6 +62,14 @@ def test_what_is_read_is_what_was_written_to_the_bit(drawn, path) -> None:
     assert not same(asdict(sphere), asdict(moved))
 
 
+def test_older_files_declare_nothing(path, tmp_path) -> None:
+    with np.load(path) as archive:
+        older = {name: array for name, array in archive.items() if not name.startswith("solid")}
+    np.savez(tmp_path / "older.npz", **older)
+    assert {scene.declared.names for scene in SceneFile.read(path).scenes} == {(), ("table",)}
+    assert {scene.declared.names for scene in SceneFile.read(tmp_path / "older.npz").scenes} == {()}
+
+
 def test_scenes_of_a_file_are_played_as_those_that_are_drawn(reach_skill, drawn, path, tmp_path) -> None:
     known = SceneFile.read(path)
     from_file = BenchmarkSettings(("replay",), known.families, seed=known.seed, scenes_from=path)
@@ -129,6 +137,11 @@ def first_is(value: float) -> object:
         ("seed", lambda array: np.array(0.5), "seed must"),
         ("skill", lambda array: np.array("two\nlines"), "skill must be one line"),
         ("rests", None, "lacks rests: it is no file"),
+        ("solids", first_is(99), "solid_name must be a row of"),
+        ("solid", first_is(np.nan), "solid holds nan"),
+        ("solid", lambda array: 2.0 * array, "solid 0 has centre .* and the rotation one"),
+        ("solid_kind", lambda array: np.array(["wall"]), "solid_kind holds 'wall': it must be one of boxes"),
+        ("solid_name", None, "has solids and lacks solid_name"),
     ],
 )
 def test_a_bad_number_is_named_in_a_line(path, tmp_path, key, change, said) -> None:
