@@ -17,10 +17,9 @@ A file is a `.npz` archive of n scenes with m spheres in all; floats are of 64 b
                                         start and goal share one
     set_curves, curve_samples           curves of each set, in its order, and samples of each curve, in its order in:
     curve_position, curve_quaternion    (.., 3) [m], (.., 4) w, x, y, z
-    solids                              (n,) how many solids each scene declares, in its order in:
-    solid_name, solid_kind, solid       (b,), (b,), (b, 16): of its `DeclaredScene`, in the arm's base frame
+    declared                            (n,) what stands around the arm, as the text of a file of config/scenes; older
+                                        files lack it, and nothing does
 
-Older files have none of the last two lines: their scenes declare nothing.
 Of the demonstrations the file holds the tool's paths alone: methods that play demonstrations move them to the start
 and goal of a scene as the version of the code does that plays.
 """
@@ -35,8 +34,9 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
+import yaml
 
-from geodesic_motion_ros.checked_files import brief, opened, read_arrays
+from geodesic_motion_ros.checked_files import PlainDumper, brief, opened, read_arrays, read_yaml
 from geodesic_motion_ros.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_real, check_unit
 from geodesic_motion_ros.comparison.families import Family, check_families
 from geodesic_motion_ros.comparison.guard import Guard
@@ -45,15 +45,13 @@ from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import FileError, GeodesicMotionError, ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
-from geodesic_motion_ros.planning.declared_scene import KINDS, DeclaredScene
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.solids import NUMBERS
 
 FORMAT = 1
 #: Of a file [B]: a thousand scenes of a skill of the whole arm take a third of it.
 LARGEST = 1 << 30
 _OF_SPHERES = ("radius", "appears", "vanishes", "rests", "begin", "velocity", "chases")
-_OF_SOLIDS = {"solid_name", "solid_kind", "solid"}
 _KEYS = {
     "format", "skill", "skill_digest", "guard", "seed", "family", "number", "start", "goal", "goal_position",
     "goal_quaternion", "tool_chased", "free", "spheres", *_OF_SPHERES, "compared", "set_curves", "curve_samples",
@@ -162,10 +160,7 @@ class SceneFile:
             "curve_samples": np.array([len(curve.positions) for curve in flat]),
             "curve_position": np.concatenate([curve.positions for curve in flat]),
             "curve_quaternion": np.concatenate([curve.quaternions for curve in flat]),
-            "solids": np.array([len(scene.declared.names) for scene in self.scenes]),
-            "solid_name": np.array([name for scene in self.scenes for name in scene.declared.names], dtype=str),
-            "solid_kind": np.array([kind for scene in self.scenes for kind in scene.declared.kinds], dtype=str),
-            "solid": np.concatenate([scene.declared.solids for scene in self.scenes]),
+            "declared": np.array([yaml.dump(scene.declared.table, Dumper=PlainDumper) for scene in self.scenes]),
         }
 
 
@@ -239,25 +234,15 @@ def _spheres(arrays: dict[str, np.ndarray], scenes: int) -> list[tuple[MovingSph
 
 def _declared(arrays: dict[str, np.ndarray], scenes: int) -> list[DeclaredScene]:
     """What each scene declares."""
-    if "solids" not in arrays:
+    if "declared" not in arrays:
         return [DeclaredScene.empty()] * scenes
-    if not arrays.keys() >= _OF_SOLIDS:
-        raise FileError(f"has solids and lacks {min(_OF_SOLIDS - arrays.keys())}")
-    counts = _whole("solids", arrays["solids"], (scenes,))
-    total = int(np.sum(counts))
-    names, kinds = (_names(name, arrays[name], total) for name in ("solid_name", "solid_kind"))
-    for kind in kinds:
-        if kind not in KINDS:
-            raise FileError(f"solid_kind holds {brief(kind)}: it must be one of {', '.join(KINDS)}")
-    solids = _floats("solid", arrays["solid"], (total, NUMBERS))
-    each = [
-        DeclaredScene(names[first:last], solids[first:last], kinds[first:last]) for first, last in _parts(counts)
-    ]
-    for scene in each:
-        objection = scene.obstacles.objection()
-        if objection:
-            raise FileError(f"solid: {objection}")
-    return each
+    texts = arrays["declared"]
+    if texts.shape != (scenes,) or texts.dtype.kind != "U":
+        raise FileError(f"declared must be a row of {scenes} texts")
+    try:
+        return [DeclaredScene.of(read_yaml(text.encode())) for text in texts.tolist()]
+    except FileError as error:
+        raise FileError(f"declared: {error}") from error
 
 
 def _compared(arrays: dict[str, np.ndarray]) -> list[tuple[PoseCurve, ...]]:
@@ -284,12 +269,6 @@ def _text(name: str, array: np.ndarray) -> str:
     if array.shape != () or array.dtype.kind != "U" or not str(array).isprintable():
         raise FileError(f"{name} must be one line of text")
     return str(array)
-
-
-def _names(name: str, array: np.ndarray, count: int) -> tuple[str, ...]:
-    if array.shape != (count,) or array.dtype.kind != "U":
-        raise FileError(f"{name} must be a row of {count} names")
-    return tuple(array.tolist())
 
 
 def _floats(name: str, array: np.ndarray, shape: tuple[int, ...], largest: float = np.inf) -> np.ndarray:

@@ -57,8 +57,6 @@ _ENTRIES = {
     "keep_out": ("name", "centre", "size", "|", "quaternion"),
 }
 _WORKSPACE = ("lower", "upper")
-#: The lists of a file, of which the last is no list but one box.
-KINDS = (*_ENTRIES, "workspace")
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -71,16 +69,18 @@ class DeclaredScene:
     names : of the b solids. solids : (b, 16) rows as of `solids.py`.
     kinds : the list of the file that each stands in: `boxes`, `cylinders` (of which the solid is the box around it, its
         axis the box's z), `planes` (a plate behind it), `keep_out`, `workspace`.
+    table : what a file says of them.
     """
 
     names: tuple[str, ...]
     solids: np.ndarray
     kinds: tuple[str, ...]
+    table: dict[str, Any]
 
     @classmethod
     def empty(cls) -> DeclaredScene:
         """Nothing stands around the arm."""
-        return cls((), no_solids(), ())
+        return cls((), no_solids(), (), {})
 
     @classmethod
     def named(cls, name: str) -> DeclaredScene | None:
@@ -117,10 +117,11 @@ class DeclaredScene:
     @classmethod
     def of(cls, table: Any) -> DeclaredScene:
         """From a table as a file holds it; FileError as of `load`."""
+        known = (*_ENTRIES, "workspace")
         if not isinstance(table, dict):
-            raise FileError(f"must be a table with {', '.join(KINDS)}; an empty scene is {{}}")
+            raise FileError(f"must be a table with {', '.join(known)}; an empty scene is {{}}")
         for key in table:
-            _check_known(key, KINDS, "the scene")
+            _check_known(key, known, "the scene")
         rows: list[np.ndarray] = []
         names: list[str] = []
         kinds: list[str] = []
@@ -135,7 +136,7 @@ class DeclaredScene:
             names.append(side)
             rows.append(row)
             kinds.append("workspace")
-        return cls(tuple(names), np.concatenate([no_solids(), *rows]), tuple(kinds))
+        return cls(tuple(names), np.concatenate([no_solids(), *rows]), tuple(kinds), table)
 
     @property
     def obstacles(self) -> Obstacles:

@@ -64,7 +64,7 @@ def test_what_is_read_is_what_was_written_to_the_bit(drawn, path) -> None:
 
 def test_older_files_declare_nothing(path, tmp_path) -> None:
     with np.load(path) as archive:
-        older = {name: array for name, array in archive.items() if not name.startswith("solid")}
+        older = {name: array for name, array in archive.items() if name != "declared"}
     np.savez(tmp_path / "older.npz", **older)
     assert {scene.declared.names for scene in SceneFile.read(path).scenes} == {(), ("table",)}
     assert {scene.declared.names for scene in SceneFile.read(tmp_path / "older.npz").scenes} == {()}
@@ -137,11 +137,9 @@ def first_is(value: float) -> object:
         ("seed", lambda array: np.array(0.5), "seed must"),
         ("skill", lambda array: np.array("two\nlines"), "skill must be one line"),
         ("rests", None, "lacks rests: it is no file"),
-        ("solids", first_is(99), "solid_name must be a row of"),
-        ("solid", first_is(np.nan), "solid holds nan"),
-        ("solid", lambda array: 2.0 * array, "solid 0 has centre .* and the rotation one"),
-        ("solid_kind", lambda array: np.array(["wall"]), "solid_kind holds 'wall': it must be one of boxes"),
-        ("solid_name", None, "has solids and lacks solid_name"),
+        ("declared", lambda array: array[1:], "declared must be a row of"),
+        ("declared", lambda array: np.array(["boxes: 1"] * len(array)), "declared: boxes must be a list"),
+        ("declared", lambda array: np.array(["!!binary x"] * len(array)), "declared: .* tag"),
     ],
 )
 def test_a_bad_number_is_named_in_a_line(path, tmp_path, key, change, said) -> None:
