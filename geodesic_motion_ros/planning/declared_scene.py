@@ -97,6 +97,21 @@ class DeclaredScene:
         return cls.load(find_shared(f"config/scenes/{name}.yaml") if path.name == name and not path.suffix else path)
 
     @classmethod
+    def recorded(cls, skill: Skill) -> DeclaredScene | None:
+        """What stood around the arm as a skill was demonstrated; None where the skill does not say.
+
+        Raises
+        ------
+        SkillError : what the skill says is no scene.
+        """
+        if skill.scene is None:
+            return None
+        try:
+            return cls.of(skill.scene)
+        except FileError as error:
+            raise SkillError(f"skill {skill.name}: its scene is none: {error}") from error
+
+    @classmethod
     def load(cls, path: str | Path) -> DeclaredScene:
         """Read a scene file.
 
@@ -183,8 +198,8 @@ def check_demonstrations(scene: DeclaredScene, skill: Skill, robot: Robot, colli
     depth, part, _ = scene.nearest(spheres[worst], radii)
     raise SkillError(
         f"skill {skill.name}: demonstration {worst // samples} is {-1000 * depth:.0f} mm inside '{part}' of the scene "
-        f"at {100 * (worst % samples) / (samples - 1):.0f} % of its path: it was recorded in another one, or '{part}' "
-        "stands elsewhere"
+        f"at sample {worst % samples}, {100 * (worst % samples) / (samples - 1):.0f} % of its path: it was recorded in "
+        f"another one, or '{part}' stands elsewhere"
     )
 
 
