@@ -15,7 +15,7 @@ start until those that move are gone is never touched.
 - *crowd*: ten, five that stand and five that cross.
 - *table*: three to six things on the table of config/scenes/table.yaml, which is declared to every method that plans. A
   thing is a column of equal spheres: the lowest rests on the table, the topmost ends at a place on the way. Hands of
-  the shipped skills pass at least 17 cm above the table, higher than one such sphere reaches. Start and goal stay free
+  the shipped skills stay at least 14 cm above the table, higher than one such sphere reaches. Start and goal stay free
   of the table too.
 
 Where demonstrations are *spared*, spheres are drawn again until at least half of the demonstrations stay free of them;
