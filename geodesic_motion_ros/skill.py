@@ -66,6 +66,7 @@ class Skill:
     start_pose, goal_pose : (7,) mean first and last tool pose of the demonstrations: x, y, z [m], w, x, y, z; in joint
         space of those of the first family.
     quality, provenance : figures on held-out demonstrations; data, licence, source, seed, settings.
+    scene : what stood around the arm as it was demonstrated, as a file of config/scenes says it; None: not said.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Skill:
     encoder_arrays: dict[str, np.ndarray] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
+    scene: dict[str, Any] | None = None
 
     @property
     def sigma_limit(self) -> float:
@@ -160,6 +162,8 @@ class Skill:
                 described["regression_penalty"] = self.canonical.penalty
             np.savez(draft / LATENT, **latent)
             described |= {name: getattr(self, name) for name in METADATA} | {"metric": asdict(self.metric)}
+            if self.scene is not None:
+                described["scene"] = self.scene
             described["sha256"] = {name: hashlib.sha256((draft / name).read_bytes()).hexdigest() for name in FILES}
             (draft / DESCRIPTION).write_text(yaml.dump(described, Dumper=PlainDumper, sort_keys=False, width=110))
             draft.chmod(0o755)

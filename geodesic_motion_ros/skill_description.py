@@ -63,7 +63,8 @@ def check_description(described: Any) -> None:
     for name, bounds in RANGES.items():
         _check_number(name, described[name], *bounds)
     _check_metric(described["metric"], space)
-    for name in ("quality", "provenance"):
+    # The scene may be left out: skills of earlier releases have none.
+    for name in [name for name in ("quality", "provenance", "scene") if name in described]:
         if not isinstance(described[name], dict):
             raise SkillError(f"{name} is {brief(described[name])}; it must hold names with their values")
         _check_plain(name, described[name])

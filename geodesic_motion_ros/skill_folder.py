@@ -68,6 +68,7 @@ def read_folder(path: Path) -> dict[str, Any]:
             raise SkillError(f"{path}: {name} differs from its checksum in {DESCRIPTION}: truncated or altered")
     space = described["space"]
     attributes = {name: described[name] for name in METADATA} | {"metric": _METRICS[space](**described["metric"])}
+    attributes["scene"] = described.get("scene")
     with _about(path / WEIGHTS):
         attributes |= _networks(content[WEIGHTS], space, joints)
     decoder = attributes["decoder"]

@@ -45,6 +45,18 @@ def test_round_trip_is_exact(fan_skill, folder):
         assert getattr(loaded, name) == getattr(fan_skill, name)
 
 
+def test_what_it_was_recorded_in_comes_back_and_may_be_left_out(fan_skill, folder):
+    assert "scene" not in yaml.safe_load((folder / "skill.yaml").read_text())
+    assert Skill.load(folder).scene is None
+    scene = {"boxes": [{"name": "table", "centre": [0.15, 0.0, -1e-5], "size": [1.5, 1.8, 0.06]}]}
+    assert Skill.load(replace(fan_skill, scene=scene).save(folder)).scene == scene
+    # Nothing stood there, which is more than not to say what did.
+    assert Skill.load(replace(fan_skill, scene={}).save(folder)).scene == {}
+    edit(folder, scene=["table"])
+    with pytest.raises(SkillError, match=r"scene is .*; it must hold names with their values"):
+        Skill.load(folder)
+
+
 def test_a_canonical_skill_comes_back_bit_by_bit(canonical_fan_skill, canonical_folder):
     for skill in (canonical_fan_skill, with_modes(canonical_fan_skill)):
         loaded = Skill.load(skill.save(canonical_folder))

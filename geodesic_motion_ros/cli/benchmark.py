@@ -20,7 +20,7 @@ guard     --guard arm with a skill of the tool: all of the arm is guarded. Scene
           barriers avoid with all of the arm, and so does ours
 families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone (where all of the
           arm is guarded); crossing; chasing; gate: closes on the hand's way, and opens again; crowd: five that stand
-          and five that cross
+          and five that cross; table: three to six columns of spheres on a table, which is declared to the methods
 methods   ours; ours, detour 0 (it waits where obstacles block all that was demonstrated); and parts of that: ours, hard
           (no soft metric) and ours, soft (the soft metric alone, nothing removed or certified; not the paper's
           planner); replay (of the nearest demonstration, blind: the control); free demonstration (the nearest that is
@@ -34,8 +34,9 @@ columns   success: the goal within 10 mm and 0.1 rad, no contact; moving: scenes
           from the closest demonstration; avoiding: dtw in the scenes in which replay fails, so that something had to be
           avoided; jerk: root mean square [rad/s^3]; time: to the goal; p50, p99: processor time of ticks that answered
           something new: a motion or a stop that was planned then, with DMP and barriers every tick, as they plan one
-          step ahead; held: share of the ticks within 10 ms of processor time; arm: scenes, ended or not, in which a
-          part of the arm touched a sphere that is not guarded.
+          step ahead; held: share of the ticks within 10 ms of processor time; scene: scenes that ended as the arm
+          touched the declared table; arm: scenes, ended or not, in which a part of the arm touched a sphere or the
+          table that is not guarded.
           Clearance, similarity, jerk and time are those of successes. Intervals: Wilson, bootstrap of the median
 tables    all scenes; those in which at least half of the demonstrations stay free, where to copy a free one suffices,
           and the rest; successes by family; where there are any, the scenes that ended with a contact of the arm that

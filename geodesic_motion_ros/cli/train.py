@@ -38,6 +38,8 @@ from geodesic_motion_ros.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+    from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+    from geodesic_motion_ros.skill import Skill
 
 # Motions smaller than this [m] look like a wrong unit; an error of this share of the motion is no skill.
 _SMALL, _POOR = 0.02, 0.2
@@ -86,6 +88,11 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     skill = parser.add_argument_group("skill")
     skill.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the skill goes")
     skill.add_argument("--name", help="what it is called; without it, like its folder")
+    skill.add_argument(
+        "--scene",
+        help="what stood around the arm, kept in the skill: a file, as in config/scenes, the name of one of those, or "
+        "none; refused where demonstrations enter it",
+    )  # fmt: skip
     skill.add_argument("--source", metavar="TEXT", help="where the data come from, kept in the skill")
     skill.add_argument("--licence", metavar="TEXT", help="licence of the data, kept in the skill")
     skill.add_argument(
@@ -123,6 +130,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Train, measure, save, report."""
     from tqdm import tqdm
 
+    from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+
     space = recorded_space(arguments)
     refuse_other_space(arguments, space, {name: module.OPTIONS for name, module in _SPACES.items()})
     training = (
@@ -133,6 +142,7 @@ def run(arguments: argparse.Namespace) -> None:
     for option in ("source", "licence"):
         if (text := getattr(arguments, option)) is not None:
             check_text(f"--{option}", text, _LONGEST_PROVENANCE)
+    scene = None if arguments.scene is None else DeclaredScene.named(arguments.scene)
     _refuse_foreign(arguments.out)
     _refuse_unwritable(arguments.out)
     writable(arguments.json)
@@ -146,6 +156,8 @@ def run(arguments: argparse.Namespace) -> None:
     interval = 0.1 if sys.stderr.isatty() else 10.0
     with tqdm(desc=arguments.demos.stem, unit="step", mininterval=interval) as bar:
         skill = training.learn(name, _shown_on(bar), _provenance(arguments))
+    if scene is not None:
+        skill = _recorded_in(scene, skill)
     if arguments.held_out:
         measured = {"held_out": list(arguments.held_out)} | training.held_out_quality(skill)
         skill = replace(skill, quality=skill.quality | measured)
@@ -157,6 +169,16 @@ def run(arguments: argparse.Namespace) -> None:
     pictured(skill, folder / "report.png")
     if arguments.json is not None:
         write_json(arguments.json, {"skill": skill.name, "folder": folder.as_posix(), "quality": skill.quality})
+
+
+def _recorded_in(scene: DeclaredScene, skill: Skill) -> Skill:
+    """The skill with the scene that it was recorded in; SkillError where its demonstrations enter that."""
+    from geodesic_motion_ros.planning.declared_scene import check_demonstrations
+    from geodesic_motion_ros.robot.collision_model import CollisionModel
+    from geodesic_motion_ros.robot.kinematics import Robot
+
+    check_demonstrations(scene, skill, Robot.named(skill.robot), CollisionModel.named(skill.robot))
+    return replace(skill, scene=scene.table)
 
 
 def _provenance(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -7,13 +7,14 @@ distance of the collision meshes, where they are measured to be, from each spher
 (`guard.py`), the arm, or hand and fingers alone. A scene ends
 
 - at the goal: the tool is measured within `REACHED` and `REACHED_ANGLE` of the goal pose, and rests;
-- at the first contact of what is guarded;
+- at the first contact of what is guarded, with a sphere or with the declared scene, by the same meshes;
 - after `LONGEST`, or where the arm has stood for `GIVEN_UP` since there were spheres that move or will go.
 
 Success is the first of these. A contact is one *in motion* where the arm moved within `AFTER_MOTION` before it, and
 *standing* otherwise; of one in motion there was *no room* where the sphere, when it was first there, was too near for
 an arm at rest to react to it in time. For a standing one the outcome says whether an arm that had waited at the
-start of the scene, for `LONGEST`, would have been touched too.
+start of the scene, for `LONGEST`, would have been touched too. One with the declared scene is counted apart, as
+`scene`: it does not move, so that the arm did.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ _KEPT = 4
 #: A tick is in time within this [s].
 DEADLINE = 0.01
 
-Contact = Literal["", "moving", "standing", "no room"]
+Contact = Literal["", "moving", "standing", "no room", "scene"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +69,8 @@ class Outcome:
     refusal : why the method was on no way to the goal at the end, where it said so.
     clearance : least distance [m] of what is guarded from a sphere while the arm moved and for AFTER_MOTION after it,
         no more than LOOKED_FOR.
-    arm_touched : whether a part of the arm that is not guarded touched a sphere: that ends no scene.
+    arm_touched : whether a part of the arm that is not guarded touched a sphere or the declared scene: that ends no
+        scene.
     stood : for how long [s] what is guarded had not moved at the end.
     waiting_avoids : whether an arm that waits at the start is not touched; None where no standing contact was.
     lag : largest distance [m] of a sphere of what is guarded from where it was to be, where the arm lags (`lag.py`).
@@ -253,7 +255,12 @@ class _Run:
 
     def __init__(self, judge: Judge, scene: Scene, motion: Motion) -> None:
         self._judge, self._arm, self._geometry = judge, judge.arm, judge.geometry
-        self._guarded, self._arm_touched = judge.guarded, False
+        self._guarded, self._arm_touched, self._scene_touched = judge.guarded, False, False
+        # A scene of an older revision (`at_revision.py`) declares nothing.
+        declared = getattr(scene, "declared", None)
+        self._surrounded = declared is not None
+        if declared is not None:
+            self._geometry.surround(declared)
         self._scene, self._motion = scene, motion
         self._spheres = SpheresInMotion(
             scene.spheres, lambda: chased_point(self._arm, scene.tool_chased, motion.joint_positions)
@@ -283,7 +290,8 @@ class _Run:
             moved = now if moves else moved
             self._geometry.place(posture)
             self._spheres.judge(now, now - moved <= AFTER_MOTION, self._clearance)
-            if self._spheres.contacts:
+            self._scene_touched = self._touches_scene()
+            if self._spheres.contacts or self._scene_touched:
                 break
             reached = not moves and self._at_goal(posture)
             changed = now if moves or self._will_change(now) else changed
@@ -303,8 +311,16 @@ class _Run:
 
     def _clearance(self, centre: np.ndarray, radius: float) -> float:
         """Of what is guarded from a sphere [m], and take note of the rest of the arm."""
+        return self._of_guarded(self._geometry.clearances(centre, radius, LOOKED_FOR))
+
+    def _touches_scene(self) -> bool:
+        """Whether what is guarded touches the declared scene, and take note of the rest of the arm."""
+        return self._surrounded and self._of_guarded(self._geometry.surrounding_clearances(0.0)) <= 0.0
+
+    def _of_guarded(self, clearances: dict[str, float]) -> float:
+        """The least of what is guarded, of the distances [m] of links, and take note of the rest of the arm."""
         guarded = np.inf
-        for link, distance in self._geometry.clearances(centre, radius, LOOKED_FOR).items():
+        for link, distance in clearances.items():
             if link in self._guarded:
                 guarded = min(guarded, distance)
             else:
@@ -328,14 +344,15 @@ class _Run:
 
     def _outcome(self, reached: bool, duration: float, stood: float) -> Outcome:
         contacts, effort = self._spheres.contacts, self._motion.effort
+        contact: Contact = contacts[0] if contacts else "scene" if self._scene_touched else ""
         executed = self._arm.tool_curve(np.array(self._postures))
         dtw, orientation = _to_closest(executed, self._scene.compared)
         jerks = np.diff(self._commanded, 3, axis=0) * STEP_HZ**3
         waiting_avoids = None
-        if contacts and contacts[0] == "standing":
+        if contact == "standing":
             waiting_avoids = not self._judge.waiting_is_touched(self._scene)
         return Outcome(
-            mostly_free=self._scene.mostly_free, reached=reached, contact=contacts[0] if contacts else "",
+            mostly_free=self._scene.mostly_free, reached=reached, contact=contact,
             refusal="" if reached else effort.refusal, duration=duration,
             clearance=float(min(self._spheres.clearance, LOOKED_FOR)), dtw=dtw, orientation=orientation,
             jerk=float(np.sqrt(np.mean(np.sum(jerks**2, axis=1)))) if len(jerks) else 0.0,

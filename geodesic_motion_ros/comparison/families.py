@@ -13,17 +13,22 @@ start until those that move are gone is never touched.
   an arm that had stayed at the start would be near.
 - *gate*: two pairs that close on the hand's way from two sides about when it passes, and open `GATE_STAYS` later.
 - *crowd*: ten, five that stand and five that cross.
+- *table*: three to six things on the table of config/scenes/table.yaml, which is declared to every method that plans. A
+  thing is a column of equal spheres: the lowest rests on the table, the topmost ends at a place on the way. Hands of
+  the shipped skills stay at least 14 cm above the table, higher than one such sphere reaches. Start and goal stay free
+  of the table too.
 
 Where demonstrations are *spared*, spheres are drawn again until at least half of the demonstrations stay free of them;
-those that stand or cross block at least one, but in a crowd. With a skill of the tool all demonstrations are played in
-one family of postures of the arm, and an elbow's sphere blocks nearly all of them: there those are spared whose hand
-keeps `FREE_HAND` from it, as the arm may carry it in another posture.
+those that stand or cross, and things on the table, block at least one, but in a crowd. With a skill of the tool all
+demonstrations are played in one family of postures of the arm, and an elbow's sphere blocks nearly all of them: there
+those are spared whose hand keeps `FREE_HAND` from it, as the arm may carry it in another posture.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -32,8 +37,10 @@ from geodesic_motion_ros.comparison.guard import Guard
 from geodesic_motion_ros.comparison.ways import Ways
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import RADII, MovingSphere
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.shared_files import find_shared
 
-Family = Literal["none", "static", "elbow", "crossing", "chasing", "gate", "crowd"]
+Family = Literal["none", "static", "elbow", "crossing", "chasing", "gate", "crowd", "table"]
 Spheres = tuple[MovingSphere, ...]
 Draw = Callable[[Ways, np.random.Generator], Spheres | None]
 
@@ -49,6 +56,8 @@ GONE = 2.0
 #: A gate: the radius of its spheres, half the distance of those of a pair, and how far aside they begin [m]; how long
 #: it stays closed [s], and when it is, as a share of the time at which the hand passes.
 GATE_RADIUS, GATE_HALF_WIDTH, GATE_ASIDE, GATE_STAYS, GATE_CLOSED = 0.05, 0.06, 0.25, 3.0, (0.7, 2.0)
+#: A thing on the table is no taller than this [m].
+TALLEST = 0.45
 #: Share of the demonstrations that stay free where they are spared.
 SPARED = 0.5
 #: Spheres that are drawn before it is said that there is no place for them.
@@ -59,8 +68,14 @@ def draw_standing(ways: Ways, random: np.random.Generator) -> Spheres | None:
     """One sphere that stands on a way and leaves start and goal free; None where the one that was drawn does not."""
     radius = random.uniform(*RADII)
     _, _, centre = ways.place(random)
-    ends = ways.start_clearance(centre[None], radius), ways.goal_clearance(centre[None], radius)
-    return (MovingSphere(radius, 0.0, math.inf, centre, np.zeros(3), False),) if min(ends) >= FREE_END else None
+    return _standing(ways, centre[None], radius)
+
+
+def _standing(ways: Ways, centres: np.ndarray, radius: float) -> Spheres | None:
+    """Spheres that stand at centres (n, 3) [m]; None where they do not leave start and goal free."""
+    if min(ways.start_clearance(centres, radius), ways.goal_clearance(centres, radius)) < FREE_END:
+        return None
+    return tuple(MovingSphere(radius, 0.0, math.inf, centre, np.zeros(3), False) for centre in centres)
 
 
 def _at_the_elbow(ways: Ways, random: np.random.Generator) -> Spheres | None:
@@ -108,6 +123,20 @@ def _gate(ways: Ways, random: np.random.Generator) -> Spheres | None:
     return tuple(spheres) if all(_spares_the_start(ways, sphere) for sphere in spheres) else None
 
 
+def _on_the_table(ways: Ways, random: np.random.Generator) -> Spheres | None:
+    """A thing as tall as a place on a way is high above the table, of as few spheres as can be."""
+    _, _, place = ways.place(random)
+    table = declared_in("table").solids[0]
+    top = table[2] + table[5]
+    height = float(place[2] - top)
+    if not 2.0 * RADII[0] <= height <= TALLEST:
+        return None
+    count = math.ceil(height / (2.0 * RADII[1]))
+    radius = height / (2.0 * count)
+    heights = top + radius * (1.0 + 2.0 * np.arange(count))
+    return _standing(ways, np.column_stack([np.full((count, 2), place[:2]), heights]), radius)
+
+
 def _spares_the_start(ways: Ways, sphere: MovingSphere) -> bool:
     """Whether an arm that stays at the start is never touched by a sphere that moves in a straight line."""
     moves_for = min(sphere.rests, sphere.vanishes) - sphere.appears
@@ -120,7 +149,7 @@ def _draws(family: Family, random: np.random.Generator) -> Sequence[Draw]:
     """What is drawn one after the other."""
     several: dict[Family, tuple[Draw, int, int]] = {
         "static": (draw_standing, 1, 3), "elbow": (_at_the_elbow, 1, 1), "crossing": (_crossing, 1, 3),
-        "chasing": (_chasing, 1, 2), "gate": (_gate, 1, 1),
+        "chasing": (_chasing, 1, 2), "gate": (_gate, 1, 1), "table": (_on_the_table, 3, 6),
     }  # fmt: skip
     if family == "none":
         return []
@@ -130,11 +159,20 @@ def _draws(family: Family, random: np.random.Generator) -> Sequence[Draw]:
     return [draw] * int(random.integers(least, most + 1))
 
 
-FAMILIES: tuple[Family, ...] = ("none", "static", "elbow", "crossing", "chasing", "gate", "crowd")
+#: A new one comes last: what a scene draws depends on the place of its family.
+FAMILIES: tuple[Family, ...] = ("none", "static", "elbow", "crossing", "chasing", "gate", "crowd", "table")
 
 
 class NoPlaceError(ParameterError):
     """There is no place for the spheres of a scene on the ways of the demonstrations."""
+
+
+@cache
+def declared_in(family: Family) -> DeclaredScene:
+    """What always stands around the arm in scenes of a family, besides the spheres."""
+    if family != "table":
+        return DeclaredScene.empty()
+    return DeclaredScene.load(find_shared("config/scenes/table.yaml"))
 
 
 def families_of(guard: Guard) -> tuple[Family, ...]:
@@ -164,6 +202,8 @@ def draw_family(
     ------
     NoPlaceError : there is no place for the spheres on these ways.
     """
+    if ways.scene_clearance < FREE_END:
+        raise NoPlaceError(f"start or goal comes nearer than {FREE_END:g} m to what is declared in a scene '{family}'")
     spheres: Spheres = ()
     free = ways.free_of(spheres)
     for draw in _draws(family, random):
@@ -172,7 +212,7 @@ def draw_family(
             if drawn is None:
                 continue
             left = ways.free_of(drawn)
-            blocks = family not in ("static", "crossing") or not np.all(left)
+            blocks = family not in ("static", "crossing", "table") or not np.all(left)
             passable = ways.hand_keeps(FREE_HAND, drawn) if of_tool and family == "elbow" else free & left
             if not spared or (blocks and np.mean(passable) >= SPARED):
                 break

@@ -1,9 +1,9 @@
 """Replanning: what methods that plan paths have in common.
 
-The path being gone is looked at in every tick, against obstacles that move on linearly for a while, with the collision
-spheres and the certificate that our planner uses. While it is free it stays. Otherwise another one is asked for, timed
-within the arena's limits from the state of motion in which it takes over, and taken where it is free. Where there is
-none the arm stops along the path being gone, and asks again every `RETRY`.
+The path being gone is looked at in every tick, against obstacles that move on linearly for a while and the solids that
+the scene declares, with the collision spheres and the certificate that our planner uses. While it is free it stays.
+Otherwise another one is asked for, timed within the arena's limits from the state of motion in which it takes over, and
+taken where it is free. Where there is none the arm stops along the path being gone, and asks again every `RETRY`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Replanning(ABC):
 
     def reset(self, scene: Scene) -> None:
         """Forget all that was before."""
-        self._goal = scene.goal
+        self._goal, self._solids = scene.goal, scene.declared.solids
         self._played = JointReference.standing(scene.start, np.zeros(1))
         self._begin, self._asked = 0.0, -np.inf
         self._swept: SweptArm | None = None
@@ -63,7 +63,7 @@ class Replanning(ABC):
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         switch = now + LATENCY
-        expected = obstacles.at(switch, PREDICTION)
+        expected = obstacles.at(switch, PREDICTION).beside(self._solids)
         if self._on_way and self._left_is_free(switch, expected):
             return Answer()
         if self._on_way or now >= self._asked + RETRY - 1e-6:

@@ -68,6 +68,7 @@ def figures(played: Sequence[Played], blind_fails: Set[SceneId] | None = None) -
         "contacts_moving": sum(outcome.touched_moving for outcome in outcomes),
         "contacts_standing": sum(outcome.contact == "standing" for outcome in outcomes),
         "contacts_standing_where_waiting_avoids": sum(outcome.waiting_avoids is True for outcome in outcomes),
+        "contacts_scene": sum(outcome.contact == "scene" for outcome in outcomes),
         "arm_touched": sum(outcome.arm_touched for outcome in outcomes),
         "refused": sum(outcome.refused for outcome in outcomes),
         "lost": sum(not (outcome.success or outcome.refused or outcome.contact) for outcome in outcomes),
@@ -107,7 +108,7 @@ def _percent(name: str) -> Callable[[Figures], str]:
     return lambda own: "-" if own[name] is None else f"{own[name]:.1f}"
 
 
-#: Of the tables by what stays free; the last one with skills of the tool alone.
+#: Of the tables by what stays free.
 _COLUMNS = (
     _Column("success %", "success %", _percent("success_percent")),
     _Column("95 %", "95 %", lambda own: f"{own['success_low']:.1f}..{own['success_high']:.1f}"),
@@ -126,8 +127,11 @@ _COLUMNS = (
     _Column("p50 ms", "p50 ms", _value("replan_p50_ms")),
     _Column("p99 ms", "p99 ms", _value("replan_p99_ms")),
     _Column("held %", "100 Hz held %", _percent("rate_held_percent")),
-    _Column("arm", "arm", _count("arm_touched")),
 )
+#: Of contacts with what is declared, where something is; of the rest of the arm, where it touched something.
+_SCENE, _ARM = (
+    _Column("scene", "touched, scene", _count("contacts_scene")), _Column("arm", "arm", _count("arm_touched")),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -249,8 +253,9 @@ class Report:
         ]  # fmt: skip
 
     def _by_row(self, title: str, wanted: Callable[[Played], bool]) -> _Table:
+        declared = any(item.family == "table" for item in self.played)
         arm = any(item.outcome.arm_touched for item in self.played)
-        columns = _COLUMNS if arm else _COLUMNS[:-1]
+        columns = [*_COLUMNS, *([_SCENE] if declared else []), *([_ARM] if arm else [])]
         own = {row: self.figures(row, wanted) for row in self.told}
         scenes = max(one["scenes"] for one in own.values())
         rows = [[row, *(column.cell(one) for column in columns)] for row, one in own.items()]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,12 +13,14 @@ from geodesic_motion_ros.comparison.families import (
     Family,
     NoPlaceError,
     check_families,
+    declared_in,
     draw_family,
 )
 from geodesic_motion_ros.comparison.ways import Ways
 from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 
 #: So many starts and goals are drawn for a scene.
 _ENDS = 20
@@ -36,6 +38,7 @@ class Scene:
     free : (N,) bool, which of them stay free (`ways.py`).
     compared : ways of the tool, of which the closest tells how similar a method's is: those of the demonstrations, or
         that of the one held out.
+    declared : what always stands around the arm, known to every method that plans and to the judge.
     """
 
     family: Family
@@ -49,6 +52,7 @@ class Scene:
     demonstrations: tuple[JointReference, ...]
     free: np.ndarray
     compared: tuple[PoseCurve, ...]
+    declared: DeclaredScene = field(default_factory=DeclaredScene.empty)
 
     @property
     def mostly_free(self) -> bool:
@@ -89,15 +93,19 @@ def draw_between(
     seed: int,
     random: np.random.Generator,
 ) -> Scene:
-    """A scene between a start and a goal (eta,) [rad]; ParameterError where there is no place for the spheres."""
+    """A scene between a start and a goal (eta,) [rad]; NoPlaceError where there is no place for the spheres, or where
+    start or goal is not clear of the declared scene.
+    """
     tool_chased = bool(random.uniform() < 0.5) or arena.guard == "tool"
     played = moved_demonstrations(arena, start, goal)
-    ways, of_tool = Ways(arena, played, tool_chased), not arena.whole_arm
+    declared = declared_in(family)
+    ways, of_tool = Ways(arena, played, tool_chased, declared), not arena.whole_arm
     spheres, free = draw_family(family, ways, random, number % 2 == 0, of_tool)
     compared = tuple(arena.tool_curve(item.positions) for item in played)
     return Scene(
-        family, number, seed, start, goal, arena.robot.forward(goal), spheres, tool_chased, played, free, compared
-    )
+        family, number, seed, start, goal, arena.robot.forward(goal), spheres, tool_chased, played, free, compared,
+        declared,
+    )  # fmt: skip
 
 
 def moved_demonstrations(arena: Arena, start: np.ndarray, goal: np.ndarray) -> tuple[JointReference, ...]:

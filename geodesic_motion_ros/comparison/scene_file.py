@@ -17,6 +17,8 @@ A file is a `.npz` archive of n scenes with m spheres in all; floats are of 64 b
                                         start and goal share one
     set_curves, curve_samples           curves of each set, in its order, and samples of each curve, in its order in:
     curve_position, curve_quaternion    (.., 3) [m], (.., 4) w, x, y, z
+    declared                            (n,) what stands around the arm, as the text of a file of config/scenes; older
+                                        files lack it, and nothing does
 
 Of the demonstrations the file holds the tool's paths alone: methods that play demonstrations move them to the start
 and goal of a scene as the version of the code does that plays.
@@ -32,8 +34,9 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
+import yaml
 
-from geodesic_motion_ros.checked_files import brief, opened, read_arrays
+from geodesic_motion_ros.checked_files import PlainDumper, brief, opened, read_arrays, read_yaml
 from geodesic_motion_ros.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_real, check_unit
 from geodesic_motion_ros.comparison.families import Family, check_families
 from geodesic_motion_ros.comparison.guard import Guard
@@ -42,6 +45,7 @@ from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import FileError, GeodesicMotionError, ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill import Skill
 
 FORMAT = 1
@@ -156,6 +160,7 @@ class SceneFile:
             "curve_samples": np.array([len(curve.positions) for curve in flat]),
             "curve_position": np.concatenate([curve.positions for curve in flat]),
             "curve_quaternion": np.concatenate([curve.quaternions for curve in flat]),
+            "declared": np.array([yaml.dump(scene.declared.table, Dumper=PlainDumper) for scene in self.scenes]),
         }
 
 
@@ -196,10 +201,11 @@ def _scene_file(arrays: dict[str, np.ndarray]) -> SceneFile:
         raise FileError("free has no demonstrations")
     spheres, sets = _spheres(arrays, count), _compared(arrays)
     compared = _whole("compared", arrays["compared"], (count,), len(sets) - 1)
+    declared = _declared(arrays, count)
     return SceneFile(text["skill"], text["skill_digest"], guard, seed, tuple(
         Scene(
             families[i], numbers[i], seed, starts[i], goals[i], (positions[i], quaternions[i]), spheres[i],
-            bool(tool_chased[i]), (), free[i], sets[compared[i]],
+            bool(tool_chased[i]), (), free[i], sets[compared[i]], declared[i],
         )
         for i in range(count)
     ))  # fmt: skip
@@ -224,6 +230,19 @@ def _spheres(arrays: dict[str, np.ndarray], scenes: int) -> list[tuple[MovingSph
         for i in range(total)
     ]  # fmt: skip
     return [tuple(each[first:last]) for first, last in _parts(counts)]
+
+
+def _declared(arrays: dict[str, np.ndarray], scenes: int) -> list[DeclaredScene]:
+    """What each scene declares."""
+    if "declared" not in arrays:
+        return [DeclaredScene.empty()] * scenes
+    texts = arrays["declared"]
+    if texts.shape != (scenes,) or texts.dtype.kind != "U":
+        raise FileError(f"declared must be a row of {scenes} texts")
+    try:
+        return [DeclaredScene.of(read_yaml(text.encode())) for text in texts.tolist()]
+    except FileError as error:
+        raise FileError(f"declared: {error}") from error
 
 
 def _compared(arrays: dict[str, np.ndarray]) -> list[tuple[PoseCurve, ...]]:

@@ -2,7 +2,7 @@
 
 A demonstration *stays free* where, moved to the scene's start and goal and played from the beginning within the
 arena's limits, none of the arena's collision spheres, those of what is guarded, touches a sphere of the scene
-until its end. Spheres that chase chase it.
+until its end, nor what is declared to stand around the arm. Spheres that chase chase it.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from geodesic_motion_ros.comparison.guard import GuardedArm
 from geodesic_motion_ros.experiments.blocked_arm import HAND
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.swivel import elbow_position
 
 #: Between the instants at which the ways are looked at [s].
@@ -40,9 +41,17 @@ class Ways:
     Attributes
     ----------
     hand : (B,) bool, which of the body's spheres are of the hand.
+    scene_clearance : least distance [m] of the body at the start and at the goal from the declared scene.
     """
 
-    def __init__(self, arena: Arena, references: Sequence[JointReference], tool_chased: bool) -> None:
+    def __init__(
+        self,
+        arena: Arena,
+        references: Sequence[JointReference],
+        tool_chased: bool,
+        scene: DeclaredScene | None = None,
+    ) -> None:
+        """scene : what always stands around the arm; None: nothing."""
         self._radii = arena.body_radii
         self._links = np.array(arena.collision.points.names)[arena.collision.moving]
         self.hand = self._links == HAND
@@ -52,6 +61,10 @@ class Ways:
         self._times = instants
         self._bodies = [arena.body(item) for item in postures]
         self._chased = [np.array([chased_point(arena, tool_chased, one) for one in item]) for item in postures]
+        scene = scene or DeclaredScene.empty()
+        apart = [scene.clearances(body, self._radii) for body in self._bodies]
+        self._leaves_scene_free = np.array([np.min(one) > 0.0 for one in apart])
+        self.scene_clearance = float(min(apart[0][0], apart[0][-1]))
         comes_far = np.linalg.norm(np.ptp(self._bodies[0], axis=0), axis=-1) > _MOVES
         self._moving = np.unique(self._links[comes_far])
 
@@ -96,8 +109,10 @@ class Ways:
         ])  # fmt: skip
 
     def free_of(self, spheres: Sequence[MovingSphere]) -> np.ndarray:
-        """Which ways stay free of spheres, (N,) bool."""
-        return np.array([not any(self._touches(way, sphere) for sphere in spheres) for way in range(len(self._bodies))])
+        """Which ways stay free of spheres and of the declared scene, (N,) bool."""
+        ways = range(len(self._bodies))
+        touched = np.array([any(self._touches(way, sphere) for sphere in spheres) for way in ways])
+        return self._leaves_scene_free & ~touched
 
     def _clearance(self, body: np.ndarray, centres: np.ndarray, radius: float) -> float:
         apart = np.linalg.norm(body - np.asarray(centres)[:, None], axis=-1) - self._radii

@@ -67,7 +67,8 @@ class Demo:
     def __init__(self, skill: str, declared: str, out: Path, gui: bool, domain: int) -> None:
         """skill : a folder, or the name of a shipped skill. declared : the parameter `scene` of both nodes."""
         self._skill, self._declared, self._out, self._gui, self._domain = skill, declared, out, gui, domain
-        self.scene = scene_of(Skill.load(skill), DeclaredScene.named(declared))
+        loaded = Skill.load(skill)
+        self.scene = scene_of(loaded, DeclaredScene.named(declared) or DeclaredScene.recorded(loaded))
 
     def run(self, run: Run) -> Recording:
         """Start both nodes, let the arm move, end the nodes."""

@@ -56,7 +56,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--scene", default=SCENE,
         help="what always stands around the arm, for planner and twin: a file, the name of one in config/scenes, or "
-        "none (%(default)s); '' declares nothing, and no motion leaves what was demonstrated",
+        "none (%(default)s); '' is what the skill was recorded in, and where it does not say no motion leaves what was "
+        "demonstrated",
     )  # fmt: skip
     parser.add_argument("--gui", action="store_true", help="open PyBullet's window; needs a display")
     parser.add_argument(

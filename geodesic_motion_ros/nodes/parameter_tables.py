@@ -58,7 +58,8 @@ PLANNER = (
         "scene",
         "",
         "What always stands around the arm: a file, as in config/scenes, or the name of one of those; none: nothing; "
-        "empty: it is not known, and no motion leaves what was demonstrated",
+        "empty: what the skill was recorded in or, where it does not say, not known: no motion leaves what was "
+        "demonstrated",
     ),
     Parameter(
         "detour",
@@ -414,7 +415,7 @@ TWIN = (
         "scene",
         "",
         "What always stands around the arm, as declared to the planner: a file, as in config/scenes, or the name of "
-        "one of those; none, or empty: nothing",
+        "one of those; none: nothing; empty: what the skill was recorded in, if it says so",
     ),
     Parameter("spheres", "", "Obstacles that `~/spawn_obstacles` puts into the world; empty for none", read_only=False),
     Parameter("spawn_at_start", False, "Spawn the spheres as soon as the twin starts"),

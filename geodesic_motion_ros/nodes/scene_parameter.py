@@ -5,11 +5,18 @@ from __future__ import annotations
 from geodesic_motion_ros.errors import FileError, ParameterError
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.shared_files import SharedFileError
+from geodesic_motion_ros.skill import Skill
 
 
-def declared_scene(name: str) -> DeclaredScene | None:
-    """As `DeclaredScene.named`; ParameterError names the parameter and what is wrong."""
+def declared_scene(name: str, skill: Skill | None) -> DeclaredScene | None:
+    """As `DeclaredScene.named`; of an empty text the scene that a skill was recorded in.
+
+    Raises
+    ------
+    ParameterError : as of `named`; names the parameter and what is wrong. SkillError : as of `DeclaredScene.recorded`.
+    """
     try:
-        return DeclaredScene.named(name)
+        scene = DeclaredScene.named(name)
     except (FileError, SharedFileError) as error:
         raise ParameterError(f"parameter scene: {error}") from error
+    return scene or (None if skill is None else DeclaredScene.recorded(skill))

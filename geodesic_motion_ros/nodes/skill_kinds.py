@@ -119,7 +119,7 @@ class CertifiedKind(SkillKind):
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()
         self._worker = DetourWorker()
-        scene = declared_scene(values["scene"])
+        scene = declared_scene(values["scene"], skill)
         self.planner = ReactivePlanner(skill, planner_settings(values), detours=self._worker, scene=scene)
         self.robot = self.planner.robot
         self.command_topic = values["output"]

@@ -105,7 +105,7 @@ class TwinNode(LoopingNode):
         self._options = NodeParameters(self, TWIN, _check)
         values = self._options
         self._frame: str = values["base_frame"]
-        self._world = PandaWorld(values["gui"], values["physics_rate"], _scene(values["scene"]))
+        self._world = PandaWorld(values["gui"], values["physics_rate"], _scene(values["scene"], values["skill"]))
         self._world.reset(_initial_joints(values.values))
         self._spheres, self._spheres_start = ScriptedSpheres({}), 0.0
         self._steps = self._contacts = 0
@@ -398,14 +398,14 @@ def _steps_between(physics_rate: float, rate: float) -> int:
     return 0 if rate == 0.0 else max(1, int(physics_rate / rate))
 
 
-def _scene(text: str) -> DeclaredScene:
-    """What stands around the arm; where nothing is declared nothing does."""
+def _scene(text: str, skill: str) -> DeclaredScene:
+    """What stands around the arm, by the parameters `scene` and `skill`; where nothing is declared nothing does."""
     if text in NAMED or _is_mapping(text):
         raise ParameterError(
             f"parameter scene = {brief(text)}: spheres by script are the parameter `spheres` now; scene is what always "
             "stands around the arm: a file, as in config/scenes, or the name of one of those"
         )
-    return declared_scene(text) or DeclaredScene.empty()
+    return declared_scene(text, Skill.load(skill) if skill else None) or DeclaredScene.empty()
 
 
 def _is_mapping(text: str) -> bool:

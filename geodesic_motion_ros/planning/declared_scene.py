@@ -69,16 +69,18 @@ class DeclaredScene:
     names : of the b solids. solids : (b, 16) rows as of `solids.py`.
     kinds : the list of the file that each stands in: `boxes`, `cylinders` (of which the solid is the box around it, its
         axis the box's z), `planes` (a plate behind it), `keep_out`, `workspace`.
+    table : what a file says of them.
     """
 
     names: tuple[str, ...]
     solids: np.ndarray
     kinds: tuple[str, ...]
+    table: dict[str, Any]
 
     @classmethod
     def empty(cls) -> DeclaredScene:
         """Nothing stands around the arm."""
-        return cls((), no_solids(), ())
+        return cls((), no_solids(), (), {})
 
     @classmethod
     def named(cls, name: str) -> DeclaredScene | None:
@@ -93,6 +95,21 @@ class DeclaredScene:
             return cls.empty() if name else None
         path = Path(name)
         return cls.load(find_shared(f"config/scenes/{name}.yaml") if path.name == name and not path.suffix else path)
+
+    @classmethod
+    def recorded(cls, skill: Skill) -> DeclaredScene | None:
+        """What stood around the arm as a skill was demonstrated; None where the skill does not say.
+
+        Raises
+        ------
+        SkillError : what the skill says is no scene.
+        """
+        if skill.scene is None:
+            return None
+        try:
+            return cls.of(skill.scene)
+        except FileError as error:
+            raise SkillError(f"skill {skill.name}: its scene is none: {error}") from error
 
     @classmethod
     def load(cls, path: str | Path) -> DeclaredScene:
@@ -134,7 +151,7 @@ class DeclaredScene:
             names.append(side)
             rows.append(row)
             kinds.append("workspace")
-        return cls(tuple(names), np.concatenate([no_solids(), *rows]), tuple(kinds))
+        return cls(tuple(names), np.concatenate([no_solids(), *rows]), tuple(kinds), table)
 
     @property
     def obstacles(self) -> Obstacles:
@@ -181,8 +198,8 @@ def check_demonstrations(scene: DeclaredScene, skill: Skill, robot: Robot, colli
     depth, part, _ = scene.nearest(spheres[worst], radii)
     raise SkillError(
         f"skill {skill.name}: demonstration {worst // samples} is {-1000 * depth:.0f} mm inside '{part}' of the scene "
-        f"at {100 * (worst % samples) / (samples - 1):.0f} % of its path: it was recorded in another one, or '{part}' "
-        "stands elsewhere"
+        f"at sample {worst % samples}, {100 * (worst % samples) / (samples - 1):.0f} % of its path: it was recorded in "
+        f"another one, or '{part}' stands elsewhere"
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,9 +10,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
-from geodesic_motion_ros.simulation.world import FINGER_OPENING, PANDA_URDF
+from geodesic_motion_ros.simulation.world import FINGER_OPENING, PANDA_URDF, add_solid
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,7 @@ class CollisionGeometry:
         self._client = PhysicsClient()
         self._arm = self._client.loadURDF(str(urdf), useFixedBase=True)
         self._spheres: dict[float, int] = {}
+        self._surroundings: list[int] = []
         infos = [self._client.getJointInfo(self._arm, index) for index in range(self._client.getNumJoints(self._arm))]
         joints = {info[1].decode(): info[0] for info in infos}
         missing = [name for name in (*robot.joint_names, *(opened or {})) if name not in joints]
@@ -94,11 +96,26 @@ class CollisionGeometry:
 
     def clearances(self, centre: np.ndarray, radius: float, cutoff: float = 2.0) -> dict[str, float]:
         """The same of every link of the chain that comes nearer than `cutoff`, with what is mounted on it."""
+        return self._clearances([self._sphere(centre, radius)], cutoff)
+
+    def surround(self, scene: DeclaredScene) -> None:
+        """Let the bodies of a declared scene stand around the arm, in the place of those that stood there before."""
+        for body in self._surroundings:
+            self._client.removeBody(body)
+        pairs = zip(scene.solids, scene.kinds, strict=True)
+        self._surroundings = [add_solid(self._client, solid, kind) for solid, kind in pairs if kind in MASSIVE]
+
+    def surrounding_clearances(self, cutoff: float = 2.0) -> dict[str, float]:
+        """As `clearances`, from the bodies of the declared scene."""
+        return self._clearances(self._surroundings, cutoff)
+
+    def _clearances(self, bodies: Sequence[int], cutoff: float) -> dict[str, float]:
         nearest: dict[str, float] = {}
-        for point in self._client.getClosestPoints(self._arm, self._sphere(centre, radius), cutoff):
-            if point[3] >= 0:
-                link = self._carriers[point[3]]
-                nearest[link] = min(nearest.get(link, np.inf), point[8])
+        for body in bodies:
+            for point in self._client.getClosestPoints(self._arm, body, cutoff):
+                if point[3] >= 0:
+                    link = self._carriers[point[3]]
+                    nearest[link] = min(nearest.get(link, np.inf), point[8])
         return nearest
 
     def _sphere(self, centre: np.ndarray, radius: float) -> int:

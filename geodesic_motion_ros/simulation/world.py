@@ -300,7 +300,7 @@ class PandaWorld:
         client.setGravity(0.0, 0.0, -9.81)
         # PyBullet's numbers of the bodies, and their names
         self._scene = {
-            self._add_solid(solid, kind): name
+            add_solid(client, solid, kind): name
             for name, solid, kind in zip(scene.names, scene.solids, scene.kinds, strict=True)
             if kind in MASSIVE
         }
@@ -328,20 +328,6 @@ class PandaWorld:
             velocityGains=[1.0] * count,
         )
 
-    def _add_solid(self, solid: np.ndarray, kind: str) -> int:
-        """A body of a row (16,) of a scene's solids, which stands in this list of its file."""
-        client = self._client
-        x, y, z = solid[3:6].tolist()
-        if kind == "cylinders":
-            shape = client.createCollisionShape(client.GEOM_CYLINDER, radius=x, height=2.0 * z)
-            look = client.createVisualShape(client.GEOM_CYLINDER, radius=x, length=2.0 * z, rgbaColor=SCENE_COLOUR)
-        else:
-            shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=(x, y, z))
-            look = client.createVisualShape(client.GEOM_BOX, halfExtents=(x, y, z), rgbaColor=SCENE_COLOUR)
-        # scalar last, as PyBullet wants it
-        turn = Rotation.from_matrix(solid[7:].reshape(3, 3)).as_quat()
-        return client.createMultiBody(0.0, shape, look, basePosition=solid[:3], baseOrientation=turn)
-
     def _add_sphere(self, centre: np.ndarray, radius: float) -> int:
         client = self._client
         colour = OBSTACLE_COLOURS[len(self._obstacles) % len(OBSTACLE_COLOURS)]
@@ -364,6 +350,20 @@ class PandaWorld:
         size = np.linalg.norm(turn)
         turn = turn / size if size > 1e-9 else np.array([1.0, 0.0, 0.0, 0.0])
         return client.createMultiBody(0.0, -1, look, basePosition=0.5 * (start + end), baseOrientation=turn)
+
+
+def add_solid(client: PhysicsClient, solid: np.ndarray, kind: str) -> int:
+    """A body of a row (16,) of a declared scene's solids, which stands in this list of its file; PyBullet's number."""
+    x, y, z = solid[3:6].tolist()
+    if kind == "cylinders":
+        shape = client.createCollisionShape(client.GEOM_CYLINDER, radius=x, height=2.0 * z)
+        look = client.createVisualShape(client.GEOM_CYLINDER, radius=x, length=2.0 * z, rgbaColor=SCENE_COLOUR)
+    else:
+        shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=(x, y, z))
+        look = client.createVisualShape(client.GEOM_BOX, halfExtents=(x, y, z), rgbaColor=SCENE_COLOUR)
+    # scalar last, as PyBullet wants it
+    turn = Rotation.from_matrix(solid[7:].reshape(3, 3)).as_quat()
+    return client.createMultiBody(0.0, shape, look, basePosition=solid[:3], baseOrientation=turn)
 
 
 def _checked_sphere(name: str, centre: np.ndarray, radius: float) -> tuple[np.ndarray, float]:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -9,6 +10,7 @@ import pytest
 
 from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.manifold import training
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill import Skill
 
 BRIEFLY = ["--steps", "400", "--kernels", "80"]
@@ -50,6 +52,22 @@ def test_a_skill_folder_comes_out_with_its_figures_and_its_picture(trained) -> N
     assert skill.quality["held_out_endpoint_after_mm"] < 1e-6
     assert json.loads(figures.read_text())["quality"] == skill.quality
     assert (folder / "report.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_scene_of_the_recording_is_kept_and_refused_where_demonstrations_enter_it(
+    recording, tmp_path, capsys
+) -> None:
+    arguments = ["train", "--demos", str(recording), "--units", "cm", *BRIEFLY]
+    assert main([*arguments, "--out", str(tmp_path / "on_a_table"), "--scene", "table"]) == 0
+    skill = Skill.load(tmp_path / "on_a_table")
+    assert DeclaredScene.recorded(skill).names == ("table",)
+    crate = tmp_path / "crate.yaml"
+    where = [round(float(number), 3) for number in skill.goal_pose[:3]]
+    crate.write_text(f"boxes: [{{name: crate, centre: {where}, size: [0.2, 0.2, 0.2]}}]")
+    capsys.readouterr()
+    assert main([*arguments, "--out", str(tmp_path / "in_a_crate"), "--scene", str(crate)]) == 2
+    assert re.search(r"demonstration \d+ is \d+ mm inside 'crate' of the scene at sample \d+", capsys.readouterr().err)
+    assert not (tmp_path / "in_a_crate").exists()
 
 
 def test_an_old_skill_is_replaced_by_the_papers_form_of_it(recording, tmp_path) -> None:

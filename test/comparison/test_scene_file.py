@@ -62,6 +62,14 @@ def test_what_is_read_is_what_was_written_to_the_bit(drawn, path) -> None:
     assert not same(asdict(sphere), asdict(moved))
 
 
+def test_older_files_declare_nothing(path, tmp_path) -> None:
+    with np.load(path) as archive:
+        older = {name: array for name, array in archive.items() if name != "declared"}
+    np.savez(tmp_path / "older.npz", **older)
+    assert {scene.declared.names for scene in SceneFile.read(path).scenes} == {(), ("table",)}
+    assert {scene.declared.names for scene in SceneFile.read(tmp_path / "older.npz").scenes} == {()}
+
+
 def test_scenes_of_a_file_are_played_as_those_that_are_drawn(reach_skill, drawn, path, tmp_path) -> None:
     known = SceneFile.read(path)
     from_file = BenchmarkSettings(("replay",), known.families, seed=known.seed, scenes_from=path)
@@ -129,6 +137,9 @@ def first_is(value: float) -> object:
         ("seed", lambda array: np.array(0.5), "seed must"),
         ("skill", lambda array: np.array("two\nlines"), "skill must be one line"),
         ("rests", None, "lacks rests: it is no file"),
+        ("declared", lambda array: array[1:], "declared must be a row of"),
+        ("declared", lambda array: np.array(["boxes: 1"] * len(array)), "declared: boxes must be a list"),
+        ("declared", lambda array: np.array(["!!binary x"] * len(array)), "declared: .* tag"),
     ],
 )
 def test_a_bad_number_is_named_in_a_line(path, tmp_path, key, change, said) -> None:

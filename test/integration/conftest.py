@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes import marker_messages, messages
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -37,6 +39,13 @@ BASE = "panda_link0"
 def skill_folder(fan_skill: Skill, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small skill, on disk."""
     return fan_skill.save(tmp_path_factory.mktemp("skills") / "fan")
+
+
+@pytest.fixture(scope="session")
+def table_skill_folder(fan_skill: Skill, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same skill, which says that it was recorded on the shipped table."""
+    recorded = replace(fan_skill, scene=DeclaredScene.named("table").table)
+    return recorded.save(tmp_path_factory.mktemp("skills") / "fan_on_a_table")
 
 
 @pytest.fixture(scope="session")

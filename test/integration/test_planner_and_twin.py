@@ -131,18 +131,23 @@ def test_a_ball_on_the_way_is_hit_without_avoidance_and_not_with_it(bench, optio
         bench.wait(lambda: bench.heard["twin/contacts"][-1].data > 0, "contact with the ball")
 
 
-@pytest.mark.parametrize("scene", ["", "none", "table"], ids=["control: no scene is declared", "none", "table"])
+@pytest.mark.parametrize(
+    ("folder", "scene"),
+    [("skill_folder", ""), ("skill_folder", "none"), ("skill_folder", "table"), ("table_skill_folder", "")],
+    ids=["control: no scene is declared", "none", "table", "the skill's table"],
+)
 def test_what_blocks_every_demonstrated_path_is_gone_round_once_a_scene_is_declared(
-    bench, options, skill, start_joints, scene
+    bench, options, skill, start_joints, request, folder, scene
 ):
     watch(bench)
     wide = BALL.replace("0.03}", "0.08}")
-    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), scene=scene, spheres=wide, spawn_at_start=True)
-    planner = bench.add(PlannerNode, **options, scene=scene, patience=0.5)
+    told = {"skill": str(request.getfixturevalue(folder)), "scene": scene}
+    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), spheres=wide, spawn_at_start=True, **told)
+    planner = bench.add(PlannerNode, **options | told, patience=0.5)
     bench.wait_for_code("NO_GOAL")
     bench.wait(lambda: len(planner._inputs.snapshot().obstacles.radii), "the ball at the planner")
     bench.send_goal(skill.goal_pose)
-    if not scene:
+    if (folder, scene) == ("skill_folder", ""):
         asked = len(bench.heard["planner/status"])
         bench.wait(lambda: len(bench.heard["planner/status"]) >= asked + 300, "three more seconds")
         newest = bench.heard["planner/status"][asked + 50 :]

@@ -242,16 +242,22 @@ def fail(*arguments):
     raise ZeroDivisionError
 
 
-@pytest.mark.parametrize("scene", ["table", "none", ""], ids=["table", "control: none", "control: nothing declared"])
-def test_an_arm_that_is_pressed_on_the_declared_table_is_reported(bench, make_pose, scene):
-    bench.add(TwinNode, skill="", scene=scene)
+@pytest.mark.parametrize(
+    ("recorded", "scene", "stands"),
+    [(False, "table", True), (True, "", True), (False, "", False), (True, "none", False)],
+    ids=["table", "the skill's table", "control: nothing declared", "control: none, whatever the skill says"],
+)
+def test_an_arm_that_is_pressed_on_the_declared_table_is_reported(
+    bench, make_pose, table_skill_folder, recorded, scene, stands
+):
+    bench.add(TwinNode, skill=str(table_skill_folder) if recorded else "", scene=scene)
     for topic, kind in {"ee_pose": PoseStamped, "twin/contacts": UInt32, "twin/clearance": Float64}.items():
         bench.listen(kind, topic)
     bench.listen(Log, "/rosout", 100)
     publisher = bench.publisher(PoseStamped, "target_pose")
     below = make_pose(np.array([0.55, 0.0, -0.03, 0.0, 1.0, 0.0, 0.0]))
     bench.repeat(0.02, lambda: publisher.publish(below))
-    if scene == "table":
+    if stands:
         bench.wait(lambda: bench.heard["twin/contacts"] and bench.heard["twin/contacts"][-1].data > 0, "contacts")
         warned = lambda: [log.msg for log in bench.heard["/rosout"] if "touches 'table'" in log.msg]  # noqa: E731
         assert bench.wait(warned, "the warning")[0].startswith("panda_")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -199,8 +200,18 @@ def test_an_arm_that_stands_in_the_scene_is_told_where(skill: Skill) -> None:
     assert "inside 'wall' of the scene where the arm stands" in verdict.reason
 
 
+def test_a_skill_says_what_it_was_recorded_in(skill: Skill) -> None:
+    assert DeclaredScene.recorded(skill) is None
+    recorded = DeclaredScene.recorded(replace(skill, scene={"boxes": [TABLE]}))
+    assert recorded is not None
+    assert recorded.names == ("table",)
+    np.testing.assert_array_equal(recorded.solids, DeclaredScene.of({"boxes": [TABLE]}).solids)
+    with pytest.raises(SkillError, match=f"skill {skill.name}: its scene is none: .* did you mean boxes"):
+        DeclaredScene.recorded(replace(skill, scene={"boxs": []}))
+
+
 def test_a_skill_that_was_demonstrated_inside_the_scene_is_refused(skill: Skill) -> None:
     goal = skill.goal_pose[:3]
     box = {"name": "crate", "centre": goal.tolist(), "size": [0.1, 0.1, 0.1]}
-    with pytest.raises(SkillError, match=r"demonstration .* mm inside 'crate' of the scene at .* % of its path"):
+    with pytest.raises(SkillError, match=r"demonstration .* mm inside 'crate' of the scene at sample \d+, .* % of its"):
         ReactivePlanner(skill, scene=DeclaredScene.of({"boxes": [box]}))

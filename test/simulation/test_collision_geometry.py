@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.simulation.world import FINGER_OPENING, PANDA_URDF, PandaWorld
@@ -82,3 +83,17 @@ def test_far_away_is_infinite(geometry: CollisionGeometry) -> None:
 def test_a_joint_that_the_urdf_lacks_is_named() -> None:
     with pytest.raises(RobotError, match=r"'thumb' is not in panda\.urdf.*panda_finger_joint1"):
         CollisionGeometry(Robot.panda(), PANDA_URDF, {"thumb": 0.1})
+
+
+def test_bodies_of_a_declared_scene_stand_where_they_are_declared_until_others_do(geometry: CollisionGeometry) -> None:
+    """Below the hand: a table, a higher one, and a keep-out box, which is no body."""
+    geometry.place(geometry.robot.ready)
+    ground = {"centre": [0.3, 0.0, -0.03], "size": [2.0, 2.0, 0.06]}
+    above = {"centre": [0.3, 0.0, 0.10], "size": [2.0, 2.0, 0.06]}
+    geometry.surround(DeclaredScene.of({"boxes": [{"name": "table", **ground}]}))
+    apart = geometry.surrounding_clearances()
+    assert apart["panda_hand"] > 0.0
+    geometry.surround(DeclaredScene.of({"boxes": [{"name": "table", **above}]}))
+    assert apart["panda_hand"] - geometry.surrounding_clearances()["panda_hand"] == pytest.approx(0.13, abs=1e-3)
+    geometry.surround(DeclaredScene.of({"keep_out": [{"name": "screen", **above}]}))
+    assert geometry.surrounding_clearances() == {}

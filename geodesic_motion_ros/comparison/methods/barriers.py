@@ -7,7 +7,8 @@ h of each of the nearest pairs of a collision sphere and an obstacle falls no fa
 
     dh/dt >= -gain h,       h = |p - o| - r_body - r_obstacle - kept_off,
 
-with the obstacle's own velocity in dh/dt. The demonstration waits where the arm falls behind.
+with the obstacle's own velocity in dh/dt; of a declared solid |p - o| - r_obstacle is the distance from its surface.
+The demonstration waits where the arm falls behind.
 """
 
 from __future__ import annotations
@@ -62,6 +63,7 @@ class BarrierKinematics:
         """Choose the demonstration."""
         self._reference = scene.demonstrations[self._arena.nearest(scene.start, scene.goal)]
         self._joints, self._along = scene.start.copy(), 0.0
+        self._solids = scene.declared.solids
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """One step of the demonstration, and one quadratic program; it stops where that has no solution."""
@@ -78,7 +80,8 @@ class BarrierKinematics:
         self._posture.set_target(wanted)
         configuration = Configuration(self._model, self._data, self._joints)
         barriers = []
-        if len(obstacles.radii):
+        obstacles = obstacles.beside(self._solids)
+        if len(obstacles.radii) or len(obstacles.solids):
             self._barrier.see(obstacles)
             barriers = [self._barrier]
         try:
@@ -116,7 +119,8 @@ def _sphere_barrier(arena: Arena, gain: float, kept_off: float, pairs: int) -> A
             """-J dq / dt <= gain h - n . v: obstacles move too. Nothing is kept from the tick before, as they do."""
             values, spheres, which, normals = self._nearest(configuration)
             rows = self._rows(configuration, spheres, normals)
-            coming = np.sum(normals * self._obstacles.velocities[which], axis=1)
+            velocities = np.concatenate([self._obstacles.velocities, self._obstacles.solid_velocities])
+            coming = np.sum(normals * velocities[which], axis=1)
             return -rows / dt, gain * values - coming
 
         def compute_qp_objective(self, configuration: Configuration) -> tuple[np.ndarray, np.ndarray]:
@@ -129,14 +133,35 @@ def _sphere_barrier(arena: Arena, gain: float, kept_off: float, pairs: int) -> A
             return np.einsum("pi,pij->pj", normals, jacobians[spheres])
 
         def _nearest(self, configuration: Configuration) -> tuple[np.ndarray, ...]:
-            """Values, numbers of spheres and of obstacles, and normals away from these, of the nearest pairs."""
+            """Values, numbers of the body's spheres and of obstacles, solids after spheres, and normals away from
+            these, of the nearest pairs.
+            """
             body = place_body_points(configuration.q[None], frames, offsets, arena.robot.chain)[0]
             apart = body[:, None] - self._obstacles.centres
             distances = np.linalg.norm(apart, axis=-1)
-            values = distances - arena.body_radii[:, None] - self._obstacles.radii - kept_off
+            normals = apart / np.maximum(distances, 1e-9)[..., None]
+            of_solids, normals_of_solids = from_solids(body, self._obstacles.solids)
+            distances = np.hstack([distances - self._obstacles.radii, of_solids])
+            values = distances - arena.body_radii[:, None] - kept_off
             nearest = np.argsort(values, axis=None)[:pairs]
             spheres, which = np.unravel_index(nearest, values.shape)
-            normals = apart[spheres, which] / np.maximum(distances[spheres, which], 1e-9)[:, None]
+            normals = np.concatenate([normals, normals_of_solids], axis=1)[spheres, which]
             return values[spheres, which], spheres, which, normals
 
     return SphereBarrier(dim=pairs, gain=gain)
+
+
+def from_solids(points: np.ndarray, solids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Signed distances (n, b) [m] of points (n, 3) from solids (b, 16), as of `solids.py`, and unit normals (n, b, 3)
+    away from these: towards the nearest face from inside.
+    """
+    rotations = solids[:, 7:].reshape(-1, 3, 3)
+    local = np.einsum("bji,nbj->nbi", rotations, points[:, None] - solids[:, :3])
+    beyond = np.abs(local) - solids[:, 3:6]
+    outside = np.maximum(beyond, 0.0)
+    length = np.linalg.norm(outside, axis=-1)
+    nearest_face = beyond == beyond.max(axis=-1, keepdims=True)
+    direction = np.where(length[..., None] > 0.0, outside, nearest_face)
+    direction = np.copysign(direction / np.linalg.norm(direction, axis=-1, keepdims=True), local)
+    distances = length + np.minimum(beyond.max(axis=-1), 0.0) - solids[:, 6]
+    return distances, np.einsum("bij,nbj->nbi", rotations, direction)

@@ -29,13 +29,13 @@ SAME_SPHERE = 0.02
 
 
 class Geodesics:
-    """Shortest paths of the learned metric, in a scene where nothing stands but the spheres.
+    """Shortest paths of the learned metric, in a scene where nothing stands but the spheres and what is declared.
 
     *whole*: as the planner is. *demonstrated*, and the others: without detours (`detour` 0).
     *hard*: nodes in obstacles are removed and references certified, but the metric does not grow towards obstacles.
     *soft*: the metric grows, but nothing is removed or certified. This is not the paper's planner: endpoints are
     normalised (canonical sheet), the graph is pruned, obstacles are predicted and the cost of a path is limited, as in
-    the other parts.
+    the other parts. It has no body that could touch what is declared, and is not told of it.
     """
 
     def __init__(self, arena: Arena, part: Part = "whole", planner: PlannerSettings | None = None) -> None:
@@ -47,27 +47,36 @@ class Geodesics:
             settings = replace(settings, ambient_law="hard")
         if not arena.whole_arm:
             settings = replace(settings, **tool_of(arena))
-        if part == "soft":
-            self._planner = ReactivePlanner(arena.skill, settings, collision=no_body(arena.robot))
-        else:
+        if part != "soft":
             settings = replace(settings, avoid=arena.guard)
-            self._planner = ReactivePlanner(arena.skill, settings, scene=DeclaredScene.empty())
-        self._tracking = TrackingMonitor(self._planner.robot, self._planner.collision)
+        self._arena, self._part = arena, part
+        # By what is declared around the arm: a planner has one scene, and takes seconds to make.
+        self._planners: dict[bytes, ReactivePlanner] = {}
         self._seen: list[tuple[np.ndarray, VelocityHistory]] = []
-        self._whole_arm = arena.whole_arm
+        self._planner_settings = settings
         self.settings = {"part": part, **asdict(settings)}
 
     def reset(self, scene: Scene) -> None:
         """Forget all that was before."""
-        self._tracking.forget()
+        declared = scene.declared.solids.tobytes()
+        if declared not in self._planners:
+            self._planners[declared] = self._made(scene.declared)
+        self._planner = self._planners[declared]
+        self._tracking = TrackingMonitor(self._planner.robot, self._planner.collision)
         self._seen = []
         self._planner.set_tracking(Tracking())
         self._planner.take_obstacles(Obstacles.none())
         self._planner.stand_at(scene.start, 0.0)
-        if self._whole_arm:
+        if self._arena.whole_arm:
             self._planner.set_goal_configuration(scene.goal)
         else:
             self._planner.set_goal(*scene.goal_pose)
+
+    def _made(self, declared: DeclaredScene) -> ReactivePlanner:
+        skill, settings = self._arena.skill, self._planner_settings
+        if self._part == "soft":
+            return ReactivePlanner(skill, settings, collision=no_body(self._arena.robot))
+        return ReactivePlanner(skill, settings, scene=declared)
 
     def track(self, measured: np.ndarray, now: float) -> None:
         """As the planner node's cycle."""
