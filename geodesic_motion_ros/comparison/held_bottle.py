@@ -80,6 +80,11 @@ class Holding(Geodesics):
         super().__init__(arena, planner=planner)
         self._is_told = is_told
 
+    def reset(self, scene: Scene) -> None:
+        for planner in self._planners.values():
+            planner.hold([])
+        super().reset(scene)
+
     def hold(self, objects: Sequence[HeldObject]) -> None:
         """The hand holds these from now on."""
         if self._is_told:
@@ -94,7 +99,7 @@ class _BottleInHand(PlayedMethod):
         self._holding, self._geometry = method, geometry
 
     def reset(self, scene: Scene) -> None:
-        self._hold(False)
+        self._geometry.holds = False
         super().reset(scene)
 
     def tick(self, now: float, obstacles: Obstacles) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.world import PandaWorld
 
@@ -31,7 +32,7 @@ def posture_strips(
     obstacles : of each motion, name -> (centre (3,), radius) [m].
     view : one of `camera.VIEWS`. curves : draw the ways of tool and elbow.
     """
-    with PandaWorld() as world:
+    with PandaWorld(scene=DeclaredScene.named("table")) as world:
         rows = []
         for motion, spheres in zip(motions, obstacles, strict=True):
             world.set_obstacles(spheres)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.simulation.world import PandaWorld
 
@@ -61,10 +62,12 @@ def fixed_to(position: np.ndarray, quaternion: np.ndarray, part: Cylinder) -> Cy
 
 
 class TabletopWorld(PandaWorld):
-    """A `PandaWorld` whose table bears cylinders: solid ones, which the arm can hit, and ones only to look at."""
+    """A `PandaWorld` with the table of config/scenes, on which cylinders stand: solid ones, which the arm can hit, and
+    ones only to look at.
+    """
 
     def __init__(self, gui: bool = False, rate_hz: float = 240.0) -> None:
-        super().__init__(gui, rate_hz)
+        super().__init__(gui, rate_hz, DeclaredScene.named("table"))
         self._solid: list[int] = []
         self._seen: list[int] = []
 

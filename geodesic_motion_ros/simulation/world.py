@@ -15,7 +15,6 @@ from geodesic_motion_ros.errors import ParameterError, RobotError
 from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.simulation.camera import take_picture, view_named
 from geodesic_motion_ros.simulation.joint_motion import JointMotion
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
@@ -46,8 +45,7 @@ class PandaWorld:
     ----------
     gui : open PyBullet's window instead of running headless.
     rate_hz : physics steps per second of simulated time.
-    scene : what always stands around the arm; None: the table of config/scenes. Keep-out boxes and workspaces are no
-        bodies.
+    scene : what always stands around the arm; None: nothing. Keep-out boxes and workspaces are no bodies.
 
     Attributes
     ----------
@@ -66,7 +64,7 @@ class PandaWorld:
         self._client = PhysicsClient(gui)
         self._obstacles: dict[str, tuple[int, float]] = {}
         self._decorations: list[int] = []
-        self._build(gui, DeclaredScene.load(find_shared("config/scenes/table.yaml")) if scene is None else scene)
+        self._build(gui, scene or DeclaredScene.empty())
         self.reset()
 
     def reset(

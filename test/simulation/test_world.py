@@ -26,7 +26,7 @@ DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 
 @pytest.fixture(scope="module")
 def shared_world() -> Iterator[PandaWorld]:
-    with PandaWorld() as world:
+    with PandaWorld(scene=DeclaredScene.named("table")) as world:
         yield world
 
 
