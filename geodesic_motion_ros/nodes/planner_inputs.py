@@ -306,15 +306,15 @@ class PlannerInputs:
         self._obstacles_changed()
 
     def _receive_held(self, message: bytes) -> None:
-        """All of a message, or nothing; where it was to attach something, it is then not known what the hand holds."""
-        attaches = True
+        """All of a message, or nothing: then, but where it was to detach alone, it is not known what the hand holds."""
+        detaches = False
         with self.refusals.guard(HELD) as guard:
             markers = markers_in(message)
-            attaches = any(marker.action == Marker.ADD for marker in markers)
+            detaches = all(marker.action in (Marker.DELETE, Marker.DELETEALL) for marker in markers)
             held = held_after(markers, self._held, self._robot)
             with self._lock:
                 self._held, self._held_refused = held, ""
-        if guard.reason and attaches:
+        if guard.reason and not detaches:
             with self._lock:
                 self._held_refused = guard.reason
 

@@ -21,6 +21,10 @@ def ball(number: int = 1, **fields) -> Marker:
     return marker
 
 
+MESH = ball()
+MESH.type = Marker.MESH_RESOURCE
+
+
 class TestHeldObjects:
     def test_attach_replace_detach(self, ready):
         ready.listen(MarkerArray, "planner/markers")
@@ -46,12 +50,13 @@ class TestHeldObjects:
         bench.wait_for_code("OK")
         bench.wait(bench.at_goal, "rest at the goal")
 
-    def test_a_mesh_stops_the_arm_until_it_is_known_what_the_hand_holds(self, ready):
+    @pytest.mark.parametrize(
+        ("marker", "reason"), [(MESH, "type 10, a mesh"), (ball(action=7), "action 7")], ids=["mesh", "action"]
+    )
+    def test_a_marker_of_no_use_stops_the_arm_until_it_is_known_what_the_hand_holds(self, ready, marker, reason):
         held = ready.publisher(MarkerArray, "planner/held_objects")
-        mesh = ball()
-        mesh.type = Marker.MESH_RESOURCE
-        held.publish(MarkerArray(markers=[mesh]))
-        status = ready.wait_for_code("BAD_INPUT", "it is not known what the hand holds: marker toy/1: type 10, a mesh")
+        held.publish(MarkerArray(markers=[marker]))
+        status = ready.wait_for_code("BAD_INPUT", f"it is not known what the hand holds: marker toy/1: {reason}")
         assert status["holding"] == ""
         ready.wait(lambda: ready.status().get("refused_~/held_objects") == "1", "a count of the refusal")
         held.publish(MarkerArray())
