@@ -76,6 +76,8 @@ class PlannerStream:
         self.cloud: Cloud | None = None
         self.ticks: list[Tick] = []
         self.code, self.time_to_goal = "", math.nan
+        # Whether the planner knows where the arm is, and that somebody receives its commands.
+        self._followed = False
         self._name = skill
         self._parameters = {"skill": skill, "rate": rate, "latent_view_rate": 0.0} | parameters
         self._processes = Processes(folder, isolated_environment(domain))
@@ -96,7 +98,7 @@ class PlannerStream:
         try:
             self._processes.start("twin", {"skill": self._name})
             self._processes.start("planner", self._parameters)
-            self.wait(lambda: self.code == "NO_GOAL" and self._goals.get_subscription_count(), PATIENCE)
+            self.wait(lambda: self._followed and self._goals.get_subscription_count(), PATIENCE)
         except BaseException:
             self.__exit__()
             raise
@@ -148,6 +150,7 @@ class PlannerStream:
     def _on_status(self, message: DiagnosticArray) -> None:
         values = {pair.key: pair.value for pair in message.status[0].values}
         self.code, self.time_to_goal = values["code"], float(values["time_to_goal"])
+        self._followed = self.code == "NO_GOAL" and values["commands_received_by"] != ""
         duration, misses = float(values["last_tick_ms"]), int(values["deadline_misses"])
         gap = float(values["cost_gap"])
         self.ticks.append(Tick(self.now(), int(values["tick"]), duration, misses, self.code, gap))

@@ -41,7 +41,7 @@ from geodesic_motion_ros.nodes.messages import (
     read_pose,
     seconds,
 )
-from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
+from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.publishers import publishers_of
@@ -121,7 +121,7 @@ class TwinNode(LoopingNode):
         self._commanded_at = self._deaf_until = -np.inf
         self._clock_offset = ClockOffset()
         self._time = NodeTime(self.get_clock())
-        self._set_by, self._simulated_until = 0.0, self._time.running()
+        self._set_by, self._stepped_until = 0.0, self._time.running()
         self._loop = SteadyLoop(self._tick, values["physics_rate"], self._died, name="physics")
         self._make_interface()
         if values["spawn_at_start"]:
@@ -161,6 +161,7 @@ class TwinNode(LoopingNode):
 
     def start(self) -> None:
         """Begin physics."""
+        self._stepped_until = self._time.running()
         self._loop.start()
 
     def stop(self) -> None:
@@ -170,11 +171,10 @@ class TwinNode(LoopingNode):
 
     # ------------------------------------------------------------ physics thread
 
-    def _tick(self, periods: int) -> None:
+    def _tick(self, _: int) -> None:
         self._serve_mailbox()
         moment = self._time.read()
-        steps = self._steps_due(moment) if moment.simulated else periods
-        steps = min(steps, int(_LONGEST_STALL / self._world.dt))
+        steps = self._steps_due(moment.running)
         if moment.set_by != self._set_by:
             self._set_by, self._clock_offset = moment.set_by, ClockOffset()
             self._world.hold()
@@ -192,11 +192,11 @@ class TwinNode(LoopingNode):
             if every and self._steps // every != (self._steps - steps) // every:
                 publish()
 
-    def _steps_due(self, moment: Moment) -> int:
-        """Whole steps of physics in what has passed of a simulation."""
-        steps = int((moment.running - self._simulated_until) / self._world.dt)
-        self._simulated_until += steps * self._world.dt
-        return steps
+    def _steps_due(self, running: float) -> int:
+        """Steps of physics for the time that has passed, of a simulation or of the world; `running` is now [s]."""
+        due = max(0, round((running - self._stepped_until) / self._world.dt))
+        self._stepped_until += due * self._world.dt
+        return min(due, int(_LONGEST_STALL / self._world.dt))
 
     def _step(self) -> None:
         self._world.set_obstacles(self._spheres.obstacles(self._world.time - self._spheres_start))

@@ -186,6 +186,28 @@ def test_the_command_for_the_ros2_command_line_holds_the_goal(skill):
     np.testing.assert_allclose(quaternion, skill.goal_pose[3:], atol=1e-3)
 
 
+def test_a_machine_that_stands_still_for_a_moment_loses_no_goal(bench, options, skill, start_joints):
+    """It is where the planner takes it to be: no farther off than by what it moves in a tenth of a second."""
+    watch(bench)
+    options["tracking_tolerance_joint"] = 0.05
+    processes = [
+        bench.launch("twin_node", initial_joint_positions=start_joints.tolist()),
+        bench.launch("planner_node", **options),
+    ]
+    bench.wait_for_code("NO_GOAL")
+    bench.wait(lambda: bench.status()["commands_received_by"], "a planner that knows of the twin")
+    bench.send_goal(skill.goal_pose)
+    bench.wait(lambda: float(bench.status()["speed"]) > 0.4, "an arm in fast motion")
+    for process in processes:
+        process.send_signal(signal.SIGSTOP)
+    stopped = time.monotonic()
+    bench.poll(lambda: time.monotonic() > stopped + 0.3, "0.3 s to pass")
+    for process in processes:
+        process.send_signal(signal.SIGCONT)
+    arrive(bench, skill.goal_pose)
+    assert "BAD_INPUT" not in {status.status[0].message.split(":")[0] for status in bench.heard["planner/status"]}
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
 def test_two_processes_reach_the_goal_answer_plan_and_exit_cleanly(
     bench, options, skill, start_joints, make_pose, number
