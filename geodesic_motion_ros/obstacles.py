@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -71,25 +72,27 @@ class Obstacles:
             DistanceField.of(centre[None], 0.02, 0.02, 0.02), time,
         )  # fmt: skip
 
-    @property
+    @cached_property
     def stand(self) -> bool:
+        """Whether none of them moves."""
         return not (self.velocities.any() or self.solid_velocities.any())
 
+    @cached_property
     def at_rest(self) -> Obstacles:
         """Those alone that stand."""
         return self._only(~np.any(self.velocities, axis=1), ~np.any(self.solid_velocities, axis=1), self.cloud)
 
+    @cached_property
     def in_motion(self) -> Obstacles:
         """Those alone that move."""
         moving = np.any(self.velocities, axis=1), np.any(self.solid_velocities, axis=1)
         return self._only(*moving, DistanceField.none())
 
     def _only(self, spheres: np.ndarray, solids: np.ndarray, cloud: DistanceField) -> Obstacles:
-        return replace(
-            self, centres=self.centres[spheres], radii=self.radii[spheres], velocities=self.velocities[spheres],
-            solids=self.solids[solids], solid_velocities=self.solid_velocities[solids], cloud=cloud,
-            ages=self.ages[spheres], solid_ages=self.solid_ages[solids],
-            velocity_errors=self.velocity_errors[spheres], solid_velocity_errors=self.solid_velocity_errors[solids],
+        return Obstacles(
+            self.centres[spheres], self.radii[spheres], self.velocities[spheres], self.solids[solids],
+            self.solid_velocities[solids], cloud, self.time, self.ages[spheres], self.solid_ages[solids],
+            self.velocity_errors[spheres], self.solid_velocity_errors[solids],
         )  # fmt: skip
 
     def leaving_free(self, centres: np.ndarray, radii: np.ndarray, prediction: float) -> Obstacles:
