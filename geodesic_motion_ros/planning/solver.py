@@ -151,7 +151,7 @@ class _Memory(NamedTuple):
 
     query: HeldQuery
     state: MotionState
-    timed: dict[tuple[bytes, float, bool], _Timed]
+    timed: dict[tuple[bytes, float, bool, float], _Timed]
 
     def is_of(self, query: HeldQuery, state: MotionState) -> bool:
         names = ("position", "velocity", "acceleration")
@@ -462,7 +462,7 @@ class Solver:
         evading : the path does not lead to the goal, but ends where it ends; obstacles move on for so long [s].
         longest : as of `solve`.
         """
-        timed = self._timed(query, state, path, width, evading is None)
+        timed = self._timed(query, state, path, width, evading is None, longest)
         latent, reference = timed.latent, timed.reference
         if reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
@@ -472,6 +472,9 @@ class Solver:
         horizon = self.settings.prediction if evading is None else evading
         certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=not optimistic)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
+        if objection is not None and evading is not None:
+            # Another target is tried, whatever else may be wrong with this one.
+            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection))
         verdict = path_verdict(
             self.skill, self.graph, query, self.graph.sigma_at(latent), path,
             float(np.min(certificate.clearance)), timed.correction,
@@ -480,25 +483,27 @@ class Solver:
         found = self.certifier.certified(reference, certificate) if verdict.ok else None
         return Plan(found, state.time, verdict)
 
-    def _timed(self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool) -> _Timed:
+    def _timed(
+        self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool, longest: float
+    ) -> _Timed:
         """The motion along a path, from memory where nothing that it depends on has changed."""
         memory = self._memory
         if memory is None or not memory.is_of(query, state) or len(memory.timed) >= _MOST_REMEMBERED:
             memory = self._memory = _Memory(query, state, {})
-        key = (path.polyline.tobytes(), width, to_goal)
+        key = (path.polyline.tobytes(), width, to_goal, longest)
         if key not in memory.timed:
-            memory.timed[key] = self._timed_anew(query, state, path, width, to_goal)
+            memory.timed[key] = self._timed_anew(query, state, path, width, to_goal, longest)
         return memory.timed[key]
 
     def _timed_anew(
-        self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool
+        self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool, longest: float
     ) -> _Timed:
         """Time what is held of it (`_held`)."""
         latent, held = self._held(query, state.position, path, width, to_goal)
         if isinstance(held, str):
             return _Timed(latent, self.certifier, held)
         curve, correction = held
-        return self._timed_curve(state, curve, latent, correction)
+        return self._timed_curve(state, curve, latent, correction, longest)
 
     def _held(
         self, query: HeldQuery, start: np.ndarray, path: LatentPath, width: float, to_goal: bool
@@ -514,13 +519,17 @@ class Solver:
         curve = smooth_latent(held, self._smoothing_factor * width)
         return latent, _meeting(curve, start, query.goal if to_goal else curve[-1])
 
-    def _timed_curve(self, state: MotionState, curve: np.ndarray, latent: np.ndarray, correction: float) -> _Timed:
+    def _timed_curve(
+        self, state: MotionState, curve: np.ndarray, latent: np.ndarray, correction: float, longest: float = math.inf
+    ) -> _Timed:
         """Time configurations (m, eta) that begin where the arm is, with their latent points (m, d)."""
         reference = timed_joint_reference(
-            curve, latent, self.limits, state.velocity, state.acceleration, tool=self.tool
+            curve, latent, self.limits, state.velocity, state.acceleration, tool=self.tool, longest=longest
         )
         if reference is None:
             reason = "stopping first: the path to the goal turns off the present motion, or leaves the joints' limits"
+            if longest < math.inf:
+                reason = f"no motion along the best path takes less than {longest:.2f} s: it would be no gain"
             return _Timed(latent, self.certifier, reason)
         return _Timed(latent, self.certifier, "", correction, reference)
 
