@@ -29,19 +29,29 @@ from geodesic_motion_ros.swept_spheres import clearances_in_motion, clearances_u
 
 
 @dataclass(frozen=True)
-class SweptArm:
-    """Where a reference takes the arm's S spheres between its n knots: what no obstacle has to do with.
+class SweptSpheres:
+    """Where a reference takes the arm's S spheres between its n knots.
 
     Attributes
     ----------
     times : (n,) of the knots [s]. placed : (n, S, 3) sphere centres at the knots [m].
     bulges : (n - 1, S) how far centres may leave the segments between them [m].
-    self_clearance, pair, scene_clearance : (n - 1,) as of `Certificate`.
     """
 
     times: np.ndarray
     placed: np.ndarray
     bulges: np.ndarray
+
+
+@dataclass(frozen=True)
+class SweptArm(SweptSpheres):
+    """The same with all that no obstacle has to do with.
+
+    Attributes
+    ----------
+    self_clearance, pair, scene_clearance : (n - 1,) as of `Certificate`.
+    """
+
     self_clearance: np.ndarray
     pair: np.ndarray
     scene_clearance: np.ndarray
@@ -175,12 +185,27 @@ class ArmCertifier:
 
     def swept(self, reference: JointReference) -> SweptArm:
         """Where a reference takes the arm."""
+        spheres = self.swept_spheres(reference)
+        placed, bulges = spheres.placed, spheres.bulges
+        scene, _ = clearances_in_motion(spheres.times, placed, bulges, self._radii, self._moving, self._standing, 0.0)
+        return SweptArm(
+            spheres.times, placed, bulges, *self_clearances(placed, bulges, self._radii, self._pairs), scene
+        )
+
+    def swept_spheres(self, reference: JointReference) -> SweptSpheres:
+        """The same of its spheres alone."""
         times = reference.times
         _, largest = quintic_bounds(times, reference.positions, reference.velocities, reference.accelerations)
         bulges = sphere_bulges(times, largest[0], largest[1], self._levers)
         placed = place_body_points(contiguous(reference.positions), self._frames, self._offsets, self._robot.chain)
-        scene, _ = clearances_in_motion(times, placed, bulges, self._radii, self._moving, self._standing, 0.0)
-        return SweptArm(times, placed, bulges, *self_clearances(placed, bulges, self._radii, self._pairs), scene)
+        return SweptSpheres(times, placed, bulges)
+
+    def room(self, swept: SweptSpheres, standing: Obstacles) -> float:
+        """Least clearance [m] of a motion from what stands."""
+        clearance, _ = clearances_in_motion(
+            swept.times, swept.placed, swept.bulges, self._radii, self._moving, standing, 0.0
+        )
+        return float(np.min(clearance))
 
     def between(self, placed: np.ndarray, standing: Obstacles) -> np.ndarray:
         """Clearance [m] of spheres that move straight from sample to sample (m, S, 3) from what stands, (m - 1,)."""

@@ -47,6 +47,7 @@ def timed_joint_reference(
     start_acceleration: np.ndarray | None = None,
     period: float = PERIOD,
     tool: LimitedTool | None = None,
+    longest: float = math.inf,
 ) -> JointReference | None:
     """A fast reference along a path, from the present state of motion until rest at the path's end.
 
@@ -62,10 +63,12 @@ def timed_joint_reference(
     period : time between knots [s].
     tool : with limits that its motion keeps besides, as far as the state it starts from allows: speeds and
         accelerations that exceed them there fade first.
+    longest : a motion that takes longer [s] need not be worked out.
 
     Returns
     -------
-    The reference, or None where the state of motion cannot be led onto the path within the limits: then stop first.
+    The reference, or None where the state of motion cannot be led onto the path within the limits: then stop first. So
+    too where the law takes longer than `longest`: slowed down it would take longer still.
 
     Raises
     ------
@@ -83,6 +86,8 @@ def timed_joint_reference(
     slow, width = np.ones(len(curve.grid)), averaging_width(_SMOOTHING, limits)
     for attempts in range(1, _ATTEMPTS + 1):
         law, begin = _planned_law(curve, limits, constraints, slow, width, velocity, acceleration)
+        if law.end - begin > longest + _ROUNDING:
+            return None
         attempt, fading = _played(curve, law, begin, limits, tool, state, period)
         inside, strain = attempt.judged(limits)
         if tool is not None:

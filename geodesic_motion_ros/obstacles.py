@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -71,25 +72,27 @@ class Obstacles:
             DistanceField.of(centre[None], 0.02, 0.02, 0.02), time,
         )  # fmt: skip
 
-    @property
+    @cached_property
     def stand(self) -> bool:
+        """Whether none of them moves."""
         return not (self.velocities.any() or self.solid_velocities.any())
 
+    @cached_property
     def at_rest(self) -> Obstacles:
         """Those alone that stand."""
         return self._only(~np.any(self.velocities, axis=1), ~np.any(self.solid_velocities, axis=1), self.cloud)
 
+    @cached_property
     def in_motion(self) -> Obstacles:
         """Those alone that move."""
         moving = np.any(self.velocities, axis=1), np.any(self.solid_velocities, axis=1)
         return self._only(*moving, DistanceField.none())
 
     def _only(self, spheres: np.ndarray, solids: np.ndarray, cloud: DistanceField) -> Obstacles:
-        return replace(
-            self, centres=self.centres[spheres], radii=self.radii[spheres], velocities=self.velocities[spheres],
-            solids=self.solids[solids], solid_velocities=self.solid_velocities[solids], cloud=cloud,
-            ages=self.ages[spheres], solid_ages=self.solid_ages[solids],
-            velocity_errors=self.velocity_errors[spheres], solid_velocity_errors=self.solid_velocity_errors[solids],
+        return Obstacles(
+            self.centres[spheres], self.radii[spheres], self.velocities[spheres], self.solids[solids],
+            self.solid_velocities[solids], cloud, self.time, self.ages[spheres], self.solid_ages[solids],
+            self.velocity_errors[spheres], self.solid_velocity_errors[solids],
         )  # fmt: skip
 
     def leaving_free(self, centres: np.ndarray, radii: np.ndarray, prediction: float) -> Obstacles:
@@ -192,7 +195,8 @@ class Obstacles:
         if duration == 0.0 or self.stand:
             return self
         half = 0.5 * duration
-        solids = _shifted(self.solids, half * self.solid_velocities)
+        solids = self.solids.copy()
+        solids[:, :3] += half * self.solid_velocities
         solids[:, 6] += half * np.linalg.norm(self.solid_velocities, axis=1) + duration * self.solid_velocity_errors
         radii = self.radii + half * np.linalg.norm(self.velocities, axis=1) + duration * self.velocity_errors
         return replace(self, centres=self.centres + half * self.velocities, radii=radii, solids=solids)
@@ -200,20 +204,28 @@ class Obstacles:
     def at(self, time: float, prediction: float) -> Obstacles:
         """Moved on linearly to `time` [s], by `prediction` [s] at most."""
         elapsed = min(max(time - self.time, 0.0), prediction)
-        moved = self._moved_on(np.full(len(self.radii), elapsed), np.full(len(self.solids), elapsed))
-        return replace(moved, time=time)
+        return self._moved_on(np.full(len(self.radii), elapsed), np.full(len(self.solids), elapsed), time)
 
-    def _moved_on(self, by: np.ndarray, solids_by: np.ndarray) -> Obstacles:
-        """Each moved on linearly, or back, for a time of its own, (o,) and (b,) [s], and enlarged by the error of its
-        velocity times that.
-        """
-        solids = _shifted(self.solids, solids_by[:, None] * self.solid_velocities)
-        if len(solids):
-            solids[:, 6] += solids_by * self.solid_velocity_errors
-        return replace(
-            self, centres=self.centres + by[:, None] * self.velocities, radii=self.radii + by * self.velocity_errors,
-            solids=solids, ages=self.ages + by, solid_ages=self.solid_ages + solids_by,
+    def _moved_on(self, by: np.ndarray, solids_by: np.ndarray, time: float) -> Obstacles:
+        """At `time` [s], where each is moved on for a time of its own, (o,) and (b,) [s]."""
+        centres, radii, solids = self._places(by[None], solids_by[None])
+        return Obstacles(
+            centres, radii, self.velocities, solids, self.solid_velocities, self.cloud, time, self.ages + by,
+            self.solid_ages + solids_by, self.velocity_errors, self.solid_velocity_errors,
         )  # fmt: skip
+
+    def _places(self, by: np.ndarray, solids_by: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Centres (k o, 3), radii (k o,) and solids (k b, 16), each moved on linearly, or back, for k times of its own,
+        (k, o) and (k, b) [s], and enlarged by the error of its velocity times those.
+        """
+        centres = (self.centres + by[..., None] * self.velocities).reshape(-1, 3)
+        radii = (self.radii + by * self.velocity_errors).reshape(-1)
+        solids = self.solids
+        if len(solids):
+            solids = np.tile(solids, (len(by), 1))
+            solids[:, :3] += (solids_by[..., None] * self.solid_velocities).reshape(-1, 3)
+            solids[:, 6] += (solids_by * self.solid_velocity_errors).reshape(-1)
+        return centres, radii, solids
 
     def swept(self, prediction: float, count: int = 3) -> Obstacles:
         """Where the obstacles are now and will be within the prediction [s], as obstacles that stand.
@@ -226,10 +238,8 @@ class Obstacles:
 
     def _along(self, by: np.ndarray, solids_by: np.ndarray, count: int) -> Obstacles:
         """As what stands: where each is at so many instants of a time of its own, (o,) and (b,) [s], the first now."""
-        places = [self._moved_on(share * by, share * solids_by) for share in np.linspace(0.0, 1.0, count)]
-        centres, radii, solids = (
-            np.concatenate([getattr(at, name) for at in places]) for name in ("centres", "radii", "solids")
-        )
+        shares = np.linspace(0.0, 1.0, count)[:, None]
+        centres, radii, solids = self._places(shares * by, shares * solids_by)
         return Obstacles(
             centres, radii, np.zeros_like(centres), solids, np.zeros((len(solids), 3)), self.cloud, self.time
         )
@@ -241,7 +251,7 @@ class Obstacles:
         """
         if self.stand:
             return self
-        seen = self._moved_on(-self.ages, -self.solid_ages)
+        seen = self._moved_on(-self.ages, -self.solid_ages, self.time)
         by, solids_by = self.ages + duration, self.solid_ages + duration
         # Between two instants the middle of what moves is no farther from both than half of what it moves.
         half = 0.5 / (count - 1)
@@ -249,14 +259,6 @@ class Obstacles:
         solids = seen.solids.copy()
         solids[:, 6] += half * solids_by * np.linalg.norm(self.solid_velocities, axis=1)
         return replace(seen, radii=radii, solids=solids)._along(by, solids_by, count)
-
-
-def _shifted(solids: np.ndarray, by: np.ndarray) -> np.ndarray:
-    if not len(solids):
-        return solids
-    result = solids.copy()
-    result[:, :3] += by
-    return result
 
 
 def _are_errors(values: np.ndarray) -> np.ndarray:

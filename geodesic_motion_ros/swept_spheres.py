@@ -54,20 +54,21 @@ def clearances_until(
     horizon: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """`clearances_in_motion` where what moves is not counted after the horizon; until then spheres that have come to
-    rest stand there.
+    rest stand there, and what is nearer then counts in the last interval.
     """
-    clearance, nearest = clearances_in_motion(times, placed, bulges, radii, spheres, obstacles.at_rest(), horizon)
+    clearance, nearest = clearances_in_motion(times, placed, bulges, radii, spheres, obstacles.at_rest, horizon)
     if times[-1] < horizon:
         times, placed = np.append(times, horizon), np.concatenate([placed, placed[-1:]])
         bulges = np.concatenate([bulges, np.zeros_like(bulges[-1:])])
     knots = max(2, int(np.searchsorted(times, horizon)) + 1)
-    nearby, by = clearances_in_motion(
-        times[:knots], placed[:knots], bulges[: knots - 1], radii, spheres, obstacles.in_motion(), horizon
+    moving, by = clearances_in_motion(
+        times[:knots], placed[:knots], bulges[: knots - 1], radii, spheres, obstacles.in_motion, horizon
     )
-    for i, distance in enumerate(nearby):
-        interval = min(i, len(clearance) - 1)
-        if distance < clearance[interval]:
-            clearance[interval], nearest[interval] = distance, by[i]
+    if len(moving) > len(clearance):
+        last = len(moving) - 1 if moving[-1] < moving[-2] else len(moving) - 2
+        moving, by = np.append(moving[:-2], moving[last]), np.append(by[:-2], by[last])
+    nearer = np.flatnonzero(moving < clearance[: len(moving)])
+    clearance[nearer], nearest[nearer] = moving[nearer], by[nearer]
     return clearance, nearest
 
 

@@ -116,6 +116,19 @@ def test_replanning_an_unchanged_path_at_every_knot_costs_no_time(motions):
     assert max(delays) < 0.1
 
 
+def test_what_takes_longer_than_is_asked_for_is_not_worked_out_and_nothing_else_changes(motions):
+    left_out = 0
+    for seed in range(40):
+        path = motions.random_path(np.random.default_rng(seed))
+        latent = np.zeros((len(path), 1))
+        reference = timed_joint_reference(path, latent, LIMITS)
+        asked = timed_joint_reference(path, latent, LIMITS, longest=reference.duration)
+        np.testing.assert_array_equal(asked.positions, reference.positions)
+        for share in (0.5, 0.9, 0.99):
+            left_out += timed_joint_reference(path, latent, LIMITS, longest=share * reference.duration) is None
+    assert left_out > 60
+
+
 def test_knots_are_a_period_apart(motions):
     path = motions.random_path(np.random.default_rng(0))
     for period in (0.01, 0.02):

@@ -144,7 +144,7 @@ def test_moved_obstacles_are_as_far_from_moved_places():
 def test_what_stands_and_what_moves_are_all_there_is():
     obstacles = scene()
     obstacles.velocities[1] = obstacles.solid_velocities[0] = 0.0
-    standing, moving = obstacles.at_rest(), obstacles.in_motion()
+    standing, moving = obstacles.at_rest, obstacles.in_motion
     assert (len(standing.radii), len(moving.radii)) == (1, 2)
     assert (len(standing.solids), len(moving.solids)) == (1, 1)
     assert standing.stand
@@ -179,7 +179,7 @@ def test_places_where_what_moves_may_stop_leave_nothing_out_since_it_was_seen(se
     apart = np.linalg.norm(velocities, axis=1) * 0.6 / 5
     grown = np.linspace(0.0, 0.6, 6)[:, None] * obstacles.velocity_errors
     assert np.all(places.radii.reshape(6, 3) <= seen + grown + 0.5 * apart + 1e-12)
-    assert obstacles.at_rest().stopping_places(0.4, 6).centres.size == 0
+    assert obstacles.at_rest.stopping_places(0.4, 6).centres.size == 0
 
 
 def test_where_an_obstacle_may_stop_does_not_depend_on_when_others_were_seen() -> None:

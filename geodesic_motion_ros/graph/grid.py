@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,7 @@ class LatentGrid:
                 f"{1e-9 * free:.1f} GB are free: {_by(fitting)} would fit"
             )
 
-    @property
+    @cached_property
     def spacing(self) -> np.ndarray:
         """Distance between neighbouring nodes along each axis, (d,)."""
         return (np.asarray(self.upper) - self.lower) / (np.array(self.shape) - 1)

@@ -33,8 +33,10 @@ def paths_to_targets(
     free = near[reshaping.clearance[near] >= apart]
     directions = _in_all_directions(free, (graph.latent[free] - start) / graph.grid.spacing)
     for target in directions[:constants.EVASION_TARGETS]:
-        # By the triangle inequality a node is no nearer to the target than the difference of their costs.
-        ahead = np.abs(query.from_start - query.from_start[target])
+        # By the triangle inequality a node is no nearer to the target than their costs from the start, or to the goal,
+        # differ.
+        from_start, to_goal = (np.abs(costs - costs[target]) for costs in (query.from_start, query.to_goal))
+        ahead = np.maximum(from_start, to_goal)
         nodes, edges, _ = shortest_free_path(graph.adjacency, query.graph.base, ahead, source, target)
         if len(edges) > 0:
             points = np.concatenate([start[None], graph.latent[nodes]])

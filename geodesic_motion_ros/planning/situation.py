@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, CertifiedTrajectory, SweptArm
+from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, CertifiedTrajectory, SweptArm, SweptSpheres
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
@@ -200,16 +200,15 @@ class Situation:
     @cached_property
     def stop(self) -> Stop:
         """The soonest stop along what is being played from then on."""
-        reference, swept = self._stopping(self.played, self.state.time)
+        reference = self._stopping(self.played, self.state.time)
+        swept = self.certifier.swept(reference)
         prediction = self.settings.prediction
         certificate = self.certifier.certify_swept(swept.lasting(prediction), self.expected, prediction)
         return Stop(reference, swept, certificate)
 
-    def _stopping(self, played: Played, time: float) -> tuple[JointReference, SweptArm]:
-        """The soonest stop from a time [s] of what is played, or may be, and where it takes the arm."""
-        local = min(time - played.begin, played.reference.duration)
-        reference = stopping_reference(played.reference, local, self.limits)
-        return reference, self.certifier.swept(reference)
+    def _stopping(self, played: Played, time: float) -> JointReference:
+        """The soonest stop from a time [s] of what is played, or may be."""
+        return stopping_reference(played.reference, min(time - played.begin, played.reference.duration), self.limits)
 
     # ------------------------------------------------------------- assessments
 
@@ -253,15 +252,16 @@ class Situation:
         if self.expected.stand or not self.settings.avoidance:
             return True
         margin = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        _, later = self._stopping(candidate, self.state.time + constants.REPLAN_DELAY)
+        stopping = self._stopping(candidate, self.state.time + constants.REPLAN_DELAY)
+        later = self.certifier.swept_spheres(stopping)
         if self._room_of(later, constants.REPLAN_DELAY) > margin or self._room_of(self.stop.swept, 0.0) <= 0.0:
             return True
         return bool(np.min(self.stop.certificate.clearance) <= 0.0)
 
-    def _room_of(self, stop: SweptArm, later: float) -> float:
+    def _room_of(self, stop: SweptSpheres, later: float) -> float:
         """Least distance [m] of a stop that begins so much later [s] from where obstacles may halt by its end."""
         places = self.expected.stopping_places(later + stop.times[-1], constants.STOP_POSITION_SAMPLES)
-        return float(np.min(self.certifier.certify_swept(stop, places, 0.0).clearance))
+        return self.certifier.room(stop, places)
 
     def gains(self, plan: Plan, followed: Followed) -> bool:
         """Whether a new plan is safer than what is being followed, or takes clearly less time."""

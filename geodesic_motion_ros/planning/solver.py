@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -129,14 +130,20 @@ class Approach:
 class _Timed:
     """A path smoothed into a latent curve (m, d), held and timed; or why it is not, without a reference.
 
-    correction : how far its ends were moved [rad]. swept : where the reference takes the arm.
+    correction : how far its ends were moved [rad].
     """
 
     latent: np.ndarray
+    certifier: ArmCertifier
     objection: str = ""
     correction: float = 0.0
     reference: JointReference | None = None
-    swept: SweptArm | None = None
+
+    @cached_property
+    def swept(self) -> SweptArm:
+        """Where the reference takes the arm."""
+        assert self.reference is not None
+        return self.certifier.swept(self.reference)
 
 
 class _Memory(NamedTuple):
@@ -144,7 +151,7 @@ class _Memory(NamedTuple):
 
     query: HeldQuery
     state: MotionState
-    timed: dict[tuple[bytes, float, bool], _Timed]
+    timed: dict[tuple[bytes, float, bool, float], _Timed]
 
     def is_of(self, query: HeldQuery, state: MotionState) -> bool:
         names = ("position", "velocity", "acceleration")
@@ -257,7 +264,7 @@ class Solver:
         ends = self._end_clearance(query, state, avoided, optimistic)
         if isinstance(ends, Verdict):
             return ends
-        swept = avoided.at_rest() if optimistic else avoided.swept(self.settings.prediction)
+        swept = avoided.at_rest if optimistic else avoided.swept(self.settings.prediction)
         return self._search_among(query, state, swept, ends, deadline)
 
     def _search_among(
@@ -275,7 +282,7 @@ class Solver:
         """
         curve, correction = _meeting(curve, state.position, query.goal)
         timed = self._timed_curve(state, curve, latent, correction)
-        if timed.reference is None or timed.swept is None:
+        if timed.reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         certificate = self.certifier.certify_swept(timed.swept, obstacles, self.settings.prediction)
         standing = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
@@ -327,7 +334,7 @@ class Solver:
         refusal : that the goal is covered; the plan's verdict states the same, and how near it leads.
         remaining : what the approach that is being played leaves of the path [m]; inf: there is none.
         """
-        if self._clearance(query.goal, obstacles.at_rest().beside(self.scene.solids)) > 0.0:
+        if self._clearance(query.goal, obstacles.at_rest.beside(self.scene.solids)) > 0.0:
             return None
         horizon = constants.EVASION_LOOKAHEAD * self.settings.prediction
         swept = obstacles.swept(horizon).beside(self.scene.solids)
@@ -345,7 +352,7 @@ class Solver:
             if end < 1 or left[end] > min(remaining, left[0]) - constants.APPROACH_GAIN:
                 return None
             timed = self._timed_curve(state, curve[: end + 1], latent[: end + 1], correction)
-            if timed.reference is None or timed.swept is None:
+            if timed.reference is None:
                 return None
             certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon)
             met = self.certifier.first_objection(certificate, margin)
@@ -402,7 +409,7 @@ class Solver:
         The goal is to be free of where obstacles are expected to halt; optimistic: of those alone that stand.
         """
         prediction = self.settings.prediction
-        later = obstacles.at_rest() if optimistic else obstacles.at(obstacles.time + prediction, prediction)
+        later = obstacles.at_rest if optimistic else obstacles.at(obstacles.time + prediction, prediction)
         nearest = []
         for where, configuration, code, there in (
             ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),
@@ -455,9 +462,9 @@ class Solver:
         evading : the path does not lead to the goal, but ends where it ends; obstacles move on for so long [s].
         longest : as of `solve`.
         """
-        timed = self._timed(query, state, path, width, evading is None)
+        timed = self._timed(query, state, path, width, evading is None, longest)
         latent, reference = timed.latent, timed.reference
-        if reference is None or timed.swept is None:
+        if reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         if reference.duration >= longest:
             reason = f"the best path takes {reference.duration:.2f} s; only less than {longest:.2f} s would be a gain"
@@ -465,6 +472,9 @@ class Solver:
         horizon = self.settings.prediction if evading is None else evading
         certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=not optimistic)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
+        if objection is not None and evading is not None:
+            # Another target is tried, whatever else may be wrong with this one.
+            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection))
         verdict = path_verdict(
             self.skill, self.graph, query, self.graph.sigma_at(latent), path,
             float(np.min(certificate.clearance)), timed.correction,
@@ -473,25 +483,27 @@ class Solver:
         found = self.certifier.certified(reference, certificate) if verdict.ok else None
         return Plan(found, state.time, verdict)
 
-    def _timed(self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool) -> _Timed:
+    def _timed(
+        self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool, longest: float
+    ) -> _Timed:
         """The motion along a path, from memory where nothing that it depends on has changed."""
         memory = self._memory
         if memory is None or not memory.is_of(query, state) or len(memory.timed) >= _MOST_REMEMBERED:
             memory = self._memory = _Memory(query, state, {})
-        key = (path.polyline.tobytes(), width, to_goal)
+        key = (path.polyline.tobytes(), width, to_goal, longest)
         if key not in memory.timed:
-            memory.timed[key] = self._timed_anew(query, state, path, width, to_goal)
+            memory.timed[key] = self._timed_anew(query, state, path, width, to_goal, longest)
         return memory.timed[key]
 
     def _timed_anew(
-        self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool
+        self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool, longest: float
     ) -> _Timed:
         """Time what is held of it (`_held`)."""
         latent, held = self._held(query, state.position, path, width, to_goal)
         if isinstance(held, str):
-            return _Timed(latent, held)
+            return _Timed(latent, self.certifier, held)
         curve, correction = held
-        return self._timed_curve(state, curve, latent, correction)
+        return self._timed_curve(state, curve, latent, correction, longest)
 
     def _held(
         self, query: HeldQuery, start: np.ndarray, path: LatentPath, width: float, to_goal: bool
@@ -507,15 +519,19 @@ class Solver:
         curve = smooth_latent(held, self._smoothing_factor * width)
         return latent, _meeting(curve, start, query.goal if to_goal else curve[-1])
 
-    def _timed_curve(self, state: MotionState, curve: np.ndarray, latent: np.ndarray, correction: float) -> _Timed:
+    def _timed_curve(
+        self, state: MotionState, curve: np.ndarray, latent: np.ndarray, correction: float, longest: float = math.inf
+    ) -> _Timed:
         """Time configurations (m, eta) that begin where the arm is, with their latent points (m, d)."""
         reference = timed_joint_reference(
-            curve, latent, self.limits, state.velocity, state.acceleration, tool=self.tool
+            curve, latent, self.limits, state.velocity, state.acceleration, tool=self.tool, longest=longest
         )
         if reference is None:
             reason = "stopping first: the path to the goal turns off the present motion, or leaves the joints' limits"
-            return _Timed(latent, reason)
-        return _Timed(latent, "", correction, reference, self.certifier.swept(reference))
+            if longest < math.inf:
+                reason = f"no motion along the best path takes less than {longest:.2f} s: it would be no gain"
+            return _Timed(latent, self.certifier, reason)
+        return _Timed(latent, self.certifier, "", correction, reference)
 
     def base_path(self, query: HeldQuery, obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray] | str:
         """The geodesic of the metric that obstacles reshape, whether it is free of them or not: latent points (m, d)

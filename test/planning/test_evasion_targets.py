@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.graph.reshaping import Reshaping
+from geodesic_motion_ros.graph.shortest_path import shortest_free_path
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.evasion_targets import paths_to_targets
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
@@ -56,6 +57,16 @@ def test_paths_there_begin_where_the_tool_is_and_lead_from_node_to_node(planner)
         steps = np.abs(np.diff(planner.graph.latent[path.nodes], axis=0)) / planner.graph.grid.spacing
         assert np.max(steps, initial=0.0) < 4.0
         assert path.energy > 0.0
+
+
+def test_paths_there_are_the_cheapest(planner) -> None:
+    """Dijkstra's algorithm, without a heuristic, finds the same."""
+    paths, _, _, query = found(planner, 0.03)
+    for path in paths:
+        nodes, _, _ = shortest_free_path(
+            planner.graph.adjacency, query.graph.base, np.zeros_like(query.to_goal), path.nodes[0], path.nodes[-1]
+        )
+        np.testing.assert_array_equal(path.nodes, nodes)
 
 
 def test_nowhere_free_is_no_path(planner) -> None:
