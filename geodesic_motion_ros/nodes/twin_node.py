@@ -9,6 +9,7 @@ from __future__ import annotations
 import queue
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotDoneInTime
@@ -20,6 +21,7 @@ import numpy as np
 import yaml
 from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.qos import QoSProfile
+from rclpy.time import Time
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64, UInt32
 from std_srvs.srv import Trigger
@@ -56,8 +58,9 @@ from geodesic_motion_ros.simulation.scripted_spheres import NAMED, ScriptedSpher
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill import Skill
 
-# After a stall physics makes up for so long [s] at most; what is more is lost, and the world is late for good.
-_LONGEST_STALL = 1.0
+# After a stall physics makes up for what was lost, for half as long [s] of real time at most, in the next tick half as
+# long as that, and so on until nothing is owed: where steps take longer than what they stand for, the world is late.
+_MAKING_UP = 1.0
 # A service waits this long [s] for the physics thread.
 _PATIENCE = 2.0
 # After a reset, commands from before it may still be under way: none counts for this long [s].
@@ -121,7 +124,8 @@ class TwinNode(LoopingNode):
         self._commanded_at = self._deaf_until = -np.inf
         self._clock_offset = ClockOffset()
         self._time = NodeTime(self.get_clock())
-        self._set_by, self._stepped_until = 0.0, self._time.running()
+        self._moment, self._patience = self._time.read(), _MAKING_UP
+        self._set_by, self._stepped_until = 0.0, self._moment.running
         self._loop = SteadyLoop(self._tick, values["physics_rate"], self._died, name="physics")
         self._make_interface()
         if values["spawn_at_start"]:
@@ -173,7 +177,7 @@ class TwinNode(LoopingNode):
 
     def _tick(self, _: int) -> None:
         self._serve_mailbox()
-        moment = self._time.read()
+        moment = self._moment = self._time.read()
         steps = self._steps_due(moment.running)
         if moment.set_by != self._set_by:
             self._set_by, self._clock_offset = moment.set_by, ClockOffset()
@@ -182,24 +186,38 @@ class TwinNode(LoopingNode):
         arrival = self._world.time + steps * self._world.dt
         self._world.clock_offset = self._clock_offset.update(moment.now, arrival)
         # What a late tick makes up for was before its command came: until then the old one is followed.
-        for _ in range(steps - 1):
-            self._step()
+        made = self._make_up(steps - 1)
         self._take_command()
         if steps:
             self._step()
+            made += 1
         for every, publish in self._schedule:
             # a late tick makes several steps at once; what fell due among them is published once
-            if every and self._steps // every != (self._steps - steps) // every:
+            if every and self._steps // every != (self._steps - made) // every:
                 publish()
 
     def _steps_due(self, running: float) -> int:
         """Steps of physics for the time that has passed, of a simulation or of the world; `running` is now [s]."""
         due = max(0, round((running - self._stepped_until) / self._world.dt))
         self._stepped_until += due * self._world.dt
-        return min(due, int(_LONGEST_STALL / self._world.dt))
+        return due
+
+    def _make_up(self, steps: int) -> int:
+        """So many steps, or as many as there is time for; returns how many."""
+        self._patience = 0.5 * self._patience if steps > 1 else _MAKING_UP
+        made, until = 0, time.monotonic() + self._patience
+        while made < steps and time.monotonic() < until:
+            self._step()
+            made += 1
+        return made
 
     def _step(self) -> None:
         self._world.set_obstacles(self._spheres.obstacles(self._world.time - self._spheres_start))
+        if (timeout := self._options["cmd_timeout"]) > 0.0 and self._world.hold_if_overdue(timeout):
+            self.get_logger().warning(
+                f"no new {_TRAJECTORIES} for {timeout:g} s after the end of the last one (cmd_timeout): "
+                "the arm holds where it is"
+            )
         self._world.step()
         self._steps += 1
         if contacts := self._world.contacts():
@@ -219,11 +237,6 @@ class TwinNode(LoopingNode):
         # a trajectory ends by itself
         elif self._commander == _POSES and now - self._commanded_at > self._options["command_timeout"]:
             self._world.hold()
-        elif (timeout := self._options["cmd_timeout"]) > 0.0 and self._world.hold_if_overdue(timeout):
-            self.get_logger().warning(
-                f"no new {_TRAJECTORIES} for {timeout:g} s after the end of the last one (cmd_timeout): "
-                "the arm holds where it is"
-            )
 
     def _obey(self, command: _Command, now: float) -> None:
         if now < self._deaf_until:
@@ -253,8 +266,12 @@ class TwinNode(LoopingNode):
             except Exception as error:  # whoever has asked is told, and physics goes on
                 done.set_exception(error)
 
+    def _stamp(self) -> Time:
+        """When the world is as it is: as the tick began, however long its steps took."""
+        return Time(nanoseconds=round(1e9 * self._moment.now)).to_msg()
+
     def _publish_state(self) -> None:
-        stamp = self.get_clock().now().to_msg()
+        stamp = self._stamp()
         world = self._world
         self._joint_states.publish(
             joint_state_message(world.robot.joint_names, world.joint_positions, world.joint_velocities, stamp)
@@ -262,7 +279,7 @@ class TwinNode(LoopingNode):
         self._ee_pose.publish(pose_message(*world.tool_pose(), self._frame, stamp))
 
     def _publish_obstacles(self) -> None:
-        stamp = self.get_clock().now().to_msg()
+        stamp = self._stamp()
         spheres = list(self._spheres.obstacles(self._world.time - self._spheres_start).values())
         shown = [
             sphere_marker("twin", number, *sphere, _OBSTACLE_COLOUR, self._frame, stamp)
@@ -280,7 +297,7 @@ class TwinNode(LoopingNode):
         self._least_clearance = np.inf
 
     def _publish_image(self) -> None:
-        self._image.publish(image_message(self._world.render(*_IMAGE_SIZE), self.get_clock().now().to_msg()))
+        self._image.publish(image_message(self._world.render(*_IMAGE_SIZE), self._stamp()))
 
     # ---------------------------------------------------------------- callbacks
 
@@ -340,18 +357,20 @@ class TwinNode(LoopingNode):
 
     def _reset(self) -> str:
         self._world.reset(_initial_joints(self._options.values))
-        self._spheres_start = self._world.time
-        self._count_anew()
+        self._begin_anew()
+        with self._command_lock:
+            self._command = None
         self._commander, self._deaf_until = "", self._time.running() + _DEAF
         return "the arm is where it started, the spheres begin again, contacts count from zero"
 
     def _spawn(self) -> str:
         self._spheres = _spheres(self._options["spheres"])
-        self._spheres_start = self._world.time
-        self._count_anew()
+        self._begin_anew()
         return f"{len(self._spheres.items)} obstacles: {', '.join(self._spheres.items) or 'none'}"
 
-    def _count_anew(self) -> None:
+    def _begin_anew(self) -> None:
+        """What is still to be made up for was before."""
+        self._spheres_start, self._stepped_until = self._world.time, self._time.running()
         self._contacts, self._least_clearance = 0, np.inf
         self._touched.clear()
 
