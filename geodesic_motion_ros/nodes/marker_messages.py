@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -103,10 +103,42 @@ def _checked_scale(message: Marker | SeenMarker, name: str) -> tuple[float, floa
     return scale
 
 
+def held_name(message: Marker | SeenMarker) -> str:
+    """What the object of a marker is called."""
+    return f"{message.ns}/{message.id}"
+
+
+def unknown_after(
+    unknown: Mapping[str, str], messages: Sequence[Marker | SeenMarker] | None, refusal: str
+) -> dict[str, str]:
+    """Objects of which it is not known whether and how they are held, by name, each with the reason.
+
+    A refused message makes those unknown that it was to attach, one that cannot be read (None) whatever it was about,
+    which is called ""; one that was taken makes those known that it names: attached, or detached by DELETE or
+    DELETEALL.
+    """
+    if messages is None:
+        return {**unknown, "": refusal}
+    detaching = Marker.DELETE, Marker.DELETEALL
+    if refusal:
+        return {**unknown, **{held_name(one): refusal for one in messages if one.action not in detaching}}
+    named = {held_name(one) for one in messages if one.action != Marker.DELETEALL}
+    cleared = {one.ns for one in messages if one.action == Marker.DELETEALL}
+    return {
+        name: reason for name, reason in unknown.items()
+        if "" not in cleared and name not in named and name.rpartition("/")[0] not in cleared
+    }  # fmt: skip
+
+
 def held_after(
-    messages: Sequence[Marker | SeenMarker], held: Sequence[HeldObject], robot: Robot
+    messages: Sequence[Marker | SeenMarker],
+    held: Sequence[HeldObject],
+    robot: Robot,
+    unknown: Collection[str] = (),
 ) -> tuple[HeldObject, ...]:
     """What a robot's hand holds after markers, where it held something before; objects are called `ns/id`.
+
+    unknown : names of which it is not known whether they are held: they may be detached.
 
     ADD attaches an object, or replaces the one of its name; DELETE detaches it, DELETEALL those of a namespace, or all
     where `ns` is empty. Shapes as of `read_marker`, but a CYLINDER is one; the frame must be the tool's.
@@ -117,13 +149,13 @@ def held_after(
     objects = {one.name: one for one in held}
     attached: set[str] = set()
     for message in messages:
-        name = f"{message.ns}/{message.id}"
+        name = held_name(message)
         if message.action == Marker.DELETEALL:
             objects = {key: one for key, one in objects.items() if message.ns and key.rpartition("/")[0] != message.ns}
         elif message.action == Marker.DELETE:
-            if name not in objects:
+            if name not in objects and name not in unknown:
                 raise MessageRefused(f"marker {name}: nothing of this name is held; held: {', '.join(objects) or '-'}")
-            del objects[name]
+            objects.pop(name, None)
         elif name in attached:
             raise MessageRefused(f"marker {name}: two held objects have this ns and id; each needs its own")
         else:

@@ -20,7 +20,7 @@ from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.frames import frames_of
 from geodesic_motion_ros.nodes.marker_bytes import marker_in, markers_in
-from geodesic_motion_ros.nodes.marker_messages import MarkerUpdate, held_after, read_marker
+from geodesic_motion_ros.nodes.marker_messages import MarkerUpdate, held_after, read_marker, unknown_after
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
     check_limits,
@@ -97,7 +97,7 @@ class PlannerInputs:
         self._task_frame_taken: float | None = None
         self._hold = False
         self._held: tuple[HeldObject, ...] = ()
-        self._held_refused = ""
+        self._unknown_held: dict[str, str] = {}
         self._publishers: tuple[str, ...] = ()
         self._subscribers: tuple[str, ...] | None = None
         self._load = ObstacleLoad()
@@ -139,7 +139,7 @@ class PlannerInputs:
             timeout = self._parameters["obstacle_timeout"]
             silent, late = self._tracker.silent(now, timeout), self._tracker.late(now, timeout)
             unusable = self._tracker.unusable()
-            held, held_refused = self._held, self._held_refused
+            held, held_refused = self._held, next(iter(self._unknown_held.values()), "")
         if self._parameters["obstacle_silence_policy"] == "keep":
             # a topic of which nothing is known leaves nothing to keep to
             silent, late = {}, {}
@@ -306,17 +306,15 @@ class PlannerInputs:
         self._obstacles_changed()
 
     def _receive_held(self, message: bytes) -> None:
-        """All of a message, or nothing: then, but where it was to detach alone, it is not known what the hand holds."""
-        detaches = False
+        """All of a message, or nothing; the arm stands as long as anything that was to be attached is unknown."""
+        markers = None
         with self.refusals.guard(HELD) as guard:
             markers = markers_in(message)
-            detaches = all(marker.action in (Marker.DELETE, Marker.DELETEALL) for marker in markers)
-            held = held_after(markers, self._held, self._robot)
+            held = held_after(markers, self._held, self._robot, self._unknown_held)
             with self._lock:
-                self._held, self._held_refused = held, ""
-        if guard.reason and not detaches:
-            with self._lock:
-                self._held_refused = guard.reason
+                self._held = held
+        with self._lock:
+            self._unknown_held = unknown_after(self._unknown_held, markers, guard.reason)
 
     def _on_marker(self, message: bytes) -> None:
         self._load.count(1)

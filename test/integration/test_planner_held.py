@@ -59,7 +59,7 @@ class TestHeldObjects:
         status = ready.wait_for_code("BAD_INPUT", f"it is not known what the hand holds: marker toy/1: {reason}")
         assert status["holding"] == ""
         ready.wait(lambda: ready.status().get("refused_~/held_objects") == "1", "a count of the refusal")
-        held.publish(MarkerArray())
+        held.publish(MarkerArray(markers=[ball(action=Marker.DELETE)]))
         ready.wait_for_code("NO_GOAL")
 
     def test_what_is_latched_is_known_to_a_planner_that_starts_later(self, bench, planner_options, start_joints):

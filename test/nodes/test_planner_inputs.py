@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
@@ -312,8 +312,25 @@ class TestHeld:
         assert names == ["toy/1", "toy/2"]
         assert "marker toy/3: type 10, a mesh" in refused
         assert bench.inputs.refusals.counts == {"~/held_objects": 1}
-        # What could be used says what the hand holds, even where it changes nothing.
-        assert self.tell(bench) == (["toy/1", "toy/2"], "")
+        # What is said of other objects, or of none, does not say what was to be attached.
+        assert self.tell(bench) == (names, refused)
+        assert self.tell(bench, self.ball()) == (names, refused)
+        assert self.tell(bench, self.ball(4)) == ([*names, "toy/4"], refused)
+        assert self.tell(bench, self.ball(3, action=Marker.DELETE)) == ([*names, "toy/4"], "")
+
+    def test_an_object_whose_replacement_was_refused_still_counts_and_can_be_detached(self, bench):
+        self.tell(bench, self.ball())
+        names, refused = self.tell(bench, self.ball(lifetime=Duration(sec=1)))
+        assert names == ["toy/1"]
+        assert "lifetime" in refused
+        assert self.tell(bench, self.ball(action=Marker.DELETE)) == ([], "")
+
+    @pytest.mark.parametrize(("namespace", "why"), [("toy", ""), ("", ""), ("other", "marker toy/1: action 7")])
+    def test_what_is_unknown_is_detached_with_its_namespace(self, bench, namespace, why):
+        self.tell(bench, self.ball(action=7))
+        _, refused = self.tell(bench, Marker(ns=namespace, action=Marker.DELETEALL))
+        assert refused[: len(why)] == why
+        assert bool(refused) == bool(why)
 
     def test_to_detach_what_is_not_held_changes_nothing(self, bench):
         self.tell(bench, self.ball())
@@ -324,3 +341,5 @@ class TestHeld:
     def test_what_is_no_marker_array(self, bench):
         bench.inputs._receive_held(b"\x00\x01\x00\x00\xff")
         assert bench.inputs.snapshot().held_refused
+        assert self.tell(bench, self.ball())[1]
+        assert self.tell(bench, Marker(action=Marker.DELETEALL)) == ([], "")
