@@ -51,6 +51,14 @@ def thicknesses(solids: np.ndarray) -> np.ndarray:
     return solids[:, 3:6].min(axis=1, initial=math.inf) + solids[:, 6]
 
 
+def cylinder_distances(points: np.ndarray, radius: float, height: float) -> np.ndarray:
+    """Signed distances (n,) [m] of points (n, 3) from a cylinder about the origin, its axis z, negative inside."""
+    beside = np.hypot(points[:, 0], points[:, 1]) - radius
+    beyond = np.abs(points[:, 2]) - 0.5 * height
+    outside = np.hypot(np.maximum(beside, 0.0), np.maximum(beyond, 0.0))
+    return outside + np.minimum(np.maximum(beside, beyond), 0.0)
+
+
 @numba.njit(cache=True, nogil=True)
 def solid_distance(x: float, y: float, z: float, solids: np.ndarray, b: int) -> float:
     """Signed distance [m] of a point from the surface of solid b of (., 16), negative inside."""

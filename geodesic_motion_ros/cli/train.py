@@ -178,7 +178,7 @@ def _recorded_in(scene: DeclaredScene, skill: Skill) -> Skill:
     from geodesic_motion_ros.robot.kinematics import Robot
 
     check_demonstrations(scene, skill, Robot.named(skill.robot), CollisionModel.named(skill.robot))
-    return replace(skill, scene=scene.table)
+    return replace(skill, scene=scene.described)
 
 
 def _provenance(arguments: argparse.Namespace) -> dict[str, Any]:

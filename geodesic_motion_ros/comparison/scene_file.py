@@ -160,7 +160,7 @@ class SceneFile:
             "curve_samples": np.array([len(curve.positions) for curve in flat]),
             "curve_position": np.concatenate([curve.positions for curve in flat]),
             "curve_quaternion": np.concatenate([curve.quaternions for curve in flat]),
-            "declared": np.array([yaml.dump(scene.declared.table, Dumper=PlainDumper) for scene in self.scenes]),
+            "declared": np.array([yaml.dump(scene.declared.described, Dumper=PlainDumper) for scene in self.scenes]),
         }
 
 

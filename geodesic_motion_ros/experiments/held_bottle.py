@@ -11,6 +11,7 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.simulation.tabletop import fixed_to
 from geodesic_motion_ros.simulation.teacher import bottle_in_hand
+from geodesic_motion_ros.solids import cylinder_distances
 
 #: Distance of the spheres along the bottle [m].
 _SPACING = 0.03
@@ -39,10 +40,7 @@ def bottle_distance(positions: np.ndarray, quaternions: np.ndarray, centres: np.
     local = to_rotation(quaternions).inv().apply(centres - positions)
     for part in bottle_in_hand():
         seen = to_rotation(np.array(part.quaternion)).inv().apply(local - part.centre)
-        beside = np.hypot(seen[:, 0], seen[:, 1]) - part.radius
-        beyond = np.abs(seen[:, 2]) - 0.5 * part.height
-        outside = np.hypot(np.maximum(beside, 0.0), np.maximum(beyond, 0.0))
-        least = min(least, float(np.min(outside + np.minimum(np.maximum(beside, beyond), 0.0))))
+        least = min(least, float(np.min(cylinder_distances(seen, part.radius, part.height))))
     return least - radius
 
 

@@ -21,7 +21,7 @@ import numpy as np
 import yaml
 
 from geodesic_motion_ros.errors import GeodesicMotionError
-from geodesic_motion_ros.nodes.demo_options import parsed
+from geodesic_motion_ros.nodes.demo_options import SCENE, parsed
 from geodesic_motion_ros.nodes.demo_run import (
     DemoError,
     Probe,
@@ -65,10 +65,13 @@ class Demo:
     """Makes the runs of a scene."""
 
     def __init__(self, skill: str, declared: str, out: Path, gui: bool, domain: int) -> None:
-        """skill : a folder, or the name of a shipped skill. declared : the parameter `scene` of both nodes."""
-        self._skill, self._declared, self._out, self._gui, self._domain = skill, declared, out, gui, domain
+        """skill : a folder, or the name of a shipped skill. declared : the parameter `scene` of both nodes; empty: what
+        the skill was recorded in, or where it does not say `SCENE`.
+        """
         loaded = Skill.load(skill)
-        self.scene = scene_of(loaded, DeclaredScene.named(declared) or DeclaredScene.recorded(loaded))
+        self._declared = declared or ("" if loaded.scene is not None else SCENE)
+        self._skill, self._out, self._gui, self._domain = skill, out, gui, domain
+        self.scene = scene_of(loaded, DeclaredScene.named(self._declared) or DeclaredScene.recorded(loaded))
 
     def run(self, run: Run) -> Recording:
         """Start both nodes, let the arm move, end the nodes."""

@@ -54,10 +54,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results (%(default)s)")
     parser.add_argument("--skill", default=SKILL, help="skill folder, or the name of a shipped skill (%(default)s)")
     parser.add_argument(
-        "--scene", default=SCENE,
+        "--scene", default="",
         help="what always stands around the arm, for planner and twin: a file, the name of one in config/scenes, or "
-        "none (%(default)s); '' is what the skill was recorded in, and where it does not say no motion leaves what was "
-        "demonstrated",
+        f"none; without it what the skill was recorded in, and where it does not say {SCENE}",
     )  # fmt: skip
     parser.add_argument("--gui", action="store_true", help="open PyBullet's window; needs a display")
     parser.add_argument(

@@ -189,10 +189,14 @@ class PlannerNode(LoopingNode):
         must not wait for that, and nothing is drawn for nobody.
         """
 
+        def guarded() -> None:
+            with self._inputs.refusals.guard(name):
+                draw()
+
         def died(error: BaseException) -> None:
             self.get_logger().error(f"no more {name}: " + "".join(traceback.format_exception(error)))
 
-        return ViewThread(draw, watched, 1.0 / rate, died, name)
+        return ViewThread(guarded, watched, 1.0 / rate, died, name)
 
     def _make_view(self, skill: Skill) -> None:
         rate = self._options["latent_view_rate"]

@@ -119,7 +119,7 @@ class CertifiedKind(SkillKind):
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()
         self._worker = DetourWorker()
-        scene = declared_scene(values["scene"], skill)
+        scene, self._scene_is_recorded = declared_scene(values["scene"], skill), values["scene"] == ""
         self.planner = ReactivePlanner(skill, planner_settings(values), detours=self._worker, scene=scene)
         self.robot = self.planner.robot
         self.command_topic = values["output"]
@@ -193,7 +193,14 @@ class CertifiedKind(SkillKind):
 
     @property
     def caution(self) -> str:
-        if self.planner.may_detour:
+        planner = self.planner
+        if planner.may_detour and self._scene_is_recorded:
+            names = ", ".join(planner.scene.names) or "nothing"
+            return (
+                f"around the arm stands what the skill says it was recorded in: {names}; detours leave what was "
+                f"demonstrated by up to {planner.settings.detour:g} m. The parameter scene says otherwise"
+            )
+        if planner.may_detour:
             return ""
         return "no detours: declare what stands around the arm with the parameter scene, or that nothing does: none"
 

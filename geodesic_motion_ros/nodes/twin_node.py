@@ -424,7 +424,7 @@ def _scene(text: str, skill: str) -> DeclaredScene:
             f"parameter scene = {brief(text)}: spheres by script are the parameter `spheres` now; scene is what always "
             "stands around the arm: a file, as in config/scenes, or the name of one of those"
         )
-    return declared_scene(text, Skill.load(skill) if skill else None) or DeclaredScene.empty()
+    return declared_scene(text, Skill.load(skill) if skill and not text else None) or DeclaredScene.empty()
 
 
 def _is_mapping(text: str) -> bool:

@@ -69,13 +69,13 @@ class DeclaredScene:
     names : of the b solids. solids : (b, 16) rows as of `solids.py`.
     kinds : the list of the file that each stands in: `boxes`, `cylinders` (of which the solid is the box around it, its
         axis the box's z), `planes` (a plate behind it), `keep_out`, `workspace`.
-    table : what a file says of them.
+    described : what a file says of them.
     """
 
     names: tuple[str, ...]
     solids: np.ndarray
     kinds: tuple[str, ...]
-    table: dict[str, Any]
+    described: dict[str, Any]
 
     @classmethod
     def empty(cls) -> DeclaredScene:
@@ -306,7 +306,7 @@ def _check_known(key: object, known: tuple[str, ...], where: str) -> None:
 def _vector(where: str, name: str, value: Any) -> np.ndarray:
     try:
         vector = np.array(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         vector = np.empty(0)
     if vector.shape != (3,) or not np.all(np.abs(vector) <= LARGEST_NUMBER):
         raise FileError(f"{where}: {name} must be three numbers [m], is {brief(value)}")

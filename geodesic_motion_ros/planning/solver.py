@@ -529,7 +529,7 @@ class Solver:
         if reference is None:
             reason = "stopping first: the path to the goal turns off the present motion, or leaves the joints' limits"
             if longest < math.inf:
-                reason = f"no motion along the best path takes less than {longest:.2f} s: it would be no gain"
+                reason = f"no motion from the present one along the best path takes less than {longest:.2f} s: no gain"
             return _Timed(latent, self.certifier, reason)
         return _Timed(latent, self.certifier, "", correction, reference)
 

@@ -35,7 +35,9 @@ _ROOM = 0.05
 #: A clearance that has changed by this [m] tells of another obstacle.
 _CHANGED = 0.01
 #: What covers the goal is waited for where the arm is: otherwise it would go as near to it as it can, and not hold.
-_STAYS = MappingProxyType({"approach_covered_goal": False})
+_WAITS = MappingProxyType({"approach_covered_goal": False})
+#: Radius of what covers a goal [m]; an arm has come as near to it as it can within so long [s].
+_COVER, _APPROACH = 0.05, 15.0
 #: Behind the start by this [m] the arm is never.
 _BEHIND_START = 0.01
 #: Half the sides of a wall [m], how many spheres it has along each, and their radius [m].
@@ -159,7 +161,7 @@ class ObstaclesNotFinite(Fault):
 
 class ObstacleTeleports(Fault):
     name = "obstacle_teleports"
-    planner = _STAYS
+    planner = _WAITS
     criterion = (
         "a sphere is suddenly on the way ahead: another certified way or hold <= 3 ticks after receipt; no contact "
         "where it is beyond the braking distance + 5 cm"
@@ -251,7 +253,7 @@ class ObstacleOnRobot(PlannersObstacle):
 
 class AllBlocked(PlannersObstacle):
     name = "all_blocked"
-    planner = _STAYS
+    planner = _WAITS
     criterion = (
         "a wall across all ways to the goal (near the goal: a sphere on it, while the arm can still stop before it): "
         "NO_FEASIBLE_PATH <= 3 ticks, hold; gone: resumes by itself <= 3 ticks after"
@@ -282,6 +284,26 @@ def wall(way: np.ndarray, tool: np.ndarray) -> np.ndarray:
 def tool_way(poses: Sequence[Pose]) -> np.ndarray:
     """Positions (n, 3) [m] of poses."""
     return np.array([(pose.position.x, pose.position.y, pose.position.z) for pose in poses]).reshape(-1, 3)
+
+
+class GoalCovered(Fault):
+    name = "goal_covered"
+    criterion = (
+        "a sphere on the goal: NO_FEASIBLE_PATH, the arm goes near, rests clear of it <= 15 s; gone: resumes by itself"
+    )
+    phases = (START, MOTION)
+
+    def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
+        bench.set_out(phase)
+        since = bench.asks.tell_spheres([(bench.goal[:3], _COVER)])
+        bench.verdict("NO_FEASIBLE_PATH", "", since)
+        findings.at_most("at rest after", bench.rest(), _APPROACH)
+        room = float(bench.distances_from_arm(bench.goal[None, :3])[0]) - _COVER
+        findings.note(f"{1000.0 * room:.0f} mm before it")
+        findings.require(room > 0.0, "the arm is in what covers its goal")
+        since = bench.asks.tell_spheres([])
+        bench.verdict("OK", "", since)
+        bench.finish(findings)
 
 
 class ManyObstacles(Fault):
@@ -338,5 +360,5 @@ class ObstaclesDeleted(Fault):
 
 OBSTACLE_FAULTS = (
     ObstaclesSilent, ObstaclesSilentKept, ObstacleForgotten, ObstaclesNotFinite, ObstacleTeleports, ObstacleOnRobot,
-    AllBlocked, ManyObstacles, ObstaclesDeleted,
+    AllBlocked, GoalCovered, ManyObstacles, ObstaclesDeleted,
 )  # fmt: skip

@@ -48,6 +48,7 @@ FLAWS: dict[str, dict[str, str]] = {
         "is blind": "in vain for NO_FEASIBLE_PATH", "answers late": "NO_FEASIBLE_PATH after",
         "rolls on": "at rest after", "never deletes": "in vain for OK",
     },
+    "goal_covered": {"is blind": "in vain for NO_FEASIBLE_PATH", "never deletes": "in vain for OK"},
     "many_obstacles": {"plans otherwise": "plan afterwards"},
     "obstacles_deleted": {"is blind": "in vain for NO_FEASIBLE_PATH", "never deletes": "in vain for OK"},
     "obstacles_lag": {

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.comparison.arena import Arena
-from geodesic_motion_ros.comparison.held_bottle import BOTTLE, ROOM, TAKEN, BottleStage, Holding, MeshesAndBottle
+from geodesic_motion_ros.comparison.bottle_in_hand import BOTTLE, ROOM, TAKEN, BottleStage, Holding, MeshesAndBottle
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.quaternions import rotate
