@@ -291,10 +291,9 @@ class GoalCovered(Fault):
     criterion = (
         "a sphere on the goal: NO_FEASIBLE_PATH, the arm goes near, rests clear of it <= 15 s; gone: resumes by itself"
     )
-    phases = (START, MOTION)
+    phases = (MOTION,)
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        bench.set_out(phase)
         since = bench.asks.tell_spheres([(bench.goal[:3], _COVER)])
         bench.verdict("NO_FEASIBLE_PATH", "", since)
         findings.at_most("at rest after", bench.rest(), _APPROACH)
