@@ -35,7 +35,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill_description import DESCRIPTION, FILES, FORMAT_VERSION, LATENT, METADATA, WEIGHTS
-from geodesic_motion_ros.skill_folder import CANONICAL_ARRAYS, LATENT_ARRAYS, read_folder
+from geodesic_motion_ros.skill_folder import CANONICAL_ARRAYS, LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
 
 #: The graphs that energy_per_edge is calibrated on, and the default ones, by the latent dimension.
 GRID_SHAPES = {2: (100, 100), 3: (50, 50, 50)}
@@ -147,6 +147,10 @@ class Skill:
         """Write the folder, all or nothing: an interrupted save leaves what was there before. Returns the folder.
 
         Over an older skill only the files of the skill change: a model card and pictures beside them stay.
+
+        Raises
+        ------
+        SkillError : its description is longer than what is read.
         """
         target = Path(folder).absolute()
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -165,7 +169,13 @@ class Skill:
             if self.scene is not None:
                 described["scene"] = self.scene
             described["sha256"] = {name: hashlib.sha256((draft / name).read_bytes()).hexdigest() for name in FILES}
-            (draft / DESCRIPTION).write_text(yaml.dump(described, Dumper=PlainDumper, sort_keys=False, width=110))
+            text = yaml.dump(described, Dumper=PlainDumper, sort_keys=False, width=110)
+            if len(text.encode()) > LARGEST_DESCRIPTION:
+                raise SkillError(
+                    f"skill {self.name}: {DESCRIPTION} would have {len(text) >> 10} kB, and no more than "
+                    f"{LARGEST_DESCRIPTION >> 10} kB are read: its scene or provenance is too long"
+                )
+            (draft / DESCRIPTION).write_text(text)
             draft.chmod(0o755)
             for file in draft.iterdir():
                 file.chmod(0o644)

@@ -44,7 +44,8 @@ _NETWORKS = {"task": (TaskSpaceDecoder, TaskSpaceEncoder), "joint": (JointSpaceD
 _METRICS = {"task": MetricSettings, "joint": JointMetricSettings}
 _SHEETS = {"task": CanonicalSheet, "joint": JointSheet}
 #: Sizes of the files [B]. Those of 16 demonstrations and a whole arm take 1.6 kB, 0.4 MB and 0.1 MB.
-_LARGEST = {DESCRIPTION: 1 << 20, WEIGHTS: 16 << 20, LATENT: 16 << 20}
+LARGEST_DESCRIPTION = 64 << 10
+_LARGEST = {DESCRIPTION: LARGEST_DESCRIPTION, WEIGHTS: 16 << 20, LATENT: 16 << 20}
 _DIMENSIONS = (2, 3)
 #: Codes that are decoded to see whether an arm could do what a decoder says.
 _TRIED_CODES = 1000

@@ -52,6 +52,10 @@ def test_what_it_was_recorded_in_comes_back_and_may_be_left_out(fan_skill, folde
     assert Skill.load(replace(fan_skill, scene=scene).save(folder)).scene == scene
     # Nothing stood there, which is more than not to say what did.
     assert Skill.load(replace(fan_skill, scene={}).save(folder)).scene == {}
+    too_long = {"boxes": [{"name": f"box {i}", "centre": [1.0, 0.0, 0.0], "size": [0.1] * 3} for i in range(1000)]}
+    with pytest.raises(SkillError, match="no more than 64 kB are read: its scene"):
+        replace(fan_skill, scene=too_long).save(folder)
+    assert Skill.load(folder).scene == {}
     edit(folder, scene=["table"])
     with pytest.raises(SkillError, match=r"scene is .*; it must hold names with their values"):
         Skill.load(folder)
