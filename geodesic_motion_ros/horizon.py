@@ -20,6 +20,9 @@ from geodesic_motion_ros.joint_stop import stopping_reference
 
 #: What is sent reaches further again after this share of the horizon.
 _RENEWED_AFTER = 0.5
+#: For so long after the first of a stream [s], and so often [s], what is sent is sent again: a controller that has only
+#: just found the sender hears nothing of what came before.
+_FOUND_LATE, _AGAIN = 1.0, 0.1
 
 
 @dataclass(frozen=True)
@@ -38,9 +41,11 @@ class Horizon:
         """length : of what is sent, before it brakes [s]."""
         self.length, self._limits = length, limits
         self._sent: Sent | None = None
+        self._first, self._newest = math.inf, -math.inf
 
     def bounded(self, reference: JointReference, begin: float, now: float) -> Sent:
         """What is to be sent at `now` [s] of a reference that begins at a time [s]."""
+        self._first, self._newest = min(self._first, now), now
         # The stop begins at a knot: shorter pieces than those between knots gain nothing.
         ahead = now + self.length - begin
         brakes = float(max(reference.times[reference.times <= ahead], default=0.0))
@@ -52,8 +57,12 @@ class Horizon:
         return self._sent
 
     def must_renew(self, now: float) -> bool:
-        """Whether what was sent last should reach further by now [s]."""
-        return self._sent is not None and now >= self._sent.brakes - (1.0 - _RENEWED_AFTER) * self.length
+        """Whether what was sent last should reach further by now [s], or may not have been heard."""
+        sent = self._sent
+        if sent is None:
+            return False
+        is_new = now < self._first + _FOUND_LATE and now < sent.begin + sent.reference.duration
+        return (is_new and now >= self._newest + _AGAIN) or now >= sent.brakes - (1.0 - _RENEWED_AFTER) * self.length
 
     def overrun(self, soon: float) -> Sent | None:
         """What was sent last, where the arm will brake by itself by a time [s]: that is what it plays then."""

@@ -58,9 +58,21 @@ def test_what_ends_within_the_horizon_is_sent_whole_and_once(reference):
     assert horizon.overrun(1e9) is None
 
 
+def test_in_the_first_second_of_a_stream_it_is_sent_again_ten_times_a_second(reference):
+    """The controller may find the sender late."""
+    horizon = Horizon(LENGTH, LIMITS)
+    horizon.bounded(reference, 0.0, 0.0)
+    assert [horizon.must_renew(now) for now in (0.09, 0.11)] == [False, True]
+    horizon.bounded(reference, 0.0, 0.11)
+    assert [horizon.must_renew(now) for now in (0.2, 0.22)] == [False, True]
+    sent = horizon.bounded(reference, 0.0, 0.99)
+    assert not horizon.must_renew(min(1.1, sent.brakes - 0.5 * LENGTH - 1e-3))
+
+
 def test_it_is_renewed_long_before_the_arm_brakes_and_an_overrun_is_told(reference):
     horizon = Horizon(LENGTH, LIMITS)
     assert not horizon.must_renew(1e9)
+    horizon.bounded(reference, -9.0, -9.0)
     sent = horizon.bounded(reference, 0.0, 0.0)
     assert not horizon.must_renew(sent.brakes - 0.5 * LENGTH - 1e-3)
     assert horizon.must_renew(sent.brakes - 0.5 * LENGTH + 1e-3)
