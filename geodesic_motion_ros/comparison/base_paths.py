@@ -16,7 +16,6 @@ that base.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,9 +25,9 @@ import numpy as np
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.methods.promp import Primitives
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
+from geodesic_motion_ros.comparison.scene_table import print_scene_table
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.demonstrations.similarity import Similarity, compare
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour import DetourPlanner
@@ -36,7 +35,6 @@ from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, Detour
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
-from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -156,19 +154,7 @@ def measured(arena: Arena, count: int, seed: int) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--skill", default="panda_reach_to_grasp", help="its folder, or the name of a shipped one")
-    parser.add_argument("--scenes", type=int, default=20, metavar="N", help="of each family (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: %(default)s)")
-    arguments = parser.parse_args(argv)
-    try:
-        if arguments.scenes < 1:
-            raise ParameterError(f"--scenes {arguments.scenes}: at least 1 of each family is needed")
-        print(measured(Arena.of(Skill.load(arguments.skill), "arm"), arguments.scenes, arguments.seed))
-    except GeodesicMotionError as error:
-        print(f"base_paths: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return print_scene_table("base_paths", __doc__, measured, argv)
 
 
 def _standing(scene: Scene) -> Obstacles:

@@ -5,13 +5,12 @@
 Scenes are those of the benchmark with all of the arm guarded. After `TAKEN` the hand holds a bottle as soon as no
 sphere is within `ROOM` of where that is then, and after `PUT_DOWN` it holds none. Judged as everywhere: the meshes of
 the arm, and while it is held the bottle itself, a cylinder. Starts and goals were drawn for an empty hand, so that a
-goal may be one that the bottle cannot go to: what counts is what is touched. The control is a planner that is not told
-of it.
+goal may be one that the bottle cannot go to: what counts is what is touched. The control is a planner that does
+not know of it.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
@@ -23,14 +22,13 @@ from geodesic_motion_ros.comparison.families import Family
 from geodesic_motion_ros.comparison.method import Method
 from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
+from geodesic_motion_ros.comparison.scene_table import print_scene_table
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import inverse, rotate
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.simulation.world import PandaWorld
-from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.solids import cylinder_distances
 from geodesic_motion_ros.tables import text_table
 from geodesic_motion_ros.task_frame import TaskFrame
@@ -73,11 +71,11 @@ class MeshesAndBottle(CollisionGeometry):
 
 
 class Holding(Geodesics):
-    """Ours, told what its hand holds, or as a control not."""
+    """Ours, which knows what its hand holds, or as a control does not."""
 
-    def __init__(self, arena: Arena, is_told: bool = True, planner: PlannerSettings | None = None) -> None:
+    def __init__(self, arena: Arena, knows_bottle: bool = True, planner: PlannerSettings | None = None) -> None:
         super().__init__(arena, planner=planner)
-        self._is_told = is_told
+        self._knows_bottle = knows_bottle
 
     def reset(self, scene: Scene) -> None:
         for planner in self._planners.values():
@@ -86,7 +84,7 @@ class Holding(Geodesics):
 
     def hold(self, objects: Sequence[HeldObject]) -> None:
         """The hand holds these from now on."""
-        if self._is_told:
+        if self._knows_bottle:
             verdict = self._planner.hold(objects)
             assert verdict.ok, verdict.reason
             self._tracking.take_collision(self._planner.collision)
@@ -138,8 +136,8 @@ def measured(arena: Arena, count: int, seed: int) -> str:
     """So many scenes of each family, played by ours and by the control: a table of what was touched."""
     stage, cells = BottleStage(arena), []
     scenes = [draw_scene(arena, family, number, seed) for family in FAMILIES for number in range(count)]
-    for name, is_told in (("ours", True), ("control: not told of it", False)):
-        method = Holding(arena, is_told)
+    for name, knows_bottle in (("ours", True), ("control: does not know of it", False)):
+        method = Holding(arena, knows_bottle)
         outcomes = [stage.play(scene, method)[0] for scene in scenes]
         cells.append([
             name, len(scenes), sum(outcome.touched_moving for outcome in outcomes),
@@ -152,19 +150,7 @@ def measured(arena: Arena, count: int, seed: int) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--skill", default="panda_reach_to_grasp", help="its folder, or the name of a shipped one")
-    parser.add_argument("--scenes", type=int, default=6, metavar="N", help="of each family (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the scenes (default: %(default)s)")
-    arguments = parser.parse_args(argv)
-    try:
-        if arguments.scenes < 1:
-            raise ParameterError(f"--scenes {arguments.scenes}: at least 1 of each family is needed")
-        print(measured(Arena.of(Skill.load(arguments.skill), "arm"), arguments.scenes, arguments.seed))
-    except GeodesicMotionError as error:
-        print(f"bottle_in_hand: {error}", file=sys.stderr)
-        return 2
-    return 0
+    return print_scene_table("bottle_in_hand", __doc__, measured, argv)
 
 
 if __name__ == "__main__":

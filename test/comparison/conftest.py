@@ -7,7 +7,19 @@ from collections.abc import Callable
 import pytest
 
 from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
+from geodesic_motion_ros.skill import Skill
+
+
+@pytest.fixture(scope="module")
+def arena(reach_skill: Skill) -> Arena:
+    return Arena.of(reach_skill)
+
+
+@pytest.fixture(scope="module")
+def stage(arena: Arena) -> Stage:
+    return Stage(arena)
 
 
 @pytest.fixture(scope="session")

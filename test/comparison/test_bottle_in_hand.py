@@ -1,4 +1,4 @@
-"""The bottle in the hand: where it is judged to be, and that a planner which is told of it does not touch with it."""
+"""The bottle in the hand: where it is judged to be, and that a planner which knows of it touches nothing with it."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_the_bottle_is_where_the_hand_is() -> None:
 
 def test_what_only_the_bottle_would_touch_is_touched_by_the_control_alone(arena: Arena) -> None:
     stage, free = BottleStage(arena), draw_scene(arena, "none", 0, 0)
-    ours, control = Holding(arena), Holding(arena, is_told=False)
+    ours, control = Holding(arena), Holding(arena, knows_bottle=False)
     outcome, postures = stage.play(free, ours)
     assert outcome.success
     scene = with_sphere_at_the_end_of_the_bottle(stage, free, postures)

@@ -10,7 +10,7 @@ import pytest
 
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.catalogue import ROWS, Row, chosen
-from geodesic_motion_ros.comparison.execution import Outcome, Stage
+from geodesic_motion_ros.comparison.execution import Outcome
 from geodesic_motion_ros.comparison.families import FAMILIES
 from geodesic_motion_ros.comparison.figures import _came_near
 from geodesic_motion_ros.comparison.held_out import digest
@@ -41,16 +41,6 @@ class Waiting:
     def tick(self, now, obstacles) -> Answer:
         """Whatever comes."""
         return Answer(refusal="waits")
-
-
-@pytest.fixture(scope="module")
-def arena(reach_skill: Skill) -> Arena:
-    return Arena.of(reach_skill)
-
-
-@pytest.fixture(scope="module")
-def stage(arena: Arena) -> Stage:
-    return Stage(arena)
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Scenes on a declared table: things rest on it, methods are told of it, and the judge sees who touches it."""
+"""Scenes on a declared table: things rest on it, methods know of it, and the judge sees who touches it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,6 @@ from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.solids import solid_distances
 
 COARSE = PlannerSettings(grid_shape=(30, 30, 30))
@@ -42,16 +41,6 @@ class Uninformed:
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         return self._method.tick(now, obstacles)
-
-
-@pytest.fixture(scope="module")
-def arena(reach_skill: Skill) -> Arena:
-    return Arena.of(reach_skill)
-
-
-@pytest.fixture(scope="module")
-def stage(arena: Arena) -> Stage:
-    return Stage(arena)
 
 
 def block(centre: np.ndarray, size: float = 0.04) -> DeclaredScene:
@@ -190,7 +179,7 @@ def test_barriers_count_distances_from_solids_and_normals_away_from_them() -> No
 
 
 @pytest.fixture
-def told() -> Callable[[str, str], str]:
+def table_of() -> Callable[[str, str], str]:
     def table(family: str, contact: str) -> str:
         outcome = Outcome(
             mostly_free=True, reached=False, contact=contact, refusal="", duration=6.0, clearance=0.05, dtw=0.002,
@@ -201,9 +190,9 @@ def told() -> Callable[[str, str], str]:
     return table
 
 
-def test_contacts_with_the_table_are_a_column_of_their_own(told) -> None:
-    head, _, row = told("table", "scene").splitlines()[2:5]
+def test_contacts_with_the_table_are_a_column_of_their_own(table_of) -> None:
+    head, _, row = table_of("table", "scene").splitlines()[2:5]
     cells = dict(zip(head.split(" | "), row.split(" | "), strict=True))
     assert cells["touched, scene |"] == "1 |"
     assert [cells[name] for name in ("touched, moving", "touched, standing", "refused", "lost")] == ["0"] * 4
-    assert "touched, scene" not in told("static", "moving")
+    assert "touched, scene" not in table_of("static", "moving")

@@ -141,9 +141,9 @@ def test_what_blocks_every_demonstrated_path_is_gone_round_once_a_scene_is_decla
 ):
     watch(bench)
     wide = BALL.replace("0.03}", "0.08}")
-    told = {"skill": str(request.getfixturevalue(folder)), "scene": scene}
-    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), spheres=wide, spawn_at_start=True, **told)
-    planner = bench.add(PlannerNode, **options | told, patience=0.5)
+    declares = {"skill": str(request.getfixturevalue(folder)), "scene": scene}
+    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), spheres=wide, spawn_at_start=True, **declares)
+    planner = bench.add(PlannerNode, **options | declares, patience=0.5)
     bench.wait_for_code("NO_GOAL")
     bench.wait(lambda: len(planner._inputs.snapshot().obstacles.radii), "the ball at the planner")
     bench.send_goal(skill.goal_pose)

@@ -35,7 +35,7 @@ class Geodesics:
     *hard*: nodes in obstacles are removed and references certified, but the metric does not grow towards obstacles.
     *soft*: the metric grows, but nothing is removed or certified. This is not the paper's planner: endpoints are
     normalised (canonical sheet), the graph is pruned, obstacles are predicted and the cost of a path is limited, as in
-    the other parts. It has no body that could touch what is declared, and is not told of it.
+    the other parts. It has no body that could touch what is declared, and does not know of it.
     """
 
     def __init__(self, arena: Arena, part: Part = "whole", planner: PlannerSettings | None = None) -> None:

@@ -289,7 +289,7 @@ def tool_way(poses: Sequence[Pose]) -> np.ndarray:
 class GoalCovered(Fault):
     name = "goal_covered"
     criterion = (
-        "a sphere on the goal: NO_FEASIBLE_PATH, the arm goes near, rests clear of it <= 15 s; gone: resumes by itself"
+        "a sphere on the goal: NO_FEASIBLE_PATH, the arm rests clear of it <= 15 s (how near is said); resumes then"
     )
     phases = (MOTION,)
 
