@@ -15,7 +15,7 @@ from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
 def evaded(
-    solver: Solver, query: HeldQuery, verdict: Verdict, situation: Situation, last_failed: float
+    solver: Solver, query: HeldQuery, verdict: Verdict, situation: Situation, last_failed: float, reach: float
 ) -> tuple[Step | None, float]:
     """An evasion path where something comes to where the arm stops or stands, and it has no path to the goal; and when
     none was found last [s].
@@ -26,23 +26,30 @@ def evaded(
     ----------
     verdict : why there is no path for a query; the plan's states the same, and that the arm evades.
     last_failed : when no evasion path was found last [s].
+    reach : how far the tool may leave what was demonstrated [m].
     """
     settings, followed = situation.settings, situation.followed
     blocked = verdict.code is VerdictCode.NO_FEASIBLE_PATH
     if not (blocked and settings.avoidance) or situation.obstacles.stand:
         return None, last_failed
-    left = _left(situation)
+    left, evading = _left(situation), followed is not None and followed.evading
     due = situation.now >= last_failed + constants.EVASION_PERIOD - TIME_ROUNDING
     for horizon in (constants.EVASION_LOOKAHEAD * settings.prediction, settings.prediction):
         if _is_free(situation, left, horizon):
-            evading = followed is not None and followed.evading
             return situation.answered(verdict) if evading else None, last_failed
         plan = None
         if due:
             plan = solver.evade(query, situation.state, situation.expected, horizon, situation.deadline)
         if plan is not None:
             return _taken(query, plan, verdict, situation), last_failed
-    return None, situation.now if due else last_failed
+    soon = min(constants.EVASION_DISPLACED_WITHIN, settings.prediction)
+    failed = situation.now if due else last_failed
+    if reach == 0.0:
+        return None, failed
+    if _is_free(situation, left, soon):
+        return situation.answered(verdict) if evading else None, failed
+    plan = solver.evade_displaced(query, situation.state, situation.expected, soon, reach) if due else None
+    return (None, failed) if plan is None else (_taken(query, plan, verdict, situation), last_failed)
 
 
 def _taken(query: HeldQuery, plan: Plan, verdict: Verdict, situation: Situation) -> Step:

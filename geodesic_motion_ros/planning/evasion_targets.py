@@ -1,4 +1,5 @@
-"""Evasion targets: places nearby on a skill's graph that nothing is expected to come to, and the paths there.
+"""Evasion targets: places nearby that nothing is expected to come to, on a skill's graph and beside it, and the paths
+there.
 
 For every kind of skill. When an arm evades is for `evasion`, and whether a path is free in motion for the certificate.
 """
@@ -6,6 +7,7 @@ For every kind of skill. When an arm evades is for `evasion`, and whether a path
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
@@ -13,7 +15,13 @@ from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
 from geodesic_motion_ros.graph.shortest_path import shortest_free_path
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
+from geodesic_motion_ros.planning.posture import hold_path
 from geodesic_motion_ros.planning.search import LatentPath, SearchQuery
+from geodesic_motion_ros.robot.kinematics import Robot
+
+#: Steps of a displacement.
+_STEPS = 3
 
 
 def paths_to_targets(
@@ -41,6 +49,40 @@ def paths_to_targets(
         if len(edges) > 0:
             points = np.concatenate([start[None], graph.latent[nodes]])
             yield LatentPath(nodes, points, float(np.max(query.graph.energies(edges))), 0.0)
+
+
+def displaced_paths(
+    robot: Robot, arm: ArmInScene, start: np.ndarray, undisplaced: np.ndarray, reach: float, apart: float
+) -> Iterator[np.ndarray]:
+    """Configurations (m, eta) of paths from one (eta,) that displace the tool straight, turned as it is, or swivel the
+    arm about it: to evasion targets beside the graph, the shortest first, of those the one with most clearance.
+
+    Parameters
+    ----------
+    arm : among where obstacles are expected to be, all at once; a target's clearance from that is at least `apart` [m].
+    undisplaced : (3,) where the tool would be on the graph [m]; no target is farther from there than `reach` [m].
+    """
+    position, quaternion = robot.forward(start)
+    found = []
+    for number, (direction, swivel) in enumerate(_displacements(len(start))):
+        steps = constants.EVASION_DISPLACEMENT * np.arange(1, _STEPS + 1) / _STEPS
+        positions = position + steps[:, None] * direction
+        swivels = np.full(_STEPS, swivel * constants.EVASION_SWIVEL / _STEPS)
+        held = hold_path(robot, positions, np.tile(quaternion, (_STEPS, 1)), start, swivels)
+        within = held.held & (np.linalg.norm(positions - undisplaced, axis=1) <= reach)
+        for step in range(int(np.argmin(np.append(within, False)))):
+            clearance = clearance_at(held.configurations[step], arm, np.inf)
+            if clearance >= apart:
+                found.append((step, -clearance, number, held.configurations[: step + 1]))
+    for _, _, _, configurations in sorted(found, key=lambda target: target[:3]):
+        yield np.concatenate([start[None], configurations])
+
+
+def _displacements(joints: int) -> list[tuple[np.ndarray, float]]:
+    """Directions (3,), of length 1 or 0, and swivels, -1, 0 or 1, of which one is 0."""
+    directions = [np.array(one, dtype=float) for one in product((-1, 0, 1), repeat=3) if any(one)]
+    displaced = [(one / np.linalg.norm(one), 0.0) for one in directions]
+    return displaced + ([(np.zeros(3), -1.0), (np.zeros(3), 1.0)] if joints > 6 else [])
 
 
 def _in_all_directions(nodes: np.ndarray, away: np.ndarray) -> list[int]:

@@ -635,7 +635,9 @@ class ReactivePlanner:
             if step is not None or situation.deadline.passed:
                 return _Decision(step or situation.stopped(plan.verdict), query, memory.interrupted(plan.verdict))
         if step is None:
-            step, failed = evaded(self._solver, query, plan.verdict, situation, memory.last_failed_evasion)
+            step, failed = evaded(
+                self._solver, query, plan.verdict, situation, memory.last_failed_evasion, self._reach
+            )
             memory = replace(memory, last_failed_evasion=failed)
         if (step is None or step.plan.trajectory is None) and memory.origin(query) is query:
             nearer, search = approached(self._solver, query, plan.verdict, situation, memory.approach)

@@ -92,6 +92,11 @@ EVASION_STEPS, EVASION_NODES = 30, 500
 EVASION_TARGETS, EVASION_COSINE = 4, 0.7
 #: From there the goal must be reachable, without obstacles, at less than this share, up to 1, of what a path may cost.
 EVASION_RETURN_SHARE = 0.5
+#: Where no place on the graph is free of what comes within this time [s], the tool moves aside by up to so much [m], or
+#: the arm swivels by up to so much [rad].
+EVASION_DISPLACED_WITHIN, EVASION_DISPLACEMENT, EVASION_SWIVEL = 0.6, 0.15, 0.6
+#: So many displaced places are tried.
+EVASION_DISPLACED = 3
 
 # ------------------------------------------------------------------ goals that are covered
 

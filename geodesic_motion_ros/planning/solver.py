@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -27,8 +28,9 @@ from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.evasion_targets import paths_to_targets
+from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.search import LatentPath, SearchQuery, cheapest_path, is_same_path, path_verdict
@@ -311,6 +313,28 @@ class Solver:
                 return plan
             if deadline.passed:
                 return None
+        return None
+
+    def evade_displaced(
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, horizon: float, reach: float
+    ) -> Plan | None:
+        """The same to a place beside the graph; reach : how far the tool may be from where it would be on it [m]."""
+        latent = _latent_start(query, state)[None]
+        held, objection = query.configurations_along(latent, state.position)
+        if objection:
+            return None
+        undisplaced, _ = self.robot.forward(held[0])
+        arm = ArmInScene.of(self.robot, self.collision, obstacles.swept(horizon).beside(self.scene.solids))
+        apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
+        targets = displaced_paths(self.robot, arm, state.position, undisplaced, reach, apart)
+        for curve in islice(targets, constants.EVASION_DISPLACED):
+            timed = self._timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
+            if timed.reference is None:
+                continue
+            certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=False)
+            if self.certifier.objection(certificate) is None:
+                verdict = Verdict(VerdictCode.OK, clearance=float(np.min(certificate.clearance)))
+                return Plan(self.certifier.certified(timed.reference, certificate), state.time, verdict)
         return None
 
     def approach(

@@ -25,6 +25,8 @@ from geodesic_motion_ros.verdict import VerdictCode
 
 TICK, PATIENCE, REACH = 0.01, 1.0, 0.25
 SKILLS = ("panda_pouring", "panda_reach_to_grasp")
+#: So far from the tool a chasing sphere begins [m]: outside of the arm.
+BEGINS = {"panda_pouring": 0.2, "panda_reach_to_grasp": 0.3}
 
 
 @pytest.fixture(scope="module", params=SKILLS)
@@ -124,6 +126,25 @@ def test_what_has_stood_for_long_is_gone_round_at_once(planner) -> None:
     plans = played.run(0.4)
     assert plans[-1].verdict.ok
     assert plans[-1].verdict.displacement > 0.0
+
+
+@pytest.mark.parametrize("reach", [0.0, REACH])
+def test_an_arm_that_is_chased_off_the_graph_goes_beside_it_where_that_is_allowed(planner, reach: float) -> None:
+    """A sphere turns to the tool in every tick, from above; without room on the graph the arm is touched."""
+    played, least, centre = Played(planner, reach), np.inf, np.empty(0)
+    played.ask()
+    played.run(1.0)
+    direction, speed = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0), 0.1
+    for _ in range(360):
+        tool = planner.robot.forward(played.postures[-1])[0]
+        centre = centre if len(centre) else tool + BEGINS[planner.skill.name] * direction
+        velocity = speed * (tool - centre) / np.linalg.norm(tool - centre)
+        centre = centre + TICK * velocity
+        sphere = Obstacles.of_spheres(centre[None], np.array([0.05]), velocity[None], played.now)
+        planner.take_obstacles(sphere)
+        least = min(least, obstacle_clearance(planner.collision, planner.robot, played.postures[-1], sphere)[0])
+        played.run(TICK)
+    assert (least > 0.0) is (reach > 0.0)
 
 
 def test_the_same_inputs_give_the_same_bytes(planner) -> None:

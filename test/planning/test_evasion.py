@@ -16,7 +16,7 @@ from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.evasion import evaded, still_evading
 from geodesic_motion_ros.planning.mode import Mode
-from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import MotionState, Plan
 from geodesic_motion_ros.planning.stream import Stream
@@ -33,20 +33,33 @@ NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
 
 @dataclass
 class OneEvasionPath:
-    """In the place of a Solver: a turn to the side, where there is one, and for how long [s] it is asked for."""
+    """In the place of a Solver: a turn to the side, on the graph or beside it, where there is one, and for how long [s]
+    it is asked for.
+    """
 
     found: bool = True
+    found_beside: bool = False
     asked: list[float] = field(default_factory=list)
+    asked_beside: list[float] = field(default_factory=list)
 
     def evade(
         self, query: object, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline
     ) -> Plan | None:
         self.asked.append(horizon)
+        return self._turn(state, obstacles, horizon) if self.found else None
+
+    def evade_displaced(
+        self, query: object, state: MotionState, obstacles: Obstacles, horizon: float, reach: float
+    ) -> Plan | None:
+        self.asked_beside.append(horizon)
+        return self._turn(state, obstacles, horizon) if self.found_beside else None
+
+    def _turn(self, state: MotionState, obstacles: Obstacles, horizon: float) -> Plan:
         share = np.linspace(0.0, 1.0, 30)[:, None]
         path = state.position + share * np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         reference = timed_joint_reference(path, np.hstack([1.0 - share, share]), LIMITS)
         trajectory = CERTIFIER.certified(reference, CERTIFIER.certify(reference, obstacles, horizon, beyond=False))
-        return Plan(trajectory, state.time, Verdict(VerdictCode.OK, clearance=0.01)) if self.found else None
+        return Plan(trajectory, state.time, Verdict(VerdictCode.OK, clearance=0.01))
 
 
 class Arm:
@@ -54,7 +67,7 @@ class Arm:
 
     def __init__(self, settings: PlannerSettings = SETTINGS) -> None:
         self.settings, self.solver, self.stream = settings, OneEvasionPath(), Stream(CERTIFIER)
-        self.last_failed = -np.inf
+        self.last_failed, self.reach = -np.inf, 0.0
         standing = JointReference.standing(ROBOT.ready, np.zeros(2))
         self.stream.stand(CERTIFIER.certified(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
 
@@ -62,7 +75,9 @@ class Arm:
         self, now: float, obstacles: Obstacles, verdict: Verdict = NO_PATH, late: Deadline = NEVER
     ) -> Plan | None:
         situation = self.situation(now, obstacles, late)
-        step, self.last_failed = evaded(self.solver, QUERY, verdict, situation, self.last_failed)
+        step, self.last_failed = evaded(
+            self.solver, QUERY, verdict, situation, self.last_failed, self.reach
+        )
         return None if step is None else self.stream.take(step, now)
 
     def still_evading(self, now: float, obstacles: Obstacles) -> Plan | None:
@@ -86,7 +101,7 @@ def coming(after: float, time: float = 0.0) -> Obstacles:
 def test_an_arm_evades_what_is_coming_and_says_so() -> None:
     arm = Arm()
     situation = arm.situation(0.0, coming(1.0))
-    step, _ = evaded(arm.solver, QUERY, NO_PATH, situation, -np.inf)
+    step, _ = evaded(arm.solver, QUERY, NO_PATH, situation, -np.inf, 0.0)
     assert situation.mode(step) is Mode.EVADING
     plan = arm.stream.take(step, 0.0)
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
@@ -129,6 +144,34 @@ def test_where_no_path_was_found_none_is_searched_in_every_tick() -> None:
     assert len(arm.solver.asked) == 4
     arm.last_failed, arm.solver.found = -np.inf, True
     assert arm.plan(0.06, coming(1.0)).trajectory is not None
+
+
+def test_beside_the_graph_an_arm_evades_what_is_near_where_it_may_and_must() -> None:
+    """The controls: it may not leave what was demonstrated, what comes is not that near, or the graph has a place."""
+    soon = EVASION_DISPLACED_WITHIN
+    cases = ((0.5 * soon, 0.25, False, True), (0.5 * soon, 0.0, False, False), (2.0 * soon, 0.25, False, False),
+             (0.5 * soon, 0.25, True, False))  # fmt: skip
+    for after, reach, found, beside in cases:
+        arm = Arm()
+        arm.reach, arm.solver.found, arm.solver.found_beside = reach, found, True
+        plan = arm.plan(0.0, coming(after))
+        assert arm.solver.asked_beside == ([soon] if beside else [])
+        assert (plan is not None) is (beside or found)
+
+
+def test_an_arm_goes_on_evading_beside_the_graph_while_nothing_comes_near() -> None:
+    """It comes to where the evasion path ends, but later; the control: at once."""
+    arm = Arm()
+    arm.reach, arm.solver.found, arm.solver.found_beside = 0.25, False, True
+    arm.plan(0.0, coming(0.5 * EVASION_DISPLACED_WITHIN))
+    hand, _ = ROBOT.forward(arm.stream.commanded(arm.stream.played.end)[0])
+    velocity = np.array([[0.0, 0.0, 0.2]])
+    for after, asked in ((1.5, 1), (0.3, 2)):
+        meeting = Obstacles.of_spheres(hand - (0.1 + after) * velocity, np.array([0.03]), velocity, 0.1)
+        arm.last_failed = -np.inf
+        plan = arm.plan(0.1, meeting)
+        assert len(arm.solver.asked_beside) == asked
+        assert (plan.trajectory is None) is (asked == 1)
 
 
 def test_an_arm_goes_on_evading_while_that_is_free() -> None:
