@@ -27,7 +27,7 @@ from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 
 #: Why there is none between two configurations; in another posture there may be one.
 COVERED_END = "an obstacle covers where it would begin or end"
-#: And where there is one that does.
+#: Why there is none where there would be one if everything were seen.
 UNSEEN = "the arm would enter what is not seen"
 #: A band is smoothed by so many of its points; by fewer where that cuts a corner too short.
 SMOOTHINGS = (1.5, 0.5)
