@@ -20,6 +20,7 @@ import numpy as np
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference, joined, kept_knots
 from geodesic_motion_ros.obstacles import Obstacles, nearness
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.seen_volume import SeenVolume, first_unseen
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import end_effector_poses, lever_bounds, place_body_points
@@ -250,6 +251,15 @@ class ArmCertifier:
             begin = certificate.times[int(np.argmax(certificate.scene_clearance < 0.0))]
             return f"{certificate.entered} of the scene after {max(0.0, begin):.2f} s"
         return None
+
+    def unseen(self, swept: SweptSpheres, seen: SeenVolume) -> str | None:
+        """Which link leaves what is seen, and when; None where none ever does."""
+        if seen.everything:
+            return None
+        interval, sphere = first_unseen(swept.placed, swept.bulges, self._radii, self._moving, seen)
+        if sphere < 0:
+            return None
+        return f"'{self._link(sphere)}' enters what is not seen after {swept.times[interval]:.2f} s"
 
     def first_objection(self, certificate: Certificate, margin: float = 0.0) -> float | None:
         """When [s] the first of what `objection` objects to begins; None where it does not."""

@@ -58,10 +58,11 @@ def build_planners() -> None:
     """A planner of each kind stands then: with every kernel of its ticks."""
     from geodesic_motion_ros.planning.declared_scene import DeclaredScene
     from geodesic_motion_ros.planning.planner import ReactivePlanner
+    from geodesic_motion_ros.planning.settings import PlannerSettings
     from geodesic_motion_ros.skill import Skill
 
     for name in SKILLS:
-        ReactivePlanner(Skill.load(name), scene=DeclaredScene.empty())
+        ReactivePlanner(Skill.load(name), PlannerSettings(unseen="blocked"), scene=DeclaredScene.empty())
 
 
 def called() -> list[tuple[str, str, str]]:

@@ -159,7 +159,7 @@ class DetourBench:
                 with band[play]:
                     drawn = drawn_tight(found.frame, found.arm, found.path, self._reach, self.margin)
                     if drawn is not None:
-                        detour = Detour.along_band(motion.query, found.path, drawn)
+                        detour = Detour.along_band(motion.query, found.frame, found.path, drawn)
                         tight = self._detours.plan(detour, motion.state, obstacles)
         into.found += 1
         if found.plan.verdict.ok:

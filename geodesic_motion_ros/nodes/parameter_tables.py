@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 from geodesic_motion_ros.graph.ambient_law import LAWS
 from geodesic_motion_ros.nodes.parameters import Parameter
-from geodesic_motion_ros.planning.settings import LARGEST_DETOUR
+from geodesic_motion_ros.planning.settings import LARGEST_DETOUR, Unseen
 from geodesic_motion_ros.robot.panda import PANDA_READY
 
 _BASE_FRAME = "base_frame", "panda_link0"
@@ -70,6 +72,14 @@ PLANNER = (
         0.0,
         LARGEST_DETOUR,
         read_only=False,
+    ),
+    Parameter(
+        "unseen",
+        "free",
+        "Where detours may lead: free: wherever no obstacle is known; blocked: inside the boxes `seen` of the scene, "
+        "which are empty for ever or which the obstacle source observes wholly, and where the arm passes without a "
+        "detour",
+        choices=get_args(Unseen),
     ),
     Parameter(
         "patience",

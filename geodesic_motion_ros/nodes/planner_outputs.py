@@ -44,6 +44,7 @@ from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import VerdictCode
@@ -64,7 +65,7 @@ _END_FIGURES = (
     "start_beyond", "goal_beyond", "start_beyond_angle", "goal_beyond_angle", "end_correction",
 )  # fmt: skip
 _PATH_COLOUR, _DETOUR_COLOUR = (0.95, 0.85, 0.25, 1.0), (0.95, 0.45, 0.15, 1.0)
-_SCENE_COLOUR = (0.55, 0.58, 0.62, 0.35)
+_SCENE_COLOUR, _SEEN_COLOUR = (0.55, 0.58, 0.62, 0.35), (0.40, 0.75, 0.45, 0.08)
 _OBSTACLE_COLOUR = (0.88, 0.28, 0.24, 0.55)
 #: Cubes of a cloud that are shown.
 _MOST_CUBES = 1000
@@ -247,22 +248,24 @@ class PlannerOutputs:
         path: np.ndarray,
         is_detour: bool,
         obstacles: ObstacleSet,
-        scene: np.ndarray,
+        scene: DeclaredScene,
         body: np.ndarray,
         held: Sequence[HeldObject],
         tool: TaskFrame,
     ) -> None:
         """The path (n, 3), in another colour where it is a detour, obstacles as the planner sees them (of a cloud some
-        occupied cubes), the solids (b, 16) of the declared scene, and the body's spheres (K, 4): centre and radius [m],
-        base frame; and the objects in the hand, with the tool where it is commanded to be.
+        occupied cubes), the declared scene, faint what it lists as seen, and the body's spheres (K, 4): centre and
+        radius [m], base frame; and the objects in the hand, with the tool where it is commanded to be.
         """
         stamp = self._now()
         shown: list[Marker] = []
         if len(path):
             colour = _DETOUR_COLOUR if is_detour else _PATH_COLOUR
             shown.append(line_marker("path", path, 0.006, colour, self._frame, stamp))
-        for number, solid in enumerate(scene):
+        for number, solid in enumerate(scene.solids):
             shown.append(solid_marker("scene", number, solid, _SCENE_COLOUR, self._frame, stamp))
+        for number, box in enumerate(scene.seen):
+            shown.append(solid_marker("seen", number, box, _SEEN_COLOUR, self._frame, stamp))
         spheres = zip(obstacles.centres, obstacles.radii, strict=True)
         for number, (centre, radius) in enumerate(spheres):
             shown.append(sphere_marker("obstacles", number, centre, radius, _OBSTACLE_COLOUR, self._frame, stamp))

@@ -19,6 +19,7 @@ from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.scene_parameter import declared_scene
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycle
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -27,14 +28,13 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.solids import no_solids
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 _SETTINGS = (
     "avoidance", "avoid", "obstacle_margin", "obstacle_position_error", "ambient_strength", "ambient_width_ratio",
     "ambient_law", "cost_cap", "ridge_strength", "query_conditioning", "prediction", "maximum_offset",
     "maximum_offset_angle", "maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius",
-    "refine", "detour", "patience", "approach_covered_goal",
+    "refine", "detour", "unseen", "patience", "approach_covered_goal",
 )  # fmt: skip
 #: Negative: what belongs to the kind of skill.
 _TOOL_LIMITS = ("speed", "angular_speed", "acceleration")
@@ -99,9 +99,9 @@ class SkillKind(ABC):
         """Take parameters that may change while the node runs."""
 
     @property
-    def scene(self) -> np.ndarray:
-        """The solids (b, 16) of the declared scene."""
-        return no_solids()
+    def scene(self) -> DeclaredScene:
+        """What always stands around the arm, as far as it is declared."""
+        return DeclaredScene.empty()
 
     @property
     def caution(self) -> str:
@@ -188,21 +188,26 @@ class CertifiedKind(SkillKind):
             self.planner.set_detour(values["detour"])
 
     @property
-    def scene(self) -> np.ndarray:
-        return self.planner.scene.solids
+    def scene(self) -> DeclaredScene:
+        return self.planner.scene
 
     @property
     def caution(self) -> str:
         planner = self.planner
-        if planner.may_detour and self._scene_is_recorded:
+        if not planner.may_detour:
+            return "no detours: declare what stands around the arm with the parameter scene, or that nothing does: none"
+        cautions = []
+        if self._scene_is_recorded:
             names = ", ".join(planner.scene.names) or "nothing"
-            return (
+            cautions.append(
                 f"around the arm stands what the skill says it was recorded in: {names}; detours leave what was "
                 f"demonstrated by up to {planner.settings.detour:g} m. The parameter scene says otherwise"
             )
-        if planner.may_detour:
-            return ""
-        return "no detours: declare what stands around the arm with the parameter scene, or that nothing does: none"
+        if planner.settings.unseen == "blocked" and not len(planner.scene.seen):
+            cautions.append(
+                "unseen is blocked and the scene lists no boxes as seen: detours stay where the arm passes without them"
+            )
+        return "; ".join(cautions)
 
     def close(self) -> None:
         super().close()

@@ -10,6 +10,7 @@ import numpy as np
 
 from geodesic_motion_ros.distance_field import field_distance
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.seen_volume import SeenVolume, is_inside
 from geodesic_motion_ros.robot.body_points import joint_terms, mounted, place_joints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -26,6 +27,7 @@ class ArmInScene(NamedTuple):
     joints, points : (S,), (S, 3) of `body_points.mounted`; radii : (S,) [m].
     moving : (k,) numbers of the spheres that are kept from obstacles; pairs : (P, 2) of those kept from each other.
     centres, obstacle_radii, solids, squares, placing : of `Obstacles`, at the places where they are.
+    seen : where the moving spheres may be.
     """
 
     chain: tuple[np.ndarray, ...]
@@ -44,10 +46,13 @@ class ArmInScene(NamedTuple):
     solids: np.ndarray
     squares: np.ndarray
     placing: np.ndarray
+    seen: SeenVolume
 
     @classmethod
-    def of(cls, robot: Robot, collision: CollisionModel, obstacles: Obstacles) -> ArmInScene:
-        """The arm of a robot; obstacles are taken to stand where they are."""
+    def of(
+        cls, robot: Robot, collision: CollisionModel, obstacles: Obstacles, seen: SeenVolume | None = None
+    ) -> ArmInScene:
+        """The arm of a robot; obstacles are taken to stand where they are. seen : None: everything is."""
         terms, translations, slides, mounts, mount_origins, carriers = joint_terms(robot.chain)
         body = collision.points
         joints, points = mounted(body.frames, body.offsets, mounts, mount_origins, carriers)
@@ -55,6 +60,7 @@ class ArmInScene(NamedTuple):
             robot.chain, robot.lower, robot.upper, terms, translations, slides, joints, points, collision.radii,
             np.flatnonzero(collision.moving), collision.self_pairs, np.ascontiguousarray(obstacles.centres),
             np.ascontiguousarray(obstacles.radii), np.ascontiguousarray(obstacles.solids), *obstacles.cloud,
+            seen or SeenVolume.unbounded(),
         )  # fmt: skip
 
 
@@ -97,7 +103,7 @@ def place_spheres(q: np.ndarray, arm: ArmInScene) -> np.ndarray:
 @numba.njit(cache=True, nogil=True)
 def clearance_at(q: np.ndarray, arm: ArmInScene, within: float) -> float:
     """Clearance [m] of the arm in a configuration (eta,), no more than `within`; -inf where a joint is outside its
-    limits, or the arm touches itself.
+    limits, the arm touches itself, or not all of it is in what is seen.
     """
     lower, upper, radii, pairs = arm.lower, arm.upper, arm.radii, arm.pairs
     for j in range(len(q)):
@@ -113,4 +119,6 @@ def clearance_at(q: np.ndarray, arm: ArmInScene, within: float) -> float:
     nearest = within
     for s in arm.moving:
         nearest = min(nearest, distance_from_obstacles(placed[s, 0], placed[s, 1], placed[s, 2], arm) - radii[s])
+    if not arm.seen.everything and not is_inside(placed, 0.0, 0.0, 0.0, radii, arm.moving, arm.seen):
+        return -math.inf
     return nearest

@@ -14,6 +14,9 @@ A file is YAML, lengths in metres, all in the arm's base frame:
       - {name: wall, point: [-0.6, 0.0, 0.0], normal: [1.0, 0.0, 0.0]}     # all that is behind it is occupied
     keep_out:
       - {name: screen, centre: [0.9, 0.0, 0.5], size: [0.2, 0.8, 0.5]}     # a box that is empty, and stays so
+    seen:
+      - {name: front, centre: [0.5, 0.0, 0.4], size: [0.9, 1.4, 0.8]}      # no obstacle: empty for ever, or observed
+                                                                           # wholly; with `unseen: blocked` it counts
     workspace: {lower: [-0.9, -0.9, -0.1], upper: [0.9, 0.9, 1.3]}         # the arm stays inside
 """
 
@@ -55,6 +58,7 @@ _ENTRIES = {
     "cylinders": ("name", "centre", "radius", "height", "|", "quaternion"),
     "planes": ("name", "point", "normal"),
     "keep_out": ("name", "centre", "size", "|", "quaternion"),
+    "seen": ("name", "centre", "size", "|", "quaternion"),
 }
 _WORKSPACE = ("lower", "upper")
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -69,18 +73,20 @@ class DeclaredScene:
     names : of the b solids. solids : (b, 16) rows as of `solids.py`.
     kinds : the list of the file that each stands in: `boxes`, `cylinders` (of which the solid is the box around it, its
         axis the box's z), `planes` (a plate behind it), `keep_out`, `workspace`.
+    seen : (n, 16) boxes that are no obstacles: empty for ever, or the obstacle source observes them wholly.
     described : what a file says of them.
     """
 
     names: tuple[str, ...]
     solids: np.ndarray
     kinds: tuple[str, ...]
+    seen: np.ndarray
     described: dict[str, Any]
 
     @classmethod
     def empty(cls) -> DeclaredScene:
         """Nothing stands around the arm."""
-        return cls((), no_solids(), (), {})
+        return cls((), no_solids(), (), no_solids(), {})
 
     @classmethod
     def named(cls, name: str) -> DeclaredScene | None:
@@ -138,12 +144,18 @@ class DeclaredScene:
         for key in table:
             _check_known(key, known, "the scene")
         rows: list[np.ndarray] = []
+        seen: list[np.ndarray] = []
+        called: set[str] = set()
         names: list[str] = []
         kinds: list[str] = []
         for kind in _ENTRIES:
             for name, row in _entries(kind, table.get(kind)):
-                if name in names:
+                if name in called:
                     raise FileError(f"two things are called '{name}'")
+                called.add(name)
+                if kind == "seen":
+                    seen.append(row)
+                    continue
                 names.append(name)
                 rows.append(row)
                 kinds.append(kind)
@@ -151,7 +163,8 @@ class DeclaredScene:
             names.append(side)
             rows.append(row)
             kinds.append("workspace")
-        return cls(tuple(names), np.concatenate([no_solids(), *rows]), tuple(kinds), table)
+        solids, boxes = (np.concatenate([no_solids(), *listed]) for listed in (rows, seen))
+        return cls(tuple(names), solids, tuple(kinds), boxes, table)
 
     @property
     def obstacles(self) -> Obstacles:

@@ -21,11 +21,14 @@ from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
+from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
 from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 
 #: Why there is none between two configurations; in another posture there may be one.
 COVERED_END = "an obstacle covers where it would begin or end"
+#: Why there is none where there would be one if everything were seen.
+UNSEEN = "the arm would enter what is not seen"
 #: A band is smoothed by so many of its points; by fewer where that cuts a corner too short.
 SMOOTHINGS = (1.5, 0.5)
 #: A path of the lattice is sampled so often [rad], and smoothed by so many of these samples.
@@ -40,6 +43,7 @@ class Detour:
     Attributes
     ----------
     query : between whose start and goal it leads.
+    base : (k, eta) the base path that it leaves [rad].
     configurations : (m, eta) [rad]. latent : (m, d) latent points of the base path beside them.
     displacement : largest one of the tool [m]. swivel : largest one of the arm [rad]. deviation : largest Mahalanobis
         distance of a displacement from what was demonstrated. cost : of the lattice's path; evaluated : its nodes that
@@ -47,6 +51,7 @@ class Detour:
     """
 
     query: HeldQuery
+    base: np.ndarray
     configurations: np.ndarray
     latent: np.ndarray
     displacement: float
@@ -56,10 +61,12 @@ class Detour:
     evaluated: int
 
     @classmethod
-    def along_band(cls, query: HeldQuery, path: LatticePath, band: Band, smoothing: float = SMOOTHINGS[0]) -> Detour:
+    def along_band(
+        cls, query: HeldQuery, frame: DetourFrame, path: LatticePath, band: Band, smoothing: float = SMOOTHINGS[0]
+    ) -> Detour:
         """A path of the lattice as a band has drawn it tight, smoothed by so many of its points."""
         return cls(
-            query, smooth_latent(band.configurations, smoothing), band.latent,
+            query, frame.configurations, smooth_latent(band.configurations, smoothing), band.latent,
             float(np.max(np.linalg.norm(band.displacements, axis=1))), float(np.max(np.abs(band.swivels))),
             float(np.max(band.deviations)), path.cost, path.evaluated,
         )  # fmt: skip
@@ -72,7 +79,8 @@ class Detour:
         latent = interpolated(np.linspace(0.0, 1.0, len(curve)), lengths, frame.latent[path.samples])
         deviation = float(np.max(deviations(path.displacements, frame.precisions[path.samples])))
         return cls(
-            query, curve, latent, float(np.max(np.linalg.norm(path.displacements, axis=1))),
+            query, frame.configurations, curve, latent,
+            float(np.max(np.linalg.norm(path.displacements, axis=1))),
             float(np.max(np.abs(path.swivels))), deviation, path.cost, path.evaluated,
         )  # fmt: skip
 
@@ -116,11 +124,13 @@ class DetourPlanner:
         frames = self.frames(query, obstacles)
         if isinstance(frames, str):
             return frames
+        refusals = []
         for frame in frames:
             found = self.beside(frame, query, obstacles, reach)
             if isinstance(found, Detour):
-                break
-        return found
+                return found
+            refusals.append(found)
+        return UNSEEN if UNSEEN in refusals else refusals[-1]
 
     def beside(self, frame: DetourFrame, query: HeldQuery, obstacles: Obstacles, reach: float) -> Detour | str:
         """The same beside a base path: certified for an arm that begins at rest.
@@ -136,12 +146,15 @@ class DetourPlanner:
         if ends <= 0.0:
             return COVERED_END
         margin = min(solver.settings.obstacle_margin, 0.5 * ends)
-        arm = ArmInScene.of(solver.robot, solver.collision, swept)
+        arm = ArmInScene.of(solver.robot, solver.collision, swept, self._seen(frame.configurations))
         path = cheapest_detour(frame, arm, reach, margin)
         if isinstance(path, str):
+            if not arm.seen.everything:
+                without = cheapest_detour(frame, arm._replace(seen=SeenVolume.unbounded()), reach, margin)
+                return without if isinstance(without, str) else UNSEEN
             return path
         band = drawn_tight(frame, arm, path, reach, margin)
-        drawn = [] if band is None else [Detour.along_band(query, path, band, width) for width in SMOOTHINGS]
+        drawn = [] if band is None else [Detour.along_band(query, frame, path, band, width) for width in SMOOTHINGS]
         rounded = (Detour.along_lattice(query, frame, path, width) for width in LATTICE_SMOOTHINGS)
         refusal = ""
         for detour in chain(drawn, rounded):
@@ -159,9 +172,17 @@ class DetourPlanner:
 
     def plan(self, detour: Detour, state: MotionState, obstacles: Obstacles) -> Plan:
         """The certified motion along a detour from a state at its start, or why it is not certified."""
-        plan = self._solver.along(detour.query, state, detour.configurations, detour.latent, obstacles)
+        seen = self._seen(detour.base)
+        plan = self._solver.along(detour.query, state, detour.configurations, detour.latent, obstacles, seen)
         left = {name: getattr(detour, name) for name in ("displacement", "swivel", "deviation")}
         reason = plan.verdict.reason
         if plan.verdict.ok:
             reason = f"a detour: it leaves what was demonstrated by {100 * detour.displacement:.1f} cm"
         return replace(plan, verdict=replace(plan.verdict, reason=reason, **left))
+
+    def _seen(self, base: np.ndarray) -> SeenVolume:
+        """Where a detour beside a base path (k, eta) may lead."""
+        solver = self._solver
+        if solver.settings.unseen == "free":
+            return SeenVolume.unbounded()
+        return SeenVolume.beside(base, solver.scene.seen, solver.robot, solver.collision)

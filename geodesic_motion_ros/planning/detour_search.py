@@ -26,6 +26,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at, distance_from_obstacles, place_spheres
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.posture import hold_displaced
+from geodesic_motion_ros.planning.seen_volume import is_inside
 
 #: A node that so many neighbours do not reach is given up.
 _MOST_REFUSALS = 8
@@ -130,11 +131,11 @@ def _hand_factors(
     configurations: np.ndarray, arm: ArmInScene, hand: np.ndarray, lattice: Lattice, margin: float
 ) -> np.ndarray:
     """`nearness_factor` of the hand, whose spheres are `hand` (k,), at every progress and displacement (m, n, n, n);
-    inf where it is less clear than a margin [m], or beyond the lattice's reach.
+    inf where it is less clear than a margin [m], not in what is seen, or beyond the lattice's reach.
     """
     side, middle, spacing = lattice.side, lattice.side // 2, lattice.spacing
     factors = np.full((lattice.samples, side, side, side), np.inf)
-    radii = arm.radii
+    radii, seen = arm.radii, arm.seen
     for t in range(lattice.samples):
         placed = place_spheres(configurations[t], arm)
         for i in range(side):
@@ -149,7 +150,7 @@ def _hand_factors(
                     for s in hand:
                         distance = distance_from_obstacles(placed[s, 0] + x, placed[s, 1] + y, placed[s, 2] + z, arm)
                         nearest = min(nearest, distance - radii[s])
-                    if nearest >= margin:
+                    if nearest >= margin and (seen.everything or is_inside(placed, x, y, z, radii, hand, seen)):
                         factors[t, i, j, k] = nearness_factor(nearest)
     return factors
 

@@ -154,6 +154,8 @@ SWIVELS, SWIVELLED_AT = (0.0, 0.5, -0.5, 1.0, -1.0), 0.4
 TOOL_LIMITS = ToolLimits(speed=0.2, angular_speed=0.8, acceleration=1.5)
 #: Which spheres of the arm are kept away from obstacles: all, or the tool's alone.
 Avoid = Literal["arm", "tool"]
+#: What detours count as where the obstacle source may not see: no obstacle, or one.
+Unseen = Literal["free", "blocked"]
 
 
 @dataclass(frozen=True)
@@ -193,6 +195,8 @@ class PlannerSettings:
     latency : a new reference takes over so long after its planning began [s].
     detour : how far the tool may leave what was demonstrated where obstacles block every demonstrated path, up to
         `LARGEST_DETOUR`, if it was declared what stands around the arm; 0: it waits there.
+    unseen : "blocked": detours stay inside the declared scene's list `seen`, and where the arm passes along the base
+        path (`planning/seen_volume.py`); "free": they lead wherever no obstacle is known.
     patience : obstacles may go by themselves: a detour begins when they have stood, or blocked the arm, for so long
         [s].
     approach_covered_goal : where what stands covers the goal the arm goes along its path as near to it as it can;
@@ -226,6 +230,7 @@ class PlannerSettings:
     acceleration: float | None = None
     latency: float = 0.03
     detour: float = 0.25
+    unseen: Unseen = "free"
     patience: float = 3.0
     approach_covered_goal: bool = True
 
@@ -251,7 +256,7 @@ class PlannerSettings:
                 self._check_number(name, value)
 
     def _check_choices(self) -> None:
-        for name, choices in (("ambient_law", LAWS), ("avoid", get_args(Avoid))):
+        for name, choices in (("ambient_law", LAWS), ("avoid", get_args(Avoid)), ("unseen", get_args(Unseen))):
             if getattr(self, name) not in choices:
                 raise PlanningError(f"setting {name} is '{getattr(self, name)}', must be one of {', '.join(choices)}")
 

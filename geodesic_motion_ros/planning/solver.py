@@ -34,6 +34,7 @@ from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.search import LatentPath, SearchQuery, cheapest_path, is_same_path, path_verdict
+from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -277,10 +278,16 @@ class Solver:
         return _Search(self.graph, query, start, reshaping, deadline, self.settings.obstacle_margin, 0.5 * ends)
 
     def along(
-        self, query: HeldQuery, state: MotionState, curve: np.ndarray, latent: np.ndarray, obstacles: Obstacles
+        self,
+        query: HeldQuery,
+        state: MotionState,
+        curve: np.ndarray,
+        latent: np.ndarray,
+        obstacles: Obstacles,
+        seen: SeenVolume,
     ) -> Plan:
         """The certified motion along configurations (m, eta) from where the arm is to a query's goal, with latent
-        points (m, d) beside them; or why it is not certified.
+        points (m, d) beside them, inside of what is seen; or why it is not certified.
         """
         curve, correction = _meeting(curve, state.position, query.goal)
         timed = self._timed_curve(state, curve, latent, correction)
@@ -289,6 +296,7 @@ class Solver:
         certificate = self.certifier.certify_swept(timed.swept, obstacles, self.settings.prediction)
         standing = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         objection = self.certifier.objection(certificate, 0.0 if obstacles.stand else standing)
+        objection = objection or self.certifier.unseen(timed.swept, seen)
         verdict = Verdict(
             VerdictCode.NO_FEASIBLE_PATH if objection else VerdictCode.OK, f"on the detour {objection}" if objection
             else "", clearance=float(np.min(certificate.clearance)), end_correction=correction, **query.misfits,

@@ -12,7 +12,10 @@ import pytest
 import yaml
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.srv import GetPlan
+from rcl_interfaces.msg import Log
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Float64, Header, UInt32
+from visualization_msgs.msg import MarkerArray
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.goal_sender import GoalRefusedError, by_hand, send_goal
@@ -161,6 +164,36 @@ def test_what_blocks_every_demonstrated_path_is_gone_round_once_a_scene_is_decla
     values = [{value.key: value.value for value in status.status[0].values} for status in bench.heard["planner/status"]]
     assert 0.0 < max(float(value["detour_mm"]) for value in values) <= 250.0
     assert max(float(value["deviation"]) for value in values) > 0.0
+
+
+@pytest.mark.parametrize("seen", [False, True], ids=["control: nothing is seen", "a box is seen"])
+def test_where_unseen_is_blocked_a_detour_leads_through_what_is_seen(
+    bench, options, skill, start_joints, tmp_path, seen
+):
+    watch(bench)
+    bench.listen(MarkerArray, "planner/markers")
+    bench.listen(Log, "/rosout", QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("seen: [{name: cell, centre: [0.3, 0.0, 0.6], size: [2.0, 2.0, 1.6]}]" if seen else "{}")
+    wide = BALL.replace("0.03}", "0.08}")
+    bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), spheres=wide, spawn_at_start=True)
+    planner = bench.add(PlannerNode, **options, scene=str(scene), unseen="blocked", patience=0.5)
+    bench.wait_for_code("NO_GOAL")
+    bench.wait(lambda: len(planner._inputs.snapshot().obstacles.radii), "the ball at the planner")
+    bench.send_goal(skill.goal_pose)
+    if seen:
+        arrive(bench, skill.goal_pose)
+        assert any(marker.ns == "seen" for array in bench.heard["planner/markers"] for marker in array.markers)
+        assert bench.heard["twin/contacts"][-1].data == 0
+        return
+    bench.wait(lambda: "the arm would enter what is not seen" in bench.status()["reason"], "why there is no detour")
+    warned = "unseen is blocked and the scene lists no boxes as seen"
+    bench.wait(lambda: any(warned in entry.msg for entry in bench.heard["/rosout"]), "a line of the log")
+
+
+def test_a_word_for_unseen_that_there_is_not_is_named_at_the_start(bench, options):
+    with pytest.raises(ParameterError, match=r"parameter unseen = 'open'.* one of free, blocked"):
+        bench.add(PlannerNode, **options, unseen="open")
 
 
 @pytest.mark.parametrize(

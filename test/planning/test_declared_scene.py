@@ -26,6 +26,7 @@ ALL = {
     "cylinders": [{"name": "post", "centre": [0.3, 0.6, 0.4], "radius": 0.05, "height": 0.8}],
     "planes": [{"name": "wall", "point": [-0.6, 0.0, 0.0], "normal": [2.0, 0.0, 0.0]}],
     "keep_out": [{"name": "screen", "centre": [0.9, 0.0, 0.5], "size": [0.2, 0.8, 0.5], "quaternion": [1, 0, 0, 0]}],
+    "seen": [{"name": "front", "centre": [0.5, 0.0, 0.4], "size": [0.9, 1.4, 0.8], "quaternion": [1, 0, 0, 0]}],
     "workspace": {"lower": [-0.9, -0.9, -0.1], "upper": [0.9, 0.9, 1.3]},
 }
 
@@ -42,6 +43,8 @@ def test_a_file_says_what_stands_where(tmp_path: Path) -> None:
     sides = tuple(f"end of the workspace at {sign}{axis}" for axis in "xyz" for sign in "-+")
     assert scene.names == ("table", "post", "wall", "screen", *sides)
     assert scene.kinds == ("boxes", "cylinders", "planes", "keep_out", *["workspace"] * 6)
+    # What is seen is no obstacle.
+    assert scene.seen[:, :6].tolist() == [[0.5, 0.0, 0.4, 0.45, 0.7, 0.4]]
     assert at(scene, [0.5, 0.0, 0.02]) == pytest.approx((0.02, "table"), abs=1e-9)
     assert at(scene, [0.5, 0.0, -0.01]) == pytest.approx((-0.01, "table"), abs=1e-9)
     assert at(scene, [0.3, 0.5, 0.4]) == pytest.approx((0.05, "post"), abs=1e-9)
@@ -74,7 +77,7 @@ def changed(kind: str, **fields: object) -> dict[str, object]:
 @pytest.mark.parametrize(
     ("table", "named"),
     [
-        ([], "must be a table with boxes, cylinders, planes, keep_out, workspace"),
+        ([], "must be a table with boxes, cylinders, planes, keep_out, seen, workspace"),
         ({"boxs": []}, "did you mean boxes?"),
         ({"boxes": {}}, "boxes must be a list of {name, centre, size}"),
         ({"boxes": [3]}, "boxes[0] must be {name, centre, size}"),
@@ -89,6 +92,10 @@ def changed(kind: str, **fields: object) -> dict[str, object]:
         (changed("cylinders", height=True), "height must be a positive number"),
         (changed("planes", normal=[0, 0, 0]), "'wall' in planes: normal [0.0, 0.0, 0.0] has no direction"),
         ({"boxes": [TABLE], "keep_out": [deepcopy(TABLE)]}, "two things are called 'table'"),
+        ({"boxes": [TABLE], "seen": [deepcopy(TABLE)]}, "two things are called 'table'"),
+        ({"seen": [{"name": "a", "centre": [0, 0, 0]}]}, "'a' in seen has no size"),
+        (changed("seen", size=[0.9, -1.4, 0.8]), "'front' in seen: size [0.9, -1.4, 0.8] must be positive"),
+        (changed("seen", radius=1.0), "'front' in seen has no 'radius'"),
         ({"workspace": {"lower": [0, 0, 0]}}, "workspace must be {lower: [x, y, z], upper: [x, y, z]}"),
         ({"workspace": {"lower": [0, 0, 0], "upper": [1, 1, 0]}}, "must be less than upper"),
     ],
