@@ -146,7 +146,7 @@ class DetourPlanner:
         if ends <= 0.0:
             return COVERED_END
         margin = min(solver.settings.obstacle_margin, 0.5 * ends)
-        arm = ArmInScene.of(solver.robot, solver.collision, swept, self._seen(frame.configurations))
+        arm = ArmInScene.of(solver.robot, solver.collision, swept, solver.seen_beside(frame.configurations))
         path = cheapest_detour(frame, arm, reach, margin)
         if isinstance(path, str):
             if not arm.seen.everything:
@@ -172,17 +172,10 @@ class DetourPlanner:
 
     def plan(self, detour: Detour, state: MotionState, obstacles: Obstacles) -> Plan:
         """The certified motion along a detour from a state at its start, or why it is not certified."""
-        seen = self._seen(detour.base)
+        seen = self._solver.seen_beside(detour.base)
         plan = self._solver.along(detour.query, state, detour.configurations, detour.latent, obstacles, seen)
         left = {name: getattr(detour, name) for name in ("displacement", "swivel", "deviation")}
         reason = plan.verdict.reason
         if plan.verdict.ok:
             reason = f"a detour: it leaves what was demonstrated by {100 * detour.displacement:.1f} cm"
         return replace(plan, verdict=replace(plan.verdict, reason=reason, **left))
-
-    def _seen(self, base: np.ndarray) -> SeenVolume:
-        """Where a detour beside a base path (k, eta) may lead."""
-        solver = self._solver
-        if solver.settings.unseen == "free":
-            return SeenVolume.unbounded()
-        return SeenVolume.beside(base, solver.scene.seen, solver.robot, solver.collision)

@@ -332,7 +332,8 @@ class Solver:
         if objection:
             return None
         undisplaced, _ = self.robot.forward(held[0])
-        arm = ArmInScene.of(self.robot, self.collision, obstacles.swept(horizon).beside(self.scene.solids))
+        seen = self.seen_beside(np.stack([held[0], state.position]))
+        arm = ArmInScene.of(self.robot, self.collision, obstacles.swept(horizon).beside(self.scene.solids), seen)
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         targets = displaced_paths(self.robot, arm, state.position, undisplaced, reach, apart)
         for curve in islice(targets, constants.EVASION_DISPLACED):
@@ -340,7 +341,7 @@ class Solver:
             if timed.reference is None:
                 continue
             certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=False)
-            if self.certifier.objection(certificate) is None:
+            if self.certifier.objection(certificate) is None and self.certifier.unseen(timed.swept, seen) is None:
                 verdict = Verdict(VerdictCode.OK, clearance=float(np.min(certificate.clearance)))
                 return Plan(self.certifier.certified(timed.reference, certificate), state.time, verdict)
         return None
@@ -564,6 +565,12 @@ class Solver:
                 reason = f"no motion from the present one along the best path takes less than {longest:.2f} s: no gain"
             return _Timed(latent, self.certifier, reason)
         return _Timed(latent, self.certifier, "", correction, reference)
+
+    def seen_beside(self, base: np.ndarray) -> SeenVolume:
+        """Where the arm may be that leaves configurations (k, eta) of a base path."""
+        if self.settings.unseen == "free":
+            return SeenVolume.unbounded()
+        return SeenVolume.beside(base, self.scene.seen, self.robot, self.collision)
 
     def base_path(self, query: HeldQuery, obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray] | str:
         """The geodesic of the metric that obstacles reshape, whether it is free of them or not: latent points (m, d)

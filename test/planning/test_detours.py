@@ -128,9 +128,8 @@ def test_what_has_stood_for_long_is_gone_round_at_once(planner) -> None:
     assert plans[-1].verdict.displacement > 0.0
 
 
-@pytest.mark.parametrize("reach", [0.0, REACH])
-def test_an_arm_that_is_chased_off_the_graph_goes_beside_it_where_that_is_allowed(planner, reach: float) -> None:
-    """A sphere turns to the tool in every tick, from above; without room on the graph the arm is touched."""
+def least_clearance_of_chased(planner: ReactivePlanner, reach: float) -> float:
+    """Of an arm to whose tool a sphere turns in every tick, from above [m]."""
     played, least, centre = Played(planner, reach), np.inf, np.empty(0)
     played.ask()
     played.run(1.0)
@@ -144,7 +143,21 @@ def test_an_arm_that_is_chased_off_the_graph_goes_beside_it_where_that_is_allowe
         planner.take_obstacles(sphere)
         least = min(least, obstacle_clearance(planner.collision, planner.robot, played.postures[-1], sphere)[0])
         played.run(TICK)
-    assert (least > 0.0) is (reach > 0.0)
+    return least
+
+
+@pytest.mark.parametrize("reach", [0.0, REACH])
+def test_an_arm_that_is_chased_off_the_graph_goes_beside_it_where_that_is_allowed(planner, reach: float) -> None:
+    """Without that it is touched."""
+    assert (least_clearance_of_chased(planner, reach) > 0.0) is (reach > 0.0)
+
+
+@pytest.mark.parametrize("size", [0.0, 1.5])
+def test_an_arm_that_is_chased_goes_nowhere_that_is_not_seen(planner, size: float) -> None:
+    seen = [{"name": "around", "centre": [0.3, 0.0, 0.4], "size": [size] * 3}] if size > 0.0 else []
+    scene = DeclaredScene.of({"seen": seen})
+    blocked = ReactivePlanner(planner.skill, replace(planner.settings, unseen="blocked"), scene=scene)
+    assert (least_clearance_of_chased(blocked, REACH) > 0.0) is (size > 0.0)
 
 
 def test_the_same_inputs_give_the_same_bytes(planner) -> None:
