@@ -22,7 +22,7 @@ from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, Detour
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
-from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
+from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, PathEnds, Plan, Solver
 from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 
 #: Why there is none between two configurations; in another posture there may be one.
@@ -50,7 +50,7 @@ class Detour:
         were.
     """
 
-    query: HeldQuery
+    query: PathEnds
     base: np.ndarray
     configurations: np.ndarray
     latent: np.ndarray
@@ -62,7 +62,7 @@ class Detour:
 
     @classmethod
     def along_band(
-        cls, query: HeldQuery, frame: DetourFrame, path: LatticePath, band: Band, smoothing: float = SMOOTHINGS[0]
+        cls, query: PathEnds, frame: DetourFrame, path: LatticePath, band: Band, smoothing: float = SMOOTHINGS[0]
     ) -> Detour:
         """A path of the lattice as a band has drawn it tight, smoothed by so many of its points."""
         return cls(
@@ -72,7 +72,7 @@ class Detour:
         )  # fmt: skip
 
     @classmethod
-    def along_lattice(cls, query: HeldQuery, frame: DetourFrame, path: LatticePath, smoothing: float) -> Detour:
+    def along_lattice(cls, query: PathEnds, frame: DetourFrame, path: LatticePath, smoothing: float) -> Detour:
         """A path of the lattice, smoothed by so many samples."""
         curve = smooth_latent(resample_latent(path.configurations, _LATTICE_STEP), smoothing)
         lengths = arc_length_fractions(path.configurations)
@@ -132,7 +132,7 @@ class DetourPlanner:
             refusals.append(found)
         return UNSEEN if UNSEEN in refusals else refusals[-1]
 
-    def beside(self, frame: DetourFrame, query: HeldQuery, obstacles: Obstacles, reach: float) -> Detour | str:
+    def beside(self, frame: DetourFrame, query: PathEnds, obstacles: Obstacles, reach: float) -> Detour | str:
         """The same beside a base path: certified for an arm that begins at rest.
 
         The path of the lattice is drawn tight; where that is not certified, however it is smoothed, the path itself is
@@ -167,7 +167,7 @@ class DetourPlanner:
     def _objection(self, detour: Detour, obstacles: Obstacles) -> str:
         """Why a detour is not certified for an arm at rest where it begins, or ""."""
         still = np.zeros_like(detour.query.start)
-        state = MotionState(obstacles.time, detour.query.start, still, still, detour.query.start_latent)
+        state = MotionState(obstacles.time, detour.query.start, still, still, None)
         return "" if (plan := self.plan(detour, state, obstacles)).verdict.ok else plan.verdict.reason
 
     def plan(self, detour: Detour, state: MotionState, obstacles: Obstacles) -> Plan:

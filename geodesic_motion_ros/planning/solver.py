@@ -50,17 +50,24 @@ _SAME_CLEARANCE = 0.99
 _MOST_REMEMBERED = 32
 
 
-class HeldQuery(SearchQuery, Protocol):
-    """A `SearchQuery` whose nodes are configurations of an arm of eta joints.
-
-    Attributes
-    ----------
-    start, goal : (eta,) configurations [rad]; start_latent : (d,) latent point that is carried onto the start.
-    field : the metric between the nodes.
+class PathEnds(Protocol):
+    """Configurations (eta,) [rad] between which a path leads; misfits : how far they are from those of the skill, by
+    their names in a Verdict.
     """
 
     start: np.ndarray
     goal: np.ndarray
+    misfits: dict[str, float]
+
+
+class HeldQuery(SearchQuery, PathEnds, Protocol):
+    """A `SearchQuery` whose nodes are configurations of an arm of eta joints.
+
+    Attributes
+    ----------
+    start_latent : (d,) latent point that is carried onto the start. field : the metric between the nodes.
+    """
+
     start_latent: np.ndarray
     field: MetricField
 
@@ -279,7 +286,7 @@ class Solver:
 
     def along(
         self,
-        query: HeldQuery,
+        query: PathEnds,
         state: MotionState,
         curve: np.ndarray,
         latent: np.ndarray,
