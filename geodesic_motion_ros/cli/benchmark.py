@@ -16,16 +16,17 @@ what the arm does: by PyBullet's distances of its meshes, and by how near it sta
 skills    of the whole arm (panda_reach_to_grasp): all of the arm is guarded; of the tool (panda_pouring,
           panda_bottle2shelf): the hand alone is, for every method, and spheres are drawn into its way
 guard     --guard arm with a skill of the tool: all of the arm is guarded. Scenes are drawn and demonstrations found
-          free by all of the arm, and a contact of any link ends a scene. Free demonstration, ProMP, RRT-Connect and
-          barriers avoid with all of the arm, and so does ours
+          free by all of the arm, and a contact of any link ends a scene. Free demonstration, the rows + detour, ProMP,
+          RRT-Connect and barriers avoid with all of the arm, and so does ours
 families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone (where all of the
           arm is guarded); crossing; chasing; gate: closes on the hand's way, and opens again; crowd: five that stand
           and five that cross; table: three to six columns of spheres on a table, which is declared to the methods
 methods   ours; ours, detour 0 (it waits where obstacles block all that was demonstrated); and parts of that: ours, hard
           (no soft metric) and ours, soft (the soft metric alone, nothing removed or certified; not the paper's
           planner); replay (of the nearest demonstration, blind: the control); free demonstration (the nearest that is
-          free, another one joined where it is blocked); and peers, which are left out where their libraries are not
-          installed:
+          free, another one joined where it is blocked); mean demonstration + detour, ProMP + detour and nearest
+          demonstration + detour (our detours from other base paths than the skill's geodesic); and peers, which are
+          left out where their libraries are not installed, as is ProMP + detour:
           pip install 'geodesic_motion_ros[benchmark]'
 columns   success: the goal within 10 mm and 0.1 rad, no contact; moving: scenes that ended as the arm touched a sphere
           in motion or within 0.5 s after it, standing: as a sphere touched the arm that had stood for longer; refused:

@@ -13,6 +13,7 @@ from geodesic_motion_ros.comparison.method import Method
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:
+    from geodesic_motion_ros.comparison.methods.detoured_base import BaseName
     from geodesic_motion_ros.comparison.methods.geodesic import Part
 
 
@@ -57,6 +58,12 @@ def _free_demonstration(arena: Arena) -> Method:
     return FreeDemonstration(arena)
 
 
+def _detoured(arena: Arena, base: BaseName) -> Method:
+    from geodesic_motion_ros.comparison.methods.detoured_base import DetouredBase
+
+    return DetouredBase(arena, base)
+
+
 def _dmp(arena: Arena) -> Method:
     from geodesic_motion_ros.comparison.methods.dmp import DynamicPrimitive
 
@@ -97,6 +104,16 @@ ROWS: dict[str, Row] = {
     "replay": Row(_replay, "the nearest demonstration, blind: the control"),
     "free demonstration": Row(
         _free_demonstration, "the nearest demonstration that is free, another one joined where it is blocked"
+    ),
+    "mean demonstration + detour": Row(
+        partial(_detoured, base="mean demonstration"),
+        "the mean of the nearest demonstration's mode, left by our detour where it is blocked",
+    ),
+    "ProMP + detour": Row(
+        partial(_detoured, base="ProMP"), "the mean of a conditioned ProMP, left likewise", _PRIMITIVES
+    ),
+    "nearest demonstration + detour": Row(
+        partial(_detoured, base="nearest demonstration"), "the nearest demonstration, left likewise"
     ),
     "DMP": Row(_dmp, "its dynamic movement primitive with a coupling term for obstacles", _PRIMITIVES),
     "ProMP": Row(_promp, "probabilistic movement primitives, sampled for a free motion", _PRIMITIVES),

@@ -28,6 +28,8 @@ _LOOKS = {
     "ours, soft": ("gold", "s"), "replay": ("0.5", "D"),
     "DMP": ("tab:purple", "v"), "ProMP": ("tab:blue", "^"), "RRT-Connect": ("tab:green", "P"),
     "barriers": ("tab:cyan", "X"), "free demonstration": ("tab:brown", "p"),
+    "mean demonstration + detour": ("tab:olive", "<"), "ProMP + detour": ("navy", ">"),
+    "nearest demonstration + detour": ("saddlebrown", "d"),
 }  # fmt: skip
 _OTHER = ("k", "o")
 #: Where the name of a row may be beside its mark: offset [points] and alignment.

@@ -75,10 +75,14 @@ class Replanning(ABC):
         refusal = "no free path was found"
         if self._on_way:
             self._on_way = False
-            if switch < self._begin + self._played.duration:
+            if not self.rests(switch):
                 stop = stopping_reference(self._played, switch - self._begin, self._arena.limits)
                 return self._play(stop, now, switch, refusal)
         return Answer(refusal=refusal)
+
+    def rests(self, time: float) -> bool:
+        """Whether what is being played has ended by a time [s]."""
+        return time >= self._begin + self._played.duration
 
     def _left_is_free(self, switch: float, obstacles: Obstacles) -> bool:
         if self._swept is None:

@@ -9,11 +9,15 @@ import pytest
 
 from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.catalogue import ROWS
+from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.method import TICK, Answer, Method
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import configuration_clearance
 from geodesic_motion_ros.skill import Skill
+
+#: Our detours from other base paths.
+DETOURED = ("mean demonstration + detour", "ProMP + detour", "nearest demonstration + detour")
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +28,13 @@ def arena(reach_skill: Skill) -> Arena:
 @pytest.fixture(scope="module")
 def scene(arena: Arena, blocked_elbow) -> Scene:
     return blocked_elbow(arena)
+
+
+@pytest.fixture(scope="module")
+def blocked(arena: Arena) -> Scene:
+    """Spheres that stand in the way of every demonstration."""
+    scenes = (draw_scene(arena, "static", number, 0) for number in range(1, 40, 2))
+    return next(scene for scene in scenes if not np.any(scene.free))
 
 
 def made(row: str, arena: Arena) -> Method:
@@ -62,7 +73,7 @@ def first_answer(method: Method, scene: Scene, obstacles: Obstacles) -> Answer:
     return method.tick(0.0, obstacles)
 
 
-@pytest.mark.parametrize("row", ["free demonstration", "ProMP", "RRT-Connect"])
+@pytest.mark.parametrize("row", ["free demonstration", *DETOURED, "ProMP", "RRT-Connect"])
 def test_a_path_is_planned_that_is_free_and_keeps_its_ends(arena, scene, row) -> None:
     waypoints = first_answer(made(row, arena), scene, standing(scene)).waypoints
     assert waypoints is not None
@@ -73,7 +84,7 @@ def test_a_path_is_planned_that_is_free_and_keeps_its_ends(arena, scene, row) ->
     assert least_clearance(arena, scene, blocked.positions) < 0.0
 
 
-@pytest.mark.parametrize("row", ["free demonstration", "ProMP", "RRT-Connect"])
+@pytest.mark.parametrize("row", ["free demonstration", *DETOURED, "ProMP", "RRT-Connect"])
 def test_what_comes_into_the_path_is_stopped_for_and_said(arena, scene, row) -> None:
     method = made(row, arena)
     free = first_answer(method, scene, Obstacles.none()).waypoints
@@ -88,7 +99,7 @@ def test_what_comes_into_the_path_is_stopped_for_and_said(arena, scene, row) -> 
     assert method.tick(0.51, covering).waypoints is None
 
 
-@pytest.mark.parametrize("row", ["free demonstration", "ProMP", "RRT-Connect"])
+@pytest.mark.parametrize("row", ["free demonstration", *DETOURED, "ProMP", "RRT-Connect"])
 @pytest.mark.parametrize("apart", [0.015, 0.003])
 def test_a_goal_beside_a_sphere_is_planned_to(arena, scene, row, apart) -> None:
     """Scenes have goals 15 mm from standing spheres."""
@@ -126,6 +137,48 @@ def test_the_nearest_free_demonstration_is_played_and_another_one_joined_where_i
     chosen = [number for number in range(len(arena.shown)) if off(around.positions, number) < 0.02]
     assert chosen
     assert np.all(scene.free[chosen])
+
+
+@pytest.mark.parametrize("row", DETOURED)
+def test_without_obstacles_the_base_path_itself_is_played(arena, scene, row) -> None:
+    def played(row: str) -> np.ndarray:
+        waypoints = first_answer(made(row, arena), scene, Obstacles.none()).waypoints
+        return waypoints.positions[np.linspace(0, len(waypoints.positions) - 1, 200).astype(int)]
+
+    if row == "mean demonstration + detour":
+        own = arena.modes == arena.modes[arena.nearest(scene.start, scene.goal)]
+        base = arena.moved(scene.start, scene.goal)[own].mean(axis=0)
+    else:
+        base = played({"ProMP + detour": "ProMP", "nearest demonstration + detour": "free demonstration"}[row])
+    at = np.linspace(0, len(base) - 1, 2000)
+    dense = np.stack([np.interp(at, np.arange(len(base)), joint) for joint in base.T], axis=1)
+    off = [np.min(np.linalg.norm(dense - one, axis=1)) for one in played(row)]
+    assert max(off) < 0.005
+
+
+@pytest.mark.parametrize("row", DETOURED)
+def test_a_detour_leads_round_what_blocks_all_that_was_demonstrated(arena, blocked, stage: Stage, row) -> None:
+    assert stage.play(blocked, made(row, arena))[0].success
+    # The control: what has no detour waits.
+    assert stage.play(blocked, made("free demonstration", arena))[0].refused
+
+
+def test_a_primitive_has_samples_and_no_detour(arena, blocked, stage: Stage) -> None:
+    assert stage.play(blocked, made("ProMP", arena))[0].refused
+
+
+def test_in_motion_the_arm_stops_before_it_leaves_the_base_path(arena, blocked) -> None:
+    method, seen = made("nearest demonstration + detour", arena), standing(blocked)
+    first_answer(method, blocked, Obstacles.none())
+    stop = method.tick(0.2, seen)
+    assert stop.refusal
+    at_rest = 0.2 + len(stop.waypoints.positions) * TICK
+    answers = [method.tick(now, seen) for now in np.arange(0.2, at_rest + 1.0, TICK)[1:]]
+    detour = next(answer for answer in answers if answer.waypoints is not None)
+    assert not detour.refusal
+    ends = stop.waypoints.positions[-1], blocked.goal
+    np.testing.assert_allclose(detour.waypoints.positions[[0, -1]], ends, atol=1e-9)
+    assert least_clearance(arena, blocked, detour.waypoints.positions) > 0.0
 
 
 def test_the_same_scene_makes_the_same_tree(arena, scene) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.catalogue import ROWS
 from geodesic_motion_ros.comparison.execution import Judge, Outcome, Stage
 from geodesic_motion_ros.comparison.families import FAMILIES, FREE_END, TALLEST, NoPlaceError, draw_family
 from geodesic_motion_ros.comparison.method import Answer, Method
@@ -152,6 +153,18 @@ def test_a_free_demonstration_is_free_of_what_is_declared(arena: Arena, stage: S
     )
     assert stage.play(scene, Uninformed(FreeDemonstration(arena)))[0].contact == "scene"
     assert stage.play(scene, FreeDemonstration(arena))[0].success
+
+
+@pytest.mark.parametrize("row", [name for name in ROWS if name.endswith("+ detour")])
+def test_a_detour_from_another_base_leads_round_what_is_declared(arena: Arena, stage: Stage, row: str) -> None:
+    """A block in the middle of the base path."""
+    for library in ROWS[row].needs:
+        pytest.importorskip(library)
+    method, scene = ROWS[row].make(arena), draw_scene(arena, "none", 0, 0)
+    _, postures = stage.play(scene, method)
+    scene = replace(scene, declared=block(arena.robot.forward(postures[len(postures) // 2])[0]))
+    assert stage.play(scene, Uninformed(method))[0].contact == "scene"
+    assert stage.play(scene, method)[0].success
 
 
 def test_ours_refuses_a_table_that_stands_in_the_demonstrations(arena: Arena) -> None:

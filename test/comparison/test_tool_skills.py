@@ -12,6 +12,7 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.execution import RESTING, Stage
 from geodesic_motion_ros.comparison.families import families_of
 from geodesic_motion_ros.comparison.method import Answer
+from geodesic_motion_ros.comparison.methods.detoured_base import DetouredBase
 from geodesic_motion_ros.comparison.methods.geodesic import Geodesics
 from geodesic_motion_ros.comparison.methods.replay import Replay
 from geodesic_motion_ros.comparison.run import BenchmarkSettings, play_benchmark
@@ -114,6 +115,17 @@ def test_the_control_is_hit_where_ours_is_not(arena, stage, ours, blocked) -> No
     outcome, _ = stage.play(blocked, ours)
     assert outcome.success
     assert 0.0 < outcome.clearance < 0.3
+
+
+def test_a_detour_from_another_base_keeps_the_hand_alone_clear(arena, stage, blocked) -> None:
+    method = DetouredBase(arena, "nearest demonstration")
+    outcome, _ = stage.play(blocked, method)
+    assert outcome.success
+    assert 0.0 < outcome.clearance < 0.3
+    elbow = standing(elbow_position(arena.robot, blocked.start), 0.05)
+    outcome, _ = stage.play(among(blocked, elbow), method)
+    assert outcome.success
+    assert outcome.arm_touched
 
 
 def test_the_elbow_may_be_touched_and_that_is_said_and_the_hand_may_not(arena, stage, blocked) -> None:
