@@ -42,7 +42,7 @@ from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedHold
 from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Inputs, Mission, PreparedGoal, Query
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
-from geodesic_motion_ros.planning.search import load_search
+from geodesic_motion_ros.planning.search import KnownPaths, load_search
 from geodesic_motion_ros.planning.search_memory import Blocked, DetourRequest, DetourSearch, SearchMemory
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
@@ -387,7 +387,7 @@ class ReactivePlanner:
             self._stream.certify_anew(self._certified(played.reference, played.begin))
         if followed is not None:
             carried = query if followed.query is prepared.before and query is not None else followed.query
-            self._stream.followed = replace(followed, query=carried, obstacles=None, nodes=None)
+            self._stream.followed = replace(followed, query=carried, obstacles=None, path=None, rejected=None)
         names = ", ".join(held.name for held in self.held)
         return Verdict(VerdictCode.OK, f"holding {names or 'nothing'}")
 
@@ -595,9 +595,9 @@ class ReactivePlanner:
         plan = self._solved(situation, query, attempts, followed.known, situation.longest_worthwhile(followed))
         if not situation.late.passed and situation.gains(plan, followed):
             return self._taken(situation, query, plan, self._memory.after(plan, query, None, attempts, situation))
-        found_again = plan.trajectory is None and plan.verdict.ok
-        drawn = followed.drawn if found_again else followed.verdict.clearance
-        updated = replace(followed, obstacles=situation.obstacles, searched=situation.now, drawn=drawn)
+        updated = replace(followed, obstacles=situation.obstacles, searched=situation.now)
+        if plan.trajectory is not None or not plan.verdict.ok:
+            updated = replace(updated, drawn=followed.verdict.clearance, rejected=plan.path)
         return _Decision(situation.continued(updated), query, self._memory)
 
     def _held(
@@ -650,7 +650,7 @@ class ReactivePlanner:
         situation: Situation,
         query: Query,
         attempts: tuple[Attempt, ...],
-        known: np.ndarray | None = None,
+        known: KnownPaths | None = None,
         longest: float = math.inf,
     ) -> Plan:
         state, obstacles, deadline = situation.state, situation.expected, situation.deadline
