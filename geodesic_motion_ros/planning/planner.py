@@ -624,8 +624,8 @@ class ReactivePlanner:
 
     def _searched(self, situation: Situation, query: Query, blocked: Blocked | None) -> _Decision:
         """A new path, or what an arm without one does; blocked : what was tried already."""
-        attempts, memory = self._memory.chosen_attempts(self._solver, query, situation.now)
-        plan = self._solved(situation, query, attempts)
+        attempts, memory = self._memory.chosen_attempts(self._solver, query, situation)
+        plan = self._solved(situation, query, attempts, refusal=memory.refusal)
         memory = memory.after(plan, query, blocked, attempts, situation)
         if plan.trajectory is not None:
             return self._taken(situation, query, plan, memory)
@@ -652,9 +652,11 @@ class ReactivePlanner:
         attempts: tuple[Attempt, ...],
         known: KnownPaths | None = None,
         longest: float = math.inf,
+        refusal: Verdict | None = None,
     ) -> Plan:
         state, obstacles, deadline = situation.state, situation.expected, situation.deadline
-        return situation.stoppable(self._solver.solve(query, state, obstacles, attempts, deadline, known, longest))
+        plan = self._solver.solve(query, state, obstacles, attempts, deadline, known, longest, refusal)
+        return situation.stoppable(plan)
 
     def _taken(self, situation: Situation, query: Query, plan: Plan, memory: SearchMemory) -> _Decision:
         """A new path; found too late, the evasion path being played stays where it is free."""

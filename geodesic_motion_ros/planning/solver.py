@@ -202,14 +202,19 @@ class Solver:
         deadline: Deadline = NEVER,
         known: KnownPaths | None = None,
         longest: float = math.inf,
+        refusal: Verdict | None = None,
     ) -> Plan:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
 
         known : paths that need not be judged again: where the search finds one again, that is the answer, OK.
         longest : a motion that takes so long [s] or longer is no gain, and is not certified.
+        refusal : of attempts made before: the verdict where these, none of them cautious, come to no path.
         """
-        plan = self._first_certified(query, state, obstacles, _alike(attempts, False), deadline, known, longest)
-        optimistic = _alike(attempts, True)
+        cautious, optimistic = _alike(attempts, False), _alike(attempts, True)
+        if cautious or refusal is None:
+            plan = self._first_certified(query, state, obstacles, cautious, deadline, known, longest)
+        else:
+            plan = Plan(None, state.time, refusal)
         blocked = plan.trajectory is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
         if blocked and optimistic and not obstacles.stand and not deadline.passed:
             other = self._first_certified(query, state, obstacles, optimistic, deadline, None, longest)
