@@ -109,6 +109,11 @@ class Reshaping(NamedTuple):
             np.empty(nodes),
         )  # fmt: skip
 
+    def is_felt(self, margin: float) -> bool:
+        """Whether obstacles do anything to a node that was looked at, or leave it less clearance than a margin [m]."""
+        nodes = np.flatnonzero(self.looked)
+        return bool(np.any(self.touched[nodes]) or np.any(self.clearance[nodes] < margin))
+
 
 @numba.njit(cache=True, nogil=True)
 def _gaps(

@@ -5,7 +5,8 @@ Where to is searched by `solver.Solver.evade`; here is decided when, and how lon
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 
 from geodesic_motion_ros.arm_certificate import SweptArm
 from geodesic_motion_ros.planning import settings as constants
@@ -14,42 +15,74 @@ from geodesic_motion_ros.planning.solver import HeldQuery, Plan, Solver
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
+@dataclass(frozen=True)
+class FailedEvasion:
+    """When no evasion path was found last [s], with obstacles expected to move on for how long [s], at least."""
+
+    time: float = -math.inf
+    horizon: float = math.inf
+
+    def is_due_again(self, now: float, horizon: float) -> bool:
+        """Whether a search at a time [s] may come to something else: after a while, or where less is to be evaded."""
+        return horizon < self.horizon or now >= self.time + constants.EVASION_PERIOD - TIME_ROUNDING
+
+
 def evaded(
-    solver: Solver, query: HeldQuery, verdict: Verdict, situation: Situation, last_failed: float, reach: float
-) -> tuple[Step | None, float]:
-    """An evasion path where something comes to where the arm stops or stands, and it has no path to the goal; and when
-    none was found last [s].
+    solver: Solver, query: HeldQuery, verdict: Verdict, situation: Situation, last_failed: FailedEvasion
+) -> tuple[Step | None, FailedEvasion]:
+    """An evasion path where something comes to where the arm stops or stands, and it has no path to the goal; and the
+    last search that found none.
 
     None where there is none, or nothing comes: then to stop along the path being followed is the answer.
 
     Parameters
     ----------
     verdict : why there is no path for a query; the plan's states the same, and that the arm evades.
-    last_failed : when no evasion path was found last [s].
-    reach : how far the tool may leave what was demonstrated [m].
+    last_failed : the search that found no evasion path before.
     """
-    settings, followed = situation.settings, situation.followed
-    blocked = verdict.code is VerdictCode.NO_FEASIBLE_PATH
-    if not (blocked and settings.avoidance) or situation.obstacles.stand:
-        return None, last_failed
-    left, evading = _left(situation), followed is not None and followed.evading
-    due = situation.now >= last_failed + constants.EVASION_PERIOD - TIME_ROUNDING
-    for horizon in (constants.EVASION_LOOKAHEAD * settings.prediction, settings.prediction):
-        if _is_free(situation, left, horizon):
-            return situation.answered(verdict) if evading else None, last_failed
-        plan = None
-        if due:
-            plan = solver.evade(query, situation.state, situation.expected, horizon, situation.deadline)
+    free, horizon = _assessed(verdict, situation, last_failed)
+    while horizon is not None:
+        state, obstacles = situation.state, situation.expected
+        if horizon < situation.settings.prediction:
+            plan = solver.evade_displaced(query, state, obstacles, horizon, situation.reach)
+        else:
+            plan = solver.evade(query, state, obstacles, horizon, situation.deadline)
         if plan is not None:
             return _taken(query, plan, verdict, situation), last_failed
-    soon = min(constants.EVASION_DISPLACED_WITHIN, settings.prediction)
-    failed = situation.now if due else last_failed
-    if reach == 0.0:
-        return None, failed
-    if _is_free(situation, left, soon):
-        return situation.answered(verdict) if evading else None, failed
-    plan = solver.evade_displaced(query, situation.state, situation.expected, soon, reach) if due else None
-    return (None, failed) if plan is None else (_taken(query, plan, verdict, situation), last_failed)
+        last_failed = FailedEvasion(situation.now, horizon)
+        free, horizon = _assessed(verdict, situation, last_failed)
+    evading = situation.followed is not None and situation.followed.evading
+    return situation.answered(verdict) if free and evading else None, last_failed
+
+
+def is_searched(verdict: Verdict, situation: Situation, last_failed: FailedEvasion) -> bool:
+    """Whether an evasion path is searched in this tick, which takes about as long as an attempt at a path to the goal:
+    not by an arm that approaches, as long as it can go on, nor where there is no time left.
+    """
+    approaching = situation.followed is not None and situation.followed.approaching
+    if approaching or situation.deadline.passed or situation.late.passed:
+        return False
+    return _assessed(verdict, situation, last_failed)[1] is not None
+
+
+def _assessed(verdict: Verdict, situation: Situation, last_failed: FailedEvasion) -> tuple[bool, float | None]:
+    """Whether nothing comes to where an arm without a path goes or stands; and for what horizon [s] an evasion path is
+    searched: the longer one, where that has failed the shorter one, then none for a while. The shortest one is for a
+    place beside the graph.
+    """
+    settings = situation.settings
+    blocked = verdict.code is VerdictCode.NO_FEASIBLE_PATH
+    if not (blocked and settings.avoidance) or situation.obstacles.stand:
+        return False, None
+    left, horizons = _left(situation), [constants.EVASION_LOOKAHEAD * settings.prediction, settings.prediction]
+    if situation.reach > 0.0:
+        horizons.append(min(constants.EVASION_DISPLACED_WITHIN, 0.5 * settings.prediction))
+    for horizon in horizons:
+        if _is_free(situation, left, horizon):
+            return True, None
+        if last_failed.is_due_again(situation.now, horizon):
+            return False, horizon
+    return False, None
 
 
 def _taken(query: HeldQuery, plan: Plan, verdict: Verdict, situation: Situation) -> Step:

@@ -42,7 +42,7 @@ from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedHold
 from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Inputs, Mission, PreparedGoal, Query
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
-from geodesic_motion_ros.planning.search import load_search
+from geodesic_motion_ros.planning.search import KnownPaths, load_search
 from geodesic_motion_ros.planning.search_memory import Blocked, DetourRequest, DetourSearch, SearchMemory
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
@@ -387,7 +387,7 @@ class ReactivePlanner:
             self._stream.certify_anew(self._certified(played.reference, played.begin))
         if followed is not None:
             carried = query if followed.query is prepared.before and query is not None else followed.query
-            self._stream.followed = replace(followed, query=carried, obstacles=None, nodes=None)
+            self._stream.followed = replace(followed, query=carried, obstacles=None, path=None, rejected=None)
         names = ", ".join(held.name for held in self.held)
         return Verdict(VerdictCode.OK, f"holding {names or 'nothing'}")
 
@@ -478,7 +478,7 @@ class ReactivePlanner:
             return None
         return Situation(
             self.settings, self.limits, solver.certifier, stream.played, stream.followed, now, self._inputs.enlarged,
-            deadline, late,
+            deadline, late, self._reach,
         )  # fmt: skip
 
     def _commit(self, situation: Situation, mission: Mission, decision: _Decision) -> Plan:
@@ -595,9 +595,9 @@ class ReactivePlanner:
         plan = self._solved(situation, query, attempts, followed.known, situation.longest_worthwhile(followed))
         if not situation.late.passed and situation.gains(plan, followed):
             return self._taken(situation, query, plan, self._memory.after(plan, query, None, attempts, situation))
-        found_again = plan.trajectory is None and plan.verdict.ok
-        drawn = followed.drawn if found_again else followed.verdict.clearance
-        updated = replace(followed, obstacles=situation.obstacles, searched=situation.now, drawn=drawn)
+        updated = replace(followed, obstacles=situation.obstacles, searched=situation.now)
+        if plan.trajectory is not None or not plan.verdict.ok:
+            updated = replace(updated, drawn=followed.verdict.clearance, rejected=plan.path)
         return _Decision(situation.continued(updated), query, self._memory)
 
     def _held(
@@ -624,8 +624,8 @@ class ReactivePlanner:
 
     def _searched(self, situation: Situation, query: Query, blocked: Blocked | None) -> _Decision:
         """A new path, or what an arm without one does; blocked : what was tried already."""
-        attempts, memory = self._memory.chosen_attempts(self._solver, query, situation.now)
-        plan = self._solved(situation, query, attempts)
+        attempts, memory = self._memory.chosen_attempts(self._solver, query, situation)
+        plan = self._solved(situation, query, attempts, refusal=memory.refusal)
         memory = memory.after(plan, query, blocked, attempts, situation)
         if plan.trajectory is not None:
             return self._taken(situation, query, plan, memory)
@@ -635,9 +635,7 @@ class ReactivePlanner:
             if step is not None or situation.deadline.passed:
                 return _Decision(step or situation.stopped(plan.verdict), query, memory.interrupted(plan.verdict))
         if step is None:
-            step, failed = evaded(
-                self._solver, query, plan.verdict, situation, memory.last_failed_evasion, self._reach
-            )
+            step, failed = evaded(self._solver, query, plan.verdict, situation, memory.last_failed_evasion)
             memory = replace(memory, last_failed_evasion=failed)
         if (step is None or step.plan.trajectory is None) and memory.origin(query) is query:
             nearer, search = approached(self._solver, query, plan.verdict, situation, memory.approach)
@@ -652,11 +650,13 @@ class ReactivePlanner:
         situation: Situation,
         query: Query,
         attempts: tuple[Attempt, ...],
-        known: np.ndarray | None = None,
+        known: KnownPaths | None = None,
         longest: float = math.inf,
+        refusal: Verdict | None = None,
     ) -> Plan:
         state, obstacles, deadline = situation.state, situation.expected, situation.deadline
-        return situation.stoppable(self._solver.solve(query, state, obstacles, attempts, deadline, known, longest))
+        plan = self._solver.solve(query, state, obstacles, attempts, deadline, known, longest, refusal)
+        return situation.stoppable(plan)
 
     def _taken(self, situation: Situation, query: Query, plan: Plan, memory: SearchMemory) -> _Decision:
         """A new path; found too late, the evasion path being played stays where it is free."""

@@ -38,13 +38,33 @@ class SearchQuery(Protocol):
 class LatentPath:
     """A path through the graph: its nodes (p,), latent polyline (m, d), largest energy of one edge, and the gap.
 
-    gap : as `Verdict.cost_gap`.
+    gap : as `Verdict.cost_gap`. undisturbed : no obstacle was felt in the search: it is the cheapest without any.
     """
 
     nodes: np.ndarray
     polyline: np.ndarray
     energy: float
     gap: float
+    undisturbed: bool = False
+
+
+@dataclass(frozen=True)
+class KnownPaths:
+    """The path being followed, and the last one that was no gain over it."""
+
+    followed: LatentPath
+    rejected: LatentPath | None = None
+
+    def include(self, path: LatentPath) -> bool:
+        """Whether a path is the one being followed, and need not be judged again.
+
+        Where no obstacle is felt the cheapest path from a point of the cheapest one is the rest of it, but may lead
+        over other nodes of the grid: where that has been no gain once it is none over others either.
+        """
+        undisturbed = self.rejected is not None and all(
+            one.undisturbed for one in (self.followed, self.rejected, path)
+        )
+        return undisturbed or is_same_path(path.nodes, self.followed.nodes)
 
 
 def demonstrated_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float:
@@ -102,7 +122,8 @@ def cheapest_path(
     # The first node may lie behind the start.
     if len(points) > 1 and (points[1] - points[0]) @ (start - points[0]) > 0.0:
         points = points[1:]
-    return LatentPath(found.nodes, np.concatenate([start[None], points]), energy, found.gap)
+    undisturbed = found.gap == 0.0 and not reshaping.is_felt(margin)
+    return LatentPath(found.nodes, np.concatenate([start[None], points]), energy, found.gap, undisturbed)
 
 
 def is_same_path(nodes: np.ndarray, known: np.ndarray) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.approach import ApproachSearch
 from geodesic_motion_ros.planning.detour import Detour
 from geodesic_motion_ros.planning.detour_worker import DetourJob
+from geodesic_motion_ros.planning.evasion import FailedEvasion, is_searched
 from geodesic_motion_ros.planning.mission import Goal, Query
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Situation
@@ -89,19 +90,20 @@ class SearchMemory:
 
     Attributes
     ----------
-    without_path : the query for which there was no path the last time; attempted : the number of the attempt that was
-        made then.
+    without_path : the query for which there was no path the last time; refusal : why; attempted : the number of the
+        last attempt that was not optimistic.
     last_optimistic : when an optimistic attempt was last made for it [s].
-    last_failed_evasion : when an evasion path was searched last and none found [s].
+    last_failed_evasion : the last search of an evasion path that found none.
     blocked_since : since when the arm has had no path [s].
     approach : the last one that was searched.
     """
 
     without_path: Query | None = None
+    refusal: Verdict | None = None
     attempted: int = 0
     blocked: Blocked | None = None
     last_optimistic: float = -math.inf
-    last_failed_evasion: float = -math.inf
+    last_failed_evasion: FailedEvasion = field(default_factory=FailedEvasion)
     blocked_since: float = math.inf
     detour: DetourSearch | None = None
     approach: ApproachSearch | None = None
@@ -117,19 +119,27 @@ class SearchMemory:
         """The query in the place of which another one was tried."""
         return self.blocked.origin if self.blocked is not None and self.blocked.query is query else query
 
-    def chosen_attempts(self, solver: Solver, query: Query, now: float) -> tuple[tuple[Attempt, ...], SearchMemory]:
-        """What is tried at a time [s] by an arm that follows no path to a query's goal, and the memory of that.
+    def chosen_attempts(
+        self, solver: Solver, query: Query, situation: Situation
+    ) -> tuple[tuple[Attempt, ...], SearchMemory]:
+        """What is tried by an arm that follows no path to a query's goal, and the memory of that.
 
-        All where a path has just been lost, or was not searched yet. Where there was none the last time, another one in
-        every tick, and the first optimistic one as often as better paths are searched.
+        All where a path has just been lost, or was not searched yet; an arm that stops already leaves those that are
+        optimistic to the next tick. Where there was no path the last time, another one in every tick: among what moves
+        the first optimistic one as often as better paths are searched, and none where an evasion path is searched.
         """
         if query is not self.without_path:
-            return solver.attempts, replace(self, attempted=0)
+            stops = situation.followed is not None and situation.followed.is_stop and not situation.at_rest
+            begun = replace(self, attempted=0, last_optimistic=-math.inf)
+            return solver.cautious if stops else solver.attempts, begun
+        if self.refusal is not None and is_searched(self.refusal, situation, self.last_failed_evasion):
+            return (), self
+        due = situation.now >= self.last_optimistic + constants.SEARCH_PERIOD_CLOSE - TIME_ROUNDING
+        blocked = self.refusal is not None and self.refusal.code is VerdictCode.NO_FEASIBLE_PATH
+        if due and blocked and not situation.expected.stand:
+            return solver.optimistic[:1], replace(self, last_optimistic=situation.now)
         number = (self.attempted + 1) % len(solver.cautious)
-        memory, chosen = replace(self, attempted=number), solver.cautious[number : number + 1]
-        if now < self.last_optimistic + constants.SEARCH_PERIOD_CLOSE - TIME_ROUNDING:
-            return chosen, memory
-        return (*chosen, *solver.optimistic[:1]), replace(memory, last_optimistic=now)
+        return solver.cautious[number : number + 1], replace(self, attempted=number)
 
     def after(
         self, plan: Plan, query: Query, blocked: Blocked | None, attempts: tuple[Attempt, ...], situation: Situation
@@ -146,7 +156,8 @@ class SearchMemory:
             still = Blocked(query, before.origin, situation.obstacles, tried, plan.verdict, unfinished)
         if plan.trajectory is not None:
             return replace(self, without_path=None, blocked=still, blocked_since=math.inf, detour=None)
-        return replace(self, without_path=query, blocked=still, blocked_since=min(self.blocked_since, situation.now))
+        since = min(self.blocked_since, situation.now)
+        return replace(self, without_path=query, refusal=plan.verdict, blocked=still, blocked_since=since)
 
     def interrupted(self, verdict: Verdict) -> SearchMemory:
         """Where there was no time for an approach that a verdict asks for: all is tried once more."""

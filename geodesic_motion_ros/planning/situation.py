@@ -21,6 +21,7 @@ from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -78,8 +79,9 @@ class Followed:
     """What the trajectory being played was planned for, its verdict, and when a path was last searched [s].
 
     The verdict states the present clearance; `promised` was that of the plan, `drawn` that when another curve was last
-    drawn [m]. `nodes` and `optimistic` as of `Plan`. `evading`: it leads to where nothing is expected to come.
+    drawn [m]. `path` and `optimistic` as of `Plan`. `evading`: it leads to where nothing is expected to come.
     `remaining`: it is an approach, which leaves so much of the path to a covered goal [m]; inf: it is none.
+    `rejected`: the last path that was no gain over this one.
     `obstacles`: those among which it was last judged; None: it is to be judged anew.
     """
 
@@ -89,10 +91,11 @@ class Followed:
     searched: float
     promised: float
     drawn: float
-    nodes: np.ndarray | None = None
+    path: LatentPath | None = None
     optimistic: bool = False
     evading: bool = False
     remaining: float = math.inf
+    rejected: LatentPath | None = None
 
     @classmethod
     def begun(
@@ -106,7 +109,7 @@ class Followed:
         """A plan's path, taken in a situation."""
         nearest = plan.verdict.clearance
         return cls(
-            query, plan.verdict, situation.obstacles, situation.now, nearest, nearest, plan.nodes, plan.optimistic,
+            query, plan.verdict, situation.obstacles, situation.now, nearest, nearest, plan.path, plan.optimistic,
             evading, remaining,
         )  # fmt: skip
 
@@ -126,10 +129,10 @@ class Followed:
         return self.verdict.clearance <= constants.CLOSE_CLEARANCE
 
     @property
-    def known(self) -> np.ndarray | None:
-        """The nodes of the path, where finding it again is no gain: no obstacle is near, or has come nearer."""
+    def known(self) -> KnownPaths | None:
+        """Paths that are no gain where the search finds them again: no obstacle is near, or has come nearer."""
         nearer = self.verdict.clearance <= min(constants.CLOSE_CLEARANCE, self.drawn - constants.NEARER_BY)
-        return None if nearer else self.nodes
+        return None if nearer or self.path is None else KnownPaths(self.path, self.rejected)
 
     def is_due(self, now: float) -> bool:
         """Whether a better path is to be searched at a time [s]."""
@@ -165,6 +168,7 @@ class Situation:
     obstacles : as they were received, enlarged by what is not known of them.
     played, followed : as of `Stream`.
     deadline : begin nothing new after it. late : what is found after it would take over in the past.
+    reach : how far the tool may leave what was demonstrated [m].
     """
 
     settings: PlannerSettings
@@ -176,6 +180,7 @@ class Situation:
     obstacles: Obstacles
     deadline: Deadline = NEVER
     late: Deadline = NEVER
+    reach: float = 0.0
 
     @property
     def at_rest(self) -> bool:

@@ -33,7 +33,7 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
-from geodesic_motion_ros.planning.search import LatentPath, SearchQuery, cheapest_path, is_same_path, path_verdict
+from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, SearchQuery, cheapest_path, path_verdict
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
@@ -92,7 +92,7 @@ class Plan:
         stays, or the arm stands.
     begin : time of its first knot [s].
     verdict : OK comes with a path to the goal. With any other verdict the trajectory is a stop, evades, or approaches.
-    nodes : of the graph that the path was found along, where the first attempt found it.
+    path : through the graph, where the first attempt found it.
     optimistic : as of `Attempt`.
     mode : what the arm does after the tick.
     """
@@ -100,7 +100,7 @@ class Plan:
     trajectory: CertifiedTrajectory | None
     begin: float
     verdict: Verdict
-    nodes: np.ndarray | None = None
+    path: LatentPath | None = None
     optimistic: bool = False
     mode: Mode = Mode.IDLE
 
@@ -210,16 +210,21 @@ class Solver:
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
         deadline: Deadline = NEVER,
-        known: np.ndarray | None = None,
+        known: KnownPaths | None = None,
         longest: float = math.inf,
+        refusal: Verdict | None = None,
     ) -> Plan:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
 
-        known : nodes of a path that need not be judged again: where the search finds it again, that is the answer, OK.
+        known : paths that need not be judged again: where the search finds one again, that is the answer, OK.
         longest : a motion that takes so long [s] or longer is no gain, and is not certified.
+        refusal : of attempts made before: the verdict where these, none of them cautious, come to no path.
         """
-        plan = self._first_certified(query, state, obstacles, _alike(attempts, False), deadline, known, longest)
-        optimistic = _alike(attempts, True)
+        cautious, optimistic = _alike(attempts, False), _alike(attempts, True)
+        if cautious or refusal is None:
+            plan = self._first_certified(query, state, obstacles, cautious, deadline, known, longest)
+        else:
+            plan = Plan(None, state.time, refusal)
         blocked = plan.trajectory is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
         if blocked and optimistic and not obstacles.stand and not deadline.passed:
             other = self._first_certified(query, state, obstacles, optimistic, deadline, None, longest)
@@ -234,7 +239,7 @@ class Solver:
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
         deadline: Deadline,
-        known: np.ndarray | None,
+        known: KnownPaths | None,
         longest: float,
     ) -> Plan:
         """`solve` with attempts of which all are optimistic, or none."""
@@ -244,6 +249,7 @@ class Solver:
         margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         tried: set[tuple[bytes, bool, float]] = set()
+        first: LatentPath | None = None
         for number, attempt in enumerate(attempts):
             if number > 0 and deadline.passed:
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
@@ -251,7 +257,7 @@ class Solver:
             path = search.path(attempt.multiple)
             if isinstance(path, Verdict):
                 return Plan(None, state.time, verdict if verdict.reason else path)
-            if known is not None and is_same_path(path.nodes, known):
+            if known is not None and known.include(path):
                 return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
             drawn = path.nodes.tobytes(), attempt.refine, attempt.width
             if drawn in tried:
@@ -261,10 +267,11 @@ class Solver:
             plan = self._certified(
                 query, state, curve, obstacles, margin, attempt.width, attempt.optimistic, None, longest
             )
+            first = path if attempt == self.attempts[0] else first
             if plan.trajectory is not None:
-                return replace(plan, nodes=path.nodes) if attempt == self.attempts[0] else plan
+                return replace(plan, path=path) if attempt == self.attempts[0] else plan
             verdict = plan.verdict
-        return Plan(None, state.time, verdict)
+        return Plan(None, state.time, verdict, first)
 
     def _search(
         self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline

@@ -81,7 +81,7 @@ class Stream:
         """The arm does not play what it was to play, but a stop that begins at a time [s]: why."""
         self._replace(trajectory, begin)
         if self.followed is not None:
-            self.followed = replace(self.followed, verdict=verdict, nodes=None, remaining=math.inf)
+            self.followed = replace(self.followed, verdict=verdict, path=None, rejected=None, remaining=math.inf)
 
     def take(self, step: Step, now: float) -> Plan:
         """Play what a step at `now` [s] hands out: the plan with all that is played from the knot before on."""

@@ -14,7 +14,7 @@ from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planning.evasion import evaded, still_evading
+from geodesic_motion_ros.planning.evasion import FailedEvasion, evaded, is_searched, still_evading
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
@@ -67,7 +67,7 @@ class Arm:
 
     def __init__(self, settings: PlannerSettings = SETTINGS) -> None:
         self.settings, self.solver, self.stream = settings, OneEvasionPath(), Stream(CERTIFIER)
-        self.last_failed, self.reach = -np.inf, 0.0
+        self.last_failed, self.reach = FailedEvasion(), 0.0
         standing = JointReference.standing(ROBOT.ready, np.zeros(2))
         self.stream.stand(CERTIFIER.certified(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
 
@@ -75,9 +75,7 @@ class Arm:
         self, now: float, obstacles: Obstacles, verdict: Verdict = NO_PATH, late: Deadline = NEVER
     ) -> Plan | None:
         situation = self.situation(now, obstacles, late)
-        step, self.last_failed = evaded(
-            self.solver, QUERY, verdict, situation, self.last_failed, self.reach
-        )
+        step, self.last_failed = evaded(self.solver, QUERY, verdict, situation, self.last_failed)
         return None if step is None else self.stream.take(step, now)
 
     def still_evading(self, now: float, obstacles: Obstacles) -> Plan | None:
@@ -87,8 +85,9 @@ class Arm:
     def situation(self, now: float, obstacles: Obstacles, late: Deadline = NEVER) -> Situation:
         stream = self.stream
         return Situation(
-            self.settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles, late=late
-        )
+            self.settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles, late=late,
+            reach=self.reach,
+        )  # fmt: skip
 
 
 def coming(after: float, time: float = 0.0) -> Obstacles:
@@ -101,7 +100,7 @@ def coming(after: float, time: float = 0.0) -> Obstacles:
 def test_an_arm_evades_what_is_coming_and_says_so() -> None:
     arm = Arm()
     situation = arm.situation(0.0, coming(1.0))
-    step, _ = evaded(arm.solver, QUERY, NO_PATH, situation, -np.inf, 0.0)
+    step, _ = evaded(arm.solver, QUERY, NO_PATH, situation, FailedEvasion())
     assert situation.mode(step) is Mode.EVADING
     plan = arm.stream.take(step, 0.0)
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
@@ -134,15 +133,16 @@ def test_what_comes_late_is_seen_beyond_the_time_of_a_stop() -> None:
 
 
 def test_where_no_path_was_found_none_is_searched_in_every_tick() -> None:
+    """Whether one is searched is known before, so that little else is done in the same tick."""
     arm = Arm()
     arm.solver.found = False
-    for now in (0.0, 0.01, 0.04):
+    for now in (0.0, 0.01, 0.04, 0.05):
+        searched, before = is_searched(NO_PATH, arm.situation(now, coming(1.0)), arm.last_failed), len(arm.solver.asked)
         assert arm.plan(now, coming(1.0)) is None
-        assert arm.last_failed == 0.0
-    assert arm.solver.asked == [2.0 * SETTINGS.prediction, SETTINGS.prediction]
-    arm.plan(0.05, coming(1.0))
-    assert len(arm.solver.asked) == 4
-    arm.last_failed, arm.solver.found = -np.inf, True
+        assert searched is (len(arm.solver.asked) > before)
+        assert len(arm.solver.asked) == (4 if now == 0.05 else 2)
+    assert arm.solver.asked == 2 * [2.0 * SETTINGS.prediction, SETTINGS.prediction]
+    arm.last_failed, arm.solver.found = FailedEvasion(), True
     assert arm.plan(0.06, coming(1.0)).trajectory is not None
 
 
@@ -168,10 +168,30 @@ def test_an_arm_goes_on_evading_beside_the_graph_while_nothing_comes_near() -> N
     velocity = np.array([[0.0, 0.0, 0.2]])
     for after, asked in ((1.5, 1), (0.3, 2)):
         meeting = Obstacles.of_spheres(hand - (0.1 + after) * velocity, np.array([0.03]), velocity, 0.1)
-        arm.last_failed = -np.inf
+        arm.last_failed = FailedEvasion()
         plan = arm.plan(0.1, meeting)
         assert len(arm.solver.asked_beside) == asked
         assert (plan.trajectory is None) is (asked == 1)
+
+
+def test_where_what_comes_late_cannot_be_evaded_what_comes_soon_is_evaded_at_once_all_the_same() -> None:
+    """What comes late is not searched for in every tick meanwhile."""
+    arm, prediction = Arm(), SETTINGS.prediction
+    arm.solver.found = False
+    for now in (0.0, 0.01, 0.02):
+        assert arm.plan(now, coming(1.8 * prediction, now)) is None
+    assert arm.solver.asked == [2.0 * prediction]
+    arm.plan(0.03, coming(1.0, 0.03))
+    assert arm.solver.asked == [2.0 * prediction, prediction]
+
+
+def test_no_evasion_path_is_searched_where_no_time_is_left_or_nothing_comes() -> None:
+    """The control: in time, where something comes, one is."""
+    arm, passed = Arm(), Deadline(-np.inf)
+    assert is_searched(NO_PATH, arm.situation(0.0, coming(1.0)), FailedEvasion())
+    assert not is_searched(NO_PATH, arm.situation(0.0, coming(1.0), late=passed), FailedEvasion())
+    assert not is_searched(NO_PATH, replace(arm.situation(0.0, coming(1.0)), deadline=passed), FailedEvasion())
+    assert not is_searched(NO_PATH, arm.situation(0.0, coming(3.0 * SETTINGS.prediction)), FailedEvasion())
 
 
 def test_an_arm_goes_on_evading_while_that_is_free() -> None:

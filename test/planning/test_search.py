@@ -11,7 +11,7 @@ from geodesic_motion_ros.benchmarks.stages import SkillBench
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.graph import search_from_both_ends
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planning.search import LatentPath, cheapest_path, is_same_path
+from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, cheapest_path, is_same_path
 from geodesic_motion_ros.verdict import VerdictCode
 
 PASSED = Deadline(-np.inf)
@@ -56,3 +56,33 @@ def test_a_way_is_the_same_where_its_end_is_whatever_node_it_enters_the_graph_by
     assert not is_same_path(known[:-1], known)
     assert not is_same_path(np.concatenate([[0], known, [30]]), known)
     assert not is_same_path(known[-3:], known)
+
+
+def along(nodes: np.ndarray, undisturbed: bool = True) -> LatentPath:
+    return LatentPath(nodes, np.empty((0, 2)), 0.0, 0.0, undisturbed)
+
+
+@pytest.mark.parametrize(
+    ("followed", "rejected", "found", "known"),
+    [
+        (True, True, True, True),
+        (True, None, True, False),  # none was judged yet
+        (False, True, True, False),  # obstacles have been felt in one of the searches
+        (True, False, True, False),
+        (True, True, False, False),
+    ],
+)
+def test_where_no_obstacle_is_felt_a_way_over_other_nodes_is_judged_once(
+    followed: bool, rejected: bool | None, found: bool, known: bool
+) -> None:
+    before, other, another = np.arange(10, 30), np.arange(40, 60), np.arange(70, 90)
+    paths = KnownPaths(along(before, followed), None if rejected is None else along(other, rejected))
+    assert paths.include(along(another, found)) is known
+    assert paths.include(along(before[5:], found))
+
+
+def test_a_way_is_undisturbed_where_no_obstacle_is_felt_in_its_search(bench) -> None:
+    far = Obstacles.of_spheres(np.array([[0.0, 0.0, 4.0]]), np.array([0.06]))
+    assert way(bench, Obstacles.none()).undisturbed
+    assert way(bench, far).undisturbed
+    assert not way(bench, spheres_on_way(bench.problem, 1).at(0)).undisturbed
