@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -164,7 +164,8 @@ class MovingBench:
             for tick in range(int(longest * RATE)):
                 now = tick / RATE
                 searches.clear()
-                seen = obstacles.at(now, longest)
+                # Seen anew in every tick: nothing has had time to halt.
+                seen = replace(obstacles.at(now, longest), ages=np.zeros_like(obstacles.ages))
                 with play.watch:
                     planner.take_obstacles(seen)
                     planner.tick(now)
