@@ -1,6 +1,7 @@
 """Evasion: an arm that has no path to its goal makes room for what is coming to where it stands or stops.
 
-Where to is searched by `solver.Solver.evade`; here is decided when, and how long it goes on.
+Where to is searched by `Solver.evade`, on the graph, and `Solver.evade_displaced`, beside it; here is decided when, and
+how long it goes on.
 """
 
 from __future__ import annotations
@@ -42,13 +43,16 @@ def evaded(
     """
     free, horizon = _assessed(verdict, situation, last_failed)
     while horizon is not None:
-        state, obstacles = situation.state, situation.expected
+        state, obstacles, deadline = situation.state, situation.expected, situation.deadline
         if horizon < situation.settings.prediction:
-            plan = solver.evade_displaced(query, state, obstacles, horizon, situation.reach)
+            plan = solver.evade_displaced(query, state, obstacles, horizon, situation.reach, deadline)
         else:
-            plan = solver.evade(query, state, obstacles, horizon, situation.deadline)
+            plan = solver.evade(query, state, obstacles, horizon, deadline)
         if plan is not None:
             return _taken(query, plan, verdict, situation), last_failed
+        if deadline.passed:
+            # What was not found for want of time is searched again in the next tick.
+            return still_evading(situation), last_failed
         last_failed = FailedEvasion(situation.now, horizon)
         free, horizon = _assessed(verdict, situation, last_failed)
     evading = situation.followed is not None and situation.followed.evading

@@ -95,8 +95,8 @@ EVASION_RETURN_SHARE = 0.5
 #: Where no place on the graph is free of what comes within this time [s], the tool moves aside by up to so much [m], or
 #: the arm swivels by up to so much [rad].
 EVASION_DISPLACED_WITHIN, EVASION_DISPLACEMENT, EVASION_SWIVEL = 0.6, 0.15, 0.6
-#: So many displaced places are tried.
-EVASION_DISPLACED = 3
+#: So many of these places are tried.
+EVASION_DISPLACED = 12
 
 # ------------------------------------------------------------------ goals that are covered
 

@@ -338,7 +338,13 @@ class Solver:
         return None
 
     def evade_displaced(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, horizon: float, reach: float
+        self,
+        query: HeldQuery,
+        state: MotionState,
+        obstacles: Obstacles,
+        horizon: float,
+        reach: float,
+        deadline: Deadline = NEVER,
     ) -> Plan | None:
         """The same to a place beside the graph; reach : how far the tool may be from where it would be on it [m]."""
         latent = _latent_start(query, state)[None]
@@ -351,6 +357,8 @@ class Solver:
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         targets = displaced_paths(self.robot, arm, state.position, undisplaced, reach, apart)
         for curve in islice(targets, constants.EVASION_DISPLACED):
+            if deadline.passed:
+                return None
             timed = self._timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
             if timed.reference is None:
                 continue

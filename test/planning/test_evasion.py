@@ -49,7 +49,7 @@ class OneEvasionPath:
         return self._turn(state, obstacles, horizon) if self.found else None
 
     def evade_displaced(
-        self, query: object, state: MotionState, obstacles: Obstacles, horizon: float, reach: float
+        self, query: object, state: MotionState, obstacles: Obstacles, horizon: float, reach: float, deadline: Deadline
     ) -> Plan | None:
         self.asked_beside.append(horizon)
         return self._turn(state, obstacles, horizon) if self.found_beside else None
