@@ -16,6 +16,7 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill import Skill
@@ -45,7 +46,7 @@ def deadlines():
 """
 
 PLANNED = """
-planner = ReactivePlanner(skill)
+planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
 before = loaded()
 ends = skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:]
 codes = set()
@@ -75,6 +76,17 @@ centres, velocities = np.stack([goal, hand + [0.0, 0.0, 0.5]]), np.array([[0.0, 
 planner.take_obstacles(Obstacles.of_spheres(centres, np.full(2, 0.05), velocities, 10.0))
 reasons = [planner.tick(10.0 + 0.01 * number).verdict.reason for number in range(5)]
 assert any("evading" in reason for reason in reasons), reasons
+# What comes leaves no place on the graph free.
+middle, aside = way[len(way) // 2], np.array([[0.0, -1.0, 0.0]])
+planner.stand_at(middle, 20.0)
+planner.set_goal_configuration(way[-1])
+for number in range(60):
+    now = 20.0 + 0.01 * number
+    hand = planner.robot.forward(planner.commanded(now)[0])[0]
+    centre = hand + (0.3 - 0.003 * number) * aside
+    planner.take_obstacles(Obstacles.of_spheres(centre, np.full(1, 0.1), -0.3 * aside, now))
+    planner.tick(now)
+assert np.linalg.norm(hand - planner.robot.forward(middle)[0]) > 0.02, hand
 print(len(before) > 40, sorted(codes), sorted(loaded() - before))
 """
 

@@ -66,8 +66,8 @@ PLANNER = (
     Parameter(
         "detour",
         0.25,
-        "Where obstacles block every demonstrated path the tool may leave it by so much, if a scene is declared; 0.0: "
-        "the arm waits",
+        "Where obstacles block every demonstrated path the tool may leave it by so much, and where it "
+        "evades, if a scene is declared; 0.0: it waits, and evades along demonstrated paths alone",
         "m",
         0.0,
         LARGEST_DETOUR,

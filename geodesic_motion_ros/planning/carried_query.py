@@ -6,7 +6,7 @@ corrections along the mean paths, and how near to them paths stay, are those of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from geodesic_motion_ros.graph.metric_field import MetricField
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.shortest_path import cost_field
+from geodesic_motion_ros.graph.transport import blended
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -45,6 +46,7 @@ class CarriedQuery:
     task_start, task_goal : (k,) offsets of the task's start and goal from the demonstrated means, wherever on the path
         the query begins.
     along_ridges : corrections and conformal factors for these offsets.
+    displaced : how far the tool was from where the older query, on from which this one goes, would have held it [m].
     """
 
     start: Any
@@ -62,6 +64,12 @@ class CarriedQuery:
     task_start: np.ndarray
     task_goal: np.ndarray
     along_ridges: AlongRidges
+    displaced: float = field(default=0.0, kw_only=True)
+
+    def displaced_at(self, progress: np.ndarray) -> float:
+        """What is left of that [m] at a progress (1,) of the skill: it fades until the goal, as the start's offset."""
+        faded = blended(progress, self.offsets.start_progress, self.offsets.goal_progress)
+        return self.displaced * (1.0 - float(faded[0]))
 
 
 def edges_in_scene(

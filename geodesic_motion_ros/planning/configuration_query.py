@@ -317,7 +317,11 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         along_ridges = query.along_ridges
         if np.linalg.norm(there.task_offset - query.task_goal) > SAME_TASK_JOINTS:
             along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
-        return self._between(here, there, query.task_start, along_ridges)
+        along, _ = query.configurations_along(latent[None], start)
+        moved = np.linalg.norm(self._robot.forward(start)[0] - self._robot.forward(along[0])[0])
+        progress, _ = self._graph.progress_map(latent[None])
+        displaced = float(moved) + query.displaced_at(progress)
+        return replace(self._between(here, there, query.task_start, along_ridges), displaced=displaced)
 
     def other_posture(self, query: ConfigurationQuery) -> None:
         """None: in which posture a path is held is what was demonstrated."""

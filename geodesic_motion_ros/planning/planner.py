@@ -168,7 +168,11 @@ class ReactivePlanner:
         if self._mission.query is not None:
             load_search(self.graph, self._mission.query, self.settings)
             if self.may_detour:
-                self._detours.find(self._mission.query, self._inputs.obstacles, 0.1)
+                query, obstacles, stream = self._mission.query, self._inputs.obstacles, self._stream
+                self._detours.find(query, obstacles, 0.1)
+                assert stream.played is not None
+                state = stream.played.state_at_switch(0.3, stream.followed)
+                self._solver.evade_displaced(query, state, obstacles, 0.1, 0.1)
         load_references(self.limits, self._solver.tool)
         self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
         self.take_obstacles(Obstacles.none())

@@ -11,13 +11,13 @@ met where the robot will really be. Which latent points are carried onto start a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
-from geodesic_motion_ros.graph.transport import Offsets, corrections_at
+from geodesic_motion_ros.graph.transport import Offsets, carried, corrections_at
 from geodesic_motion_ros.obstacles import LARGEST_NUMBER
 from geodesic_motion_ros.planning.carried_query import AlongRidges, CarriedQuery, CarriedQueryBuilder, End
 from geodesic_motion_ros.planning.search import demonstrated_cost
@@ -189,7 +189,13 @@ class QueryBuilder(CarriedQueryBuilder):
         along_ridges = query.along_ridges
         if np.linalg.norm(POSE_SCALE * (there.task_offset - query.task_goal)) > SAME_TASK_POSE:
             along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
-        return self._between(start, here, goal, there, query.task_start, along_ridges)
+        found = self._between(start, here, goal, there, query.task_start, along_ridges)
+        if isinstance(found, Verdict):
+            return found
+        progress, shares = self._graph.progress_map(latent[None])
+        along, _ = carried(*self._graph.decoder.poses(latent[None]), query.offsets.displacements(progress, shares))
+        moved = float(np.linalg.norm(start.position - along[0]))
+        return replace(found, displaced=moved + query.displaced_at(progress))
 
     def _between(
         self, start: Pose, here: _End, goal: Pose, there: _End, task_start: np.ndarray, along_ridges: AlongRidges

@@ -59,7 +59,8 @@ class KnownPaths:
         """Whether a path is the one being followed, and need not be judged again.
 
         Where no obstacle is felt the cheapest path from a point of the cheapest one is the rest of it, but may lead
-        over other nodes of the grid: where that has been no gain once it is none over others either.
+        over other nodes of the grid: where that has been no gain once it is not judged again. A gain that it becomes as
+        less of the path is left is given away.
         """
         undisturbed = self.rejected is not None and all(
             one.undisturbed for one in (self.followed, self.rejected, path)

@@ -7,7 +7,8 @@ A sphere of the arm is inside where
 - its centre is within `BASE_ALLOWANCE` of where that of the same sphere passes along the base path: there the arm would
   be without a detour, too.
 
-Both are conservative: a sphere across two boxes that touch is outside, and so is one where only other parts of the arm
+Where it evades beside the graph the place at which it stands counts in the place of the base path. Both are
+conservative: a sphere across two boxes that touch is outside, and so is one where only other parts of the arm
 pass. The volume does not move: a motion that was certified in it stays so, and so does a stop along its path. Where a
 detour was left a demonstrated path leads on to the goal, and nothing keeps that inside.
 """

@@ -194,7 +194,8 @@ class PlannerSettings:
         That of the angular acceleration follows: full angular speed is reached in the time that full speed takes.
     latency : a new reference takes over so long after its planning began [s].
     detour : how far the tool may leave what was demonstrated where obstacles block every demonstrated path, up to
-        `LARGEST_DETOUR`, if it was declared what stands around the arm; 0: it waits there.
+        `LARGEST_DETOUR`, if it was declared what stands around the arm, and where it evades; 0: it waits there, and
+        evades along demonstrated paths alone.
     unseen : "blocked": detours stay inside the declared scene's list `seen`, and where the arm passes along the base
         path (`planning/seen_volume.py`); "free": they lead wherever no obstacle is known.
     patience : obstacles may go by themselves: a detour begins when they have stood, or blocked the arm, for so long

@@ -75,6 +75,12 @@ class HeldQuery(SearchQuery, PathEnds, Protocol):
         """Covariances (m, 3, 3) of positions in the frame of the skill, in the base frame."""
         ...
 
+    def displaced_at(self, progress: np.ndarray) -> float:
+        """How far the graph itself holds the tool from what was demonstrated [m], as it was displaced when the query
+        began, at a progress (1,) of the skill.
+        """
+        ...
+
     def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
         """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,), and where
         and why the arm cannot hold it, "" where it can.
@@ -346,16 +352,18 @@ class Solver:
         reach: float,
         deadline: Deadline = NEVER,
     ) -> Plan | None:
-        """The same to a place beside the graph; reach : how far the tool may be from where it would be on it [m]."""
+        """The same to a place beside the graph; reach : how far the tool may be from what was demonstrated [m]."""
         latent = _latent_start(query, state)[None]
+        progress, _ = self.graph.progress_map(latent)
         held, objection = query.configurations_along(latent, state.position)
         if objection:
             return None
+        left = reach - query.displaced_at(progress)
         undisplaced, _ = self.robot.forward(held[0])
-        seen = self.seen_beside(np.stack([held[0], state.position]))
+        seen = self.seen_beside(state.position[None])
         arm = ArmInScene.of(self.robot, self.collision, obstacles.swept(horizon).beside(self.scene.solids), seen)
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        targets = displaced_paths(self.robot, arm, state.position, undisplaced, reach, apart)
+        targets = displaced_paths(self.robot, arm, state.position, undisplaced, left, apart)
         for curve in islice(targets, constants.EVASION_DISPLACED):
             if deadline.passed:
                 return None

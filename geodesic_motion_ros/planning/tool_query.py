@@ -71,6 +71,10 @@ class ToolQuery:
         """The node that is carried onto the goal."""
         return self.poses.goal_node
 
+    def displaced_at(self, progress: np.ndarray) -> float:
+        """As of `Query`."""
+        return self.poses.displaced_at(progress)
+
     @property
     def cost_limit(self) -> float:
         """Paths that cost more count as blocked."""

@@ -130,11 +130,22 @@ def test_what_has_stood_for_long_is_gone_round_at_once(planner) -> None:
 
 def least_clearance_of_chased(planner: ReactivePlanner, reach: float) -> float:
     """Of an arm to whose tool a sphere turns in every tick, from above [m]."""
-    played, least, centre = Played(planner, reach), np.inf, np.empty(0)
+    return chased(Played(planner, reach), 360)
+
+
+def chased(played: Played, ticks: int, new_goals: int = 0) -> float:
+    """The least clearance [m] of an arm that is chased for so many ticks.
+
+    new_goals : after each so many ticks its goal moves by 4 mm, or back; 0: never.
+    """
+    planner, least, centre = played.planner, np.inf, np.empty(0)
     played.ask()
     played.run(1.0)
     direction, speed = np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0), 0.1
-    for _ in range(360):
+    for tick in range(ticks):
+        if new_goals and tick % new_goals == 0:
+            offset = [0.004 * (tick // new_goals % 2), 0.0, 0.0]
+            assert planner.set_goal(played.goal[:3] + offset, played.goal[3:]).ok
         tool = planner.robot.forward(played.postures[-1])[0]
         centre = centre if len(centre) else tool + BEGINS[planner.skill.name] * direction
         velocity = speed * (tool - centre) / np.linalg.norm(tool - centre)
@@ -150,6 +161,17 @@ def least_clearance_of_chased(planner: ReactivePlanner, reach: float) -> float:
 def test_an_arm_that_is_chased_off_the_graph_goes_beside_it_where_that_is_allowed(planner, reach: float) -> None:
     """Without that it is touched."""
     assert (least_clearance_of_chased(planner, reach) > 0.0) is (reach > 0.0)
+
+
+def test_a_chased_arm_whose_goal_moves_goes_no_farther_from_what_was_demonstrated_than_it_may(planner) -> None:
+    """Every new goal begins a query where the arm is; what it was displaced by before counts on."""
+    reach = 0.1
+    played = Played(planner, reach)
+    on_path = [planner.robot.forward(configuration)[0] for configuration in played.nominal.positions]
+    chased(played, 500, new_goals=50)
+    tool = np.array([planner.robot.forward(posture)[0] for posture in played.postures])
+    apart = np.min(np.linalg.norm(tool[:, None] - np.array(on_path)[None], axis=2), axis=1)
+    assert np.max(apart) < reach + 0.02
 
 
 @pytest.mark.parametrize("size", [0.0, 1.5])
