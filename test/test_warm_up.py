@@ -77,14 +77,14 @@ planner.take_obstacles(Obstacles.of_spheres(centres, np.full(2, 0.05), velocitie
 reasons = [planner.tick(10.0 + 0.01 * number).verdict.reason for number in range(5)]
 assert any("evading" in reason for reason in reasons), reasons
 # What comes leaves no place on the graph free.
-middle, aside = way[len(way) // 2], np.array([[0.0, -1.0, 0.0]])
+middle, from_right = way[len(way) // 2], np.array([[0.0, -1.0, 0.0]])
 planner.stand_at(middle, 20.0)
 planner.set_goal_configuration(way[-1])
 for number in range(60):
     now = 20.0 + 0.01 * number
     hand = planner.robot.forward(planner.commanded(now)[0])[0]
-    centre = hand + (0.3 - 0.003 * number) * aside
-    planner.take_obstacles(Obstacles.of_spheres(centre, np.full(1, 0.1), -0.3 * aside, now))
+    centre = hand + (0.3 - 0.003 * number) * from_right
+    planner.take_obstacles(Obstacles.of_spheres(centre, np.full(1, 0.1), -0.3 * from_right, now))
     planner.tick(now)
 assert np.linalg.norm(hand - planner.robot.forward(middle)[0]) > 0.02, hand
 print(len(before) > 40, sorted(codes), sorted(loaded() - before))

@@ -46,7 +46,8 @@ class CarriedQuery:
     task_start, task_goal : (k,) offsets of the task's start and goal from the demonstrated means, wherever on the path
         the query begins.
     along_ridges : corrections and conformal factors for these offsets.
-    displaced : how far the tool was from where the older query, on from which this one goes, would have held it [m].
+    displaced : how far the tool was from the graph of the query before this one, as this one began [m]; 0: there was
+        none.
     """
 
     start: Any

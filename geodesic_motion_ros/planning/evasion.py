@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from geodesic_motion_ros.arm_certificate import SweptArm
 from geodesic_motion_ros.planning import settings as constants
@@ -78,11 +79,11 @@ def _assessed(verdict: Verdict, situation: Situation, last_failed: FailedEvasion
     blocked = verdict.code is VerdictCode.NO_FEASIBLE_PATH
     if not (blocked and settings.avoidance) or situation.obstacles.stand:
         return False, None
-    left, horizons = _left(situation), [constants.EVASION_LOOKAHEAD * settings.prediction, settings.prediction]
+    horizons = [constants.EVASION_LOOKAHEAD * settings.prediction, settings.prediction]
     if situation.reach > 0.0:
         horizons.append(min(constants.EVASION_DISPLACED_WITHIN, 0.5 * settings.prediction))
     for horizon in horizons:
-        if _is_free(situation, left, horizon):
+        if _is_free(situation, horizon):
             return True, None
         if last_failed.is_due_again(situation.now, horizon):
             return False, horizon
@@ -117,7 +118,9 @@ def _left(situation: Situation) -> SweptArm:
     return situation.stop.swept if on_path else situation.left
 
 
-def _is_free(situation: Situation, left: SweptArm, horizon: float) -> bool:
-    """Whether nothing that moves on for a horizon [s] meets what is left of a motion."""
-    certificate = situation.certifier.certify_swept(left, situation.expected, horizon, beyond=False)
+# A tick asks this of its situation when it chooses its attempts, and again where it evades.
+@lru_cache(maxsize=4)
+def _is_free(situation: Situation, horizon: float) -> bool:
+    """Whether nothing that moves on for a horizon [s] meets an arm that does not evade."""
+    certificate = situation.certifier.certify_swept(_left(situation), situation.expected, horizon, beyond=False)
     return situation.certifier.objection(certificate) is None

@@ -92,10 +92,10 @@ EVASION_STEPS, EVASION_NODES = 30, 500
 EVASION_TARGETS, EVASION_COSINE = 4, 0.7
 #: From there the goal must be reachable, without obstacles, at less than this share, up to 1, of what a path may cost.
 EVASION_RETURN_SHARE = 0.5
-#: Where no place on the graph is free of what comes within this time [s], the tool moves aside by up to so much [m], or
-#: the arm swivels by up to so much [rad].
+#: Where no place on the graph is free of what comes within this time [s], the tool is displaced by up to so much [m],
+#: or the arm swivels by up to so much [rad].
 EVASION_DISPLACED_WITHIN, EVASION_DISPLACEMENT, EVASION_SWIVEL = 0.6, 0.15, 0.6
-#: So many of these places are tried.
+#: So many of these targets are tried.
 EVASION_DISPLACED = 12
 
 # ------------------------------------------------------------------ goals that are covered
@@ -154,7 +154,7 @@ SWIVELS, SWIVELLED_AT = (0.0, 0.5, -0.5, 1.0, -1.0), 0.4
 TOOL_LIMITS = ToolLimits(speed=0.2, angular_speed=0.8, acceleration=1.5)
 #: Which spheres of the arm are kept away from obstacles: all, or the tool's alone.
 Avoid = Literal["arm", "tool"]
-#: What detours count as where the obstacle source may not see: no obstacle, or one.
+#: How detours treat places that are not declared as seen: as free, or as occupied.
 Unseen = Literal["free", "blocked"]
 
 
