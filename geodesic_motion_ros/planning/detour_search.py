@@ -299,15 +299,24 @@ def _search(
                 size = put(keys, items, place, size, w, through + ahead[w // swivels])
     if place[goal] != TAKEN or dead[goal]:
         return np.empty((0, 5), dtype=np.int64), np.empty((0, joints)), np.inf, evaluated
+    nodes, configurations = _traced(source, goal, strides, offsets, arrival, found)
+    return nodes, configurations, cost[goal], evaluated
+
+
+@numba.njit(cache=True, nogil=True)
+def _traced(
+    source: int, goal: int, strides: np.ndarray, offsets: np.ndarray, arrival: np.ndarray, found: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The nodes (p, 5) from the source to the goal by the moves of arrival, and their configurations (p, eta)."""
     chain = [goal]
     while chain[-1] != source:
         chain.append(chain[-1] - offsets[arrival[chain[-1]]])
-    nodes, configurations = np.empty((len(chain), 5), dtype=np.int64), np.empty((len(chain), joints))
+    nodes, configurations = np.empty((len(chain), 5), dtype=np.int64), np.empty((len(chain), found.shape[1]))
     for row in range(len(chain)):
         v = chain[len(chain) - 1 - row]
         _coordinates(v, strides, nodes[row])
         configurations[row] = found[v]
-    return nodes, configurations, cost[goal], evaluated
+    return nodes, configurations
 
 
 @numba.njit(cache=True, nogil=True)
