@@ -1,4 +1,4 @@
-"""The page that puts the paper beside the code is true: its files, names, tests, sections and commands exist."""
+"""The page that puts the paper beside the code is true: its names, tests and commands exist."""
 
 from __future__ import annotations
 
@@ -32,26 +32,11 @@ def definitions(file: Path) -> set[str]:
     return names
 
 
-def anchors(page: Path) -> set[str]:
-    """What a link can point at in a page: its headings, as they are written in links."""
-    headings = re.findall(r"^#+ (.+)$", page.read_text(), flags=re.MULTILINE)
-    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
-
-
 def test_the_page_is_read():
     tests = [name for name, _ in NAMED if name.startswith("test_")]
     assert len(tests) > 20
     assert len(NAMED) - len(tests) > 30
     assert len(COMMANDS) >= 12
-
-
-@pytest.mark.parametrize("target", sorted({target for _, target in LINKS}))
-def test_every_link_leads_somewhere(target):
-    file, _, anchor = target.partition("#")
-    page = (PAGE.parent / file).resolve() if file else PAGE
-    assert page.is_file()
-    if anchor:
-        assert anchor in anchors(page)
 
 
 @pytest.mark.parametrize(("name", "target"), NAMED)

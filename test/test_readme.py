@@ -1,4 +1,4 @@
-"""The front door is true: its Python runs, its files exist, its topics are those of the node."""
+"""The pages are true: the README's Python runs, and files, sections, commands and codes of all pages exist."""
 
 from __future__ import annotations
 
@@ -10,12 +10,34 @@ import pytest
 from geodesic_motion_ros.verdict import VerdictCode
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-TEXT = (REPOSITORY / "README.md").read_text()
+README, BEHAVIOUR = REPOSITORY / "README.md", REPOSITORY / "doc" / "behaviour.md"
+FOLDERS = ("config", "doc", "geodesic_motion_ros", "models")
+PAGES = [*REPOSITORY.glob("*.md"), *(page for name in FOLDERS for page in (REPOSITORY / name).rglob("*.md"))]
+#: What people read first, and the pages that it leads to.
+FRONT = [README, *sorted((REPOSITORY / "doc").glob("*.md"))]
+BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+COMMANDS = sorted({name for page in FRONT for name in re.findall(r"geodesic-motion\s+([a-z]+)", page.read_text())})
 
 
-@pytest.mark.parametrize(
-    "code", re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL), ids=["tool skill", "whole-arm skill"]
-)
+def anchors(page: Path) -> set[str]:
+    """What a link can point at in a page: its headings, as they are written in links."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(), flags=re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def broken(page: Path) -> list[str]:
+    """Targets of the links of a page, those to the web left out, that lead nowhere."""
+    targets = re.findall(r"\]\((?!http)([^)]+)\)", page.read_text())
+    parts = [target.partition("#") for target in targets]
+    found = [((page.parent / file).resolve() if file else page, anchor) for file, _, anchor in parts]
+    return [
+        target
+        for target, (file, anchor) in zip(targets, found, strict=True)
+        if not file.exists() or (anchor and anchor not in anchors(file))
+    ]
+
+
+@pytest.mark.parametrize("code", BLOCKS, ids=["tool skill", "whole-arm skill"])
 def test_the_python_of_the_tour_runs_and_finds_a_path(code, capsys):
     scope: dict[str, object] = {}
     exec(code, scope)
@@ -23,13 +45,24 @@ def test_the_python_of_the_tour_runs_and_finds_a_path(code, capsys):
     assert scope["plan"].verdict.clearance < 0.1, "the obstacle of the tour is far from the path: it shows nothing"
 
 
-@pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\((?!http)([^)#]+)\)", TEXT))))
-def test_what_the_readme_links_to_is_there(target):
-    assert (REPOSITORY / target).exists()
+@pytest.mark.parametrize("page", sorted(PAGES), ids=lambda page: str(page.relative_to(REPOSITORY)))
+def test_every_link_leads_somewhere(page):
+    assert broken(page) == []
 
 
-@pytest.mark.parametrize("command", sorted(set(re.findall(r"geodesic-motion (\w+)", TEXT))))
-def test_the_commands_of_the_readme_exist(command, capsys):
+def test_links_to_no_file_and_to_no_section_are_broken(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("# Here\n[a](#here) [b](#there) [c](page.md#here) [d](no.md) [e](https://example.org)\n")
+    assert broken(page) == ["#there", "no.md"]
+
+
+def test_every_page_is_in_the_index():
+    index = (REPOSITORY / "doc" / "README.md").read_text()
+    assert [page.name for page in FRONT[1:] if page.name != "README.md" and f"({page.name})" not in index] == []
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_commands_of_the_pages_exist(command, capsys):
     from geodesic_motion_ros.cli import main
 
     with pytest.raises(SystemExit) as stopped:
@@ -38,6 +71,6 @@ def test_the_commands_of_the_readme_exist(command, capsys):
     assert f"geodesic-motion {command}" in capsys.readouterr().out
 
 
-def test_the_codes_of_the_verdict_are_told():
-    told = re.findall(r"^\| ([A-Z_, ]+) \|", TEXT, flags=re.MULTILINE)
-    assert sorted(name for names in told for name in names.split(", ")) == sorted(code.name for code in VerdictCode)
+def test_the_codes_of_the_verdict_are_described():
+    rows = re.findall(r"^\| ([A-Z_, ]+) \|", BEHAVIOUR.read_text(), flags=re.MULTILINE)
+    assert sorted(name for row in rows for name in row.split(", ")) == sorted(code.name for code in VerdictCode)

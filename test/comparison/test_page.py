@@ -1,4 +1,4 @@
-"""The benchmark's page and the README's table of it: rows are those of the code, totals are the sums of their parts."""
+"""The benchmark's page and what others repeat of it: rows are those of the code, totals the sums of their parts."""
 
 from __future__ import annotations
 
@@ -63,9 +63,14 @@ def test_totals_are_the_sums_of_their_parts(number: int) -> None:
         assert successes + sum(int(row[end]) for end in ends) == scenes
 
 
-def test_the_readme_has_the_names_and_the_figures_of_the_page() -> None:
-    (table,) = tables("README.md", "success %")
-    rows = {name.partition(":")[0]: list(cells.values()) for name, cells in table.items()}
+def repeated() -> dict[str, list[str]]:
+    """Cells by method of the table that the page of figures has of all scenes."""
+    (table,) = tables("doc/figures.md", "success %")
+    return {name.partition(":")[0]: list(cells.values()) for name, cells in table.items()}
+
+
+def test_the_page_of_figures_has_the_names_and_the_figures_of_the_benchmark() -> None:
+    rows = repeated()
     assert list(rows) == list(TOTALS[0])
     for name, cells in rows.items():
         assert cells[:3] == [total[name]["success %"] for total in TOTALS[:3]]
@@ -73,3 +78,15 @@ def test_the_readme_has_the_names_and_the_figures_of_the_page() -> None:
         assert cells[3] == f"{100.0 * successes / scenes:.1f} ({interval(successes, scenes)})"
         touched = [[int(total[name][f"touched, {how}"]) for total in TOTALS[:3]] for how in ("moving", "standing")]
         assert cells[4] == ", ".join(str(sum(counts)) for counts in touched)
+
+
+def test_the_readme_has_the_figures_of_that_page() -> None:
+    (table,) = tables("README.md", "measured")
+    success, touched, distance = (" ".join(cells.values()) for cells in list(table.values())[:3])
+    rows = repeated()
+    of_all = [rows[name] for name in ("ours", "RRT-Connect", "mean demonstration + detour", "barriers")]
+    assert re.findall(r"[\d.]+ \([\d.]+\)", success) == [
+        cells[3] for cells in (of_all[0], rows["ours, detour 0"], *of_all[1:])
+    ]
+    assert re.findall(r"\d+ and \d+", touched) == [cells[4].replace(", ", " and ") for cells in of_all]
+    assert re.findall(r"\d+, \d+, \d+ mm", distance) == [cells[5].partition(";")[0] for cells in of_all[:3]]

@@ -1,4 +1,4 @@
-"""The README's tables of topics and services are those of the nodes."""
+"""The page's tables of topics and services are those of the nodes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from rclpy.node import Node
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 
-README = (Path(__file__).resolve().parents[2] / "README.md").read_text()
+PAGE = (Path(__file__).resolve().parents[2] / "doc" / "ros_interface.md").read_text()
 #: What every node of rclpy has.
 EVERY = {"rcl_interfaces", "type_description_interfaces", "rosgraph_msgs"}
 
 
 def documented(node: str) -> set[str]:
     """Names in the first column of the table of a node."""
-    table = README.split(f"opics and services of the {node} ")[1].split("\n\n")[1]
+    table = PAGE.split(f"opics and services of the {node} ")[1].split("\n\n")[1]
     return {name for row in table.splitlines() for name in re.findall("`/?(.+?)`", row.split("|")[1])}
 
 
