@@ -66,7 +66,8 @@ class Method(Protocol):
         """The arm stands at the scene's start, at time 0, and is to go to its goal."""
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
-        """Called every 10 ms of simulated time with true positions and velocities of the obstacles, all that are there.
+        """Called every 10 ms of simulated time with true positions and velocities of the obstacles, all that are there;
+        where a camera watches them (`camera.py`) with what is known by it. Those that move have ages then.
 
         Every method knows what it has sent; the measured joints are given to those alone that track an arm that lags
         (`TracksArm`). What is answered reaches the arm one tick later, however long it was thought about.

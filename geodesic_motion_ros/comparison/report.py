@@ -159,6 +159,7 @@ class Report:
     ----------
     told : what each row is, in a line. held_out : whether similarity is to a demonstration that was held out.
     guard : what was guarded; None where that is not said. lag : of the arm [s].
+    camera : whether methods were handed what a camera and a tracker know of the spheres.
     """
 
     skill: str
@@ -168,6 +169,7 @@ class Report:
     held_out: bool = False
     guard: Guard | None = None
     lag: float = 0.0
+    camera: bool = False
 
     @property
     def similar_to(self) -> str:
@@ -191,6 +193,7 @@ class Report:
             "guard": self.guard,
             "lag": self.lag,
             "largest_lag_mm": self._largest_lag,
+            "camera": self.camera,
             "level": LEVEL,
             "rows": {
                 row: {
@@ -243,7 +246,8 @@ class Report:
     def _title(self) -> str:
         guarded = "" if self.guard is None else f", {_GUARDED[self.guard]} guarded"
         lag = f", the arm {self.lag:g} s late, up to {self._largest_lag:.0f} mm behind" if self.lag else ""
-        return f"{self.skill}, seed {self.seed}{guarded}{lag}; DTW and orientation from {self.similar_to}"
+        camera = ", spheres seen by a camera" if self.camera else ""
+        return f"{self.skill}, seed {self.seed}{guarded}{lag}{camera}; DTW and orientation from {self.similar_to}"
 
     def _tables(self) -> list[_Table]:
         standing = any(item.outcome.waiting_avoids is not None for item in self.played)

@@ -13,6 +13,7 @@ from typing import Any
 from tqdm import tqdm
 
 from geodesic_motion_ros.comparison.arena import Arena
+from geodesic_motion_ros.comparison.camera import CameraStage
 from geodesic_motion_ros.comparison.catalogue import ROWS
 from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.families import FAMILIES, Family, check_families
@@ -34,7 +35,7 @@ class BenchmarkSettings:
     `processes` play scenes at once, which does not change them. `held_out`: scenes of demonstrations that no method was
     given. `guard`: what is guarded; None: what the skill guards by itself. `scenes_from`: a file whose scenes are
     played, in the place of scenes that are drawn; `families` and `seed` are those of the file then. `lag`: of the arm
-    [s] (`lag.py`).
+    [s] (`lag.py`). `camera`: methods are handed what a camera and a tracker know of the spheres (`camera.py`).
     """
 
     methods: tuple[str, ...]
@@ -46,6 +47,7 @@ class BenchmarkSettings:
     guard: Guard | None = None
     scenes_from: Path | None = None
     lag: float = 0.0
+    camera: bool = False
 
     def __post_init__(self) -> None:
         unknown = [family for family in self.families if family not in FAMILIES]
@@ -57,6 +59,8 @@ class BenchmarkSettings:
         if self.scenes_from is not None and self.held_out:
             raise ParameterError("scenes of a file are of no demonstrations that are held out")
         check_lag(self.lag)
+        if self.camera and self.lag:
+            raise ParameterError("a camera and an arm that lags are not played together: choose one of both")
         if not self.methods:
             raise ParameterError(f"no method is given: choose from {'; '.join(ROWS)}")
 
@@ -76,6 +80,8 @@ class BenchmarkSettings:
             other.append(f"scenes_{hashlib.sha256(self.scenes_from.read_bytes()).hexdigest()[:16]}")
         if self.lag:
             other.append(f"lag_{self.lag:g}")
+        if self.camera:
+            other.append("camera")
         return "/".join(other)
 
 
@@ -107,7 +113,10 @@ class Bench:
         """Of the arm and what is guarded of it: the same, whatever is held out."""
         if self._stage is None:
             lag = self._settings.lag
-            self._stage = LateStage(self._whole, lag) if lag else Stage(self._whole)
+            if self._settings.camera:
+                self._stage = CameraStage(self._whole)
+            else:
+                self._stage = LateStage(self._whole, lag) if lag else Stage(self._whole)
         return self._stage
 
     def arena(self, family: Family, number: int) -> Arena:

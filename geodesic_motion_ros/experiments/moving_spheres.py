@@ -71,6 +71,10 @@ class MovingSphere:
     chases: bool
     rests: float = math.inf
 
+    def is_there(self, now: float) -> bool:
+        """At a time [s]."""
+        return self.appears <= now < self.vanishes
+
 
 @dataclass(frozen=True, eq=False)
 class NominalMotion:
@@ -216,7 +220,7 @@ class SpheresInMotion:
         return {str(i): (self._centres[i], self._spheres[i].radius) for i in self._present(now)}
 
     def _present(self, now: float) -> list[int]:
-        return [i for i, sphere in self._spheres.items() if sphere.appears <= now < sphere.vanishes]
+        return [i for i, sphere in self._spheres.items() if sphere.is_there(now)]
 
     def _velocity(self, i: int, now: float) -> np.ndarray:
         sphere = self._spheres[i]

@@ -82,6 +82,19 @@ def test_what_is_kept_of_another_guard_is_reported_apart(tmp_path, capsys) -> No
     assert (tmp_path / "panda_pouring" / "guard_arm" / "table.txt").is_file()
 
 
+def test_what_is_kept_of_a_camera_is_reported_apart(tmp_path, capsys) -> None:
+    keep_replays(tmp_path, "panda_reach_to_grasp", range(2))
+    keep_replays(tmp_path, "panda_reach_to_grasp", range(3), apart="camera")
+    command = ["benchmark", "--kept", "--methods", "replay", "--out", str(tmp_path)]
+    for options, count in (([], 2), (["--camera"], 3)):
+        assert main([*command, *options]) == 0
+        printed = capsys.readouterr().out
+        assert f"half or more stay free: {count} scenes" in printed
+        assert ("seen by a camera" in printed) == bool(options)
+    figures = tmp_path / "panda_reach_to_grasp" / "camera" / "figures.json"
+    assert json.loads(figures.read_text())["camera"] is True
+
+
 def test_where_nothing_is_kept_that_is_said_and_no_file_is_touched(tmp_path, capsys) -> None:
     command = ["benchmark", "--kept", "--methods", "replay; ours", "--out", str(tmp_path)]
     assert main(command) == 2

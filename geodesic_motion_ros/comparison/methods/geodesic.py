@@ -86,7 +86,10 @@ class Geodesics:
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """As the planner node's cycle."""
-        self._planner.take_obstacles(replace(obstacles, velocity_errors=self._velocity_errors(now, obstacles)))
+        # A tracker, by which what moves has an age, has worked out the errors itself.
+        if not obstacles.ages.any():
+            obstacles = replace(obstacles, velocity_errors=self._velocity_errors(now, obstacles))
+        self._planner.take_obstacles(obstacles)
         plan = self._planner.tick(now)
         refusal = "" if plan.verdict.ok else f"{plan.verdict.code.name}: {plan.verdict.reason}"
         if plan.reference is None or now >= plan.begin + plan.reference.duration:
@@ -94,7 +97,7 @@ class Geodesics:
         return Answer.playing(plan.reference, plan.begin, refusal)
 
     def _velocity_errors(self, now: float, obstacles: Obstacles) -> np.ndarray:
-        """(o,) [m/s] by where the spheres were in the ticks before; the node's tracker allows for noise besides."""
+        """(o,) [m/s] by where the spheres truly were in the ticks before."""
         before, self._seen = self._seen, []
         for centre in obstacles.centres:
             apart = [float(np.linalg.norm(centre - place)) for place, _ in before]
