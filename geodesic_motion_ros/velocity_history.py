@@ -20,8 +20,8 @@ INTERVAL, MEMORY = 0.1, 2.0
 #: The velocity of an obstacle is expected to change by up to so many times what it has changed.
 CHANGE_FACTOR = 4.0
 #: Changes of the velocity [m/s] up to so many times the noise of a position [m] (standard deviation, each axis) may
-#: come from that alone: of the velocities of `nodes/obstacle_motion.py` 98 % of them do, from 10 to 60 a second.
-NOISE_FACTOR = 25.0
+#: come from that alone: 95 % of them do at 10 detections a second, and 99 % from 30 on.
+NOISE_FACTOR = 50.0
 # Median distance of a noisy position in space from the middle of its neighbours, over the noise: 1.538 sqrt(1.5).
 _MEDIAN_OFF = 1.884
 

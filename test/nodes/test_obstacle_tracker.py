@@ -433,7 +433,7 @@ def detected(
 
 @pytest.mark.parametrize("turned", [None, 0.0, 1e-3])
 def test_what_stands_is_the_same_to_the_last_bit_for_long_and_covers_where_it_is(turned: float | None) -> None:
-    """The control is what is detected exactly, and another seed another place."""
+    """A box too, turned a little in each detection. Not one of the detections themselves is like another."""
     seen = list(detected(ObstacleTracker(), HERE, 1e-2, 20.0, turned=turned))[60:]
     assert all(one.moved_on(one.version, 1.6, 0.0).stand for one in seen)
     places = [one.centres.tobytes() + one.radii.tobytes() + one.solids.tobytes() for one in seen]
