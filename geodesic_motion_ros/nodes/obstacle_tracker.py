@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.nodes.obstacle_velocity import SAME_INSTANT, ObstacleVelocity
+from geodesic_motion_ros.nodes.obstacle_motion import SAME_INSTANT, ObstacleMotion
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.solids import no_solids
 
@@ -26,8 +26,6 @@ Key = tuple[str, int]
 # and so it was where so many in a row go on behind the newest, one after the other.
 REORDER_WINDOW, _GOING_ON = 1.0, 3
 
-# What is faster [m/s] moves; of what is slower the velocity may be noise.
-MOVING = 0.02
 # What moves and is not told again for so long [s] may have come to a stand anywhere since: at places that are so far
 # apart [m] at most, each enlarged so that nothing between them is left out, but no more than so many.
 MOTION_LASTS, _APART, _MOST_PLACES = 0.3, 0.05, 16
@@ -49,7 +47,7 @@ class ObstacleSet:
     labels : n + b texts `source/namespace/id`, in the same order.
     version : grows by one whenever the set changes; equal versions mean the same obstacles.
     velocities, velocity_errors : (n, 3), (n,) [m/s] by the updates until the newest one of each sphere
-        (`obstacle_velocity.py`).
+        (`obstacle_motion.py`).
     times : (n,) [s] when each sphere was where its newest update says, on the clock that is passed in.
     solids, solid_velocities, solid_velocity_errors, solid_times : (b, 16) rows as of `solids.py`, (b, 3), (b,), (b,),
         likewise.
@@ -135,18 +133,47 @@ class _Track:
     taken: float
     expires: float
     solid: np.ndarray | None = None
-    motion: ObstacleVelocity = field(default_factory=ObstacleVelocity)
+    motion: ObstacleMotion = field(default_factory=ObstacleMotion)
     order: _Order = field(default_factory=_Order)
     deleted: bool = False
 
     @property
     def moves(self) -> bool:
-        return not self.deleted and math.hypot(*self.motion.velocity) > MOVING
+        return not self.deleted and self.motion.moves
 
     @property
     def since(self) -> float:
         """When it was where it was told to be, as far as its motion goes."""
         return self.taken if self.arrival - self.taken <= LONGEST_TRANSIT else self.arrival
+
+    def placed(self, before: _Track | None) -> _Track:
+        """Where it is by its motion, out of where it was detected.
+
+        What stands keeps the place where it was published, as long as that contains the new one and is larger by the
+        noise of one detection at most: a planner goes on with a search among what does not change. Half of that is
+        added when it is published anew.
+        """
+        motion = self.motion
+        if not motion.place_error:
+            return self
+        stands = not any(motion.velocity)
+        placed = self._moved(np.subtract(motion.place, self.centre), motion.place_error)
+        if not stands:
+            return placed
+        if before is not None and before.covers(placed, motion.noise.deviation):
+            return replace(self, centre=before.centre, radius=before.radius, solid=before.solid)
+        return placed._moved(np.zeros(3), 0.5 * motion.noise.deviation)
+
+    def covers(self, other: _Track, by: float) -> bool:
+        """Whether it contains another and is larger by so much [m] at most."""
+        off = math.dist(self.centre, other.centre)
+        if self.solid is None or other.solid is None:
+            return self.solid is other.solid and off <= self.radius - other.radius <= by
+        # A point of a box is off by what the extents are off, and by what the rotation turns it: both singular values
+        # of the difference of two rotations that are not zero are the same.
+        turned = math.sqrt(0.5) * np.linalg.norm(self.solid[7:] - other.solid[7:])
+        off += np.linalg.norm(self.solid[3:6] - other.solid[3:6]) + turned * np.linalg.norm(other.solid[3:6])
+        return off <= self.solid[6] - other.solid[6] <= by
 
     def places(self, now: float) -> list[_Track]:
         """Itself, and, once it is not told any more, where it may have come to a stand since it was last seen."""
@@ -175,13 +202,16 @@ class _Track:
         """Where it stands after a shift (3,) [m], enlarged by half of the distance to the next place [m] and by how far
         off its line it may be there [m].
         """
+        there = self._moved(shift, half + grown)
+        return replace(there, radius=math.hypot(self.radius + grown, half), motion=ObstacleMotion())
+
+    def _moved(self, shift: np.ndarray, by: float) -> _Track:
+        """After a shift (3,) [m], and larger by so much [m]."""
         solid = None if self.solid is None else self.solid.copy()
         if solid is not None:
             solid[:3] += shift
-            solid[6] += half + grown
-        centre = tuple(float(c) for c in np.array(self.centre) + shift)
-        radius = math.hypot(self.radius + grown, half)
-        return replace(self, centre=centre, radius=radius, solid=solid, motion=ObstacleVelocity())
+            solid[6] += by
+        return replace(self, centre=tuple((self.centre + shift).tolist()), radius=self.radius + by, solid=solid)
 
 
 class ObstacleTracker:
@@ -209,6 +239,8 @@ class ObstacleTracker:
         self._unusable: dict[str, str] = {}
         # when a source is forgotten [s]
         self._ends: dict[str, float] = {}
+        # how noisy the detections of a source were of late, where they were not exact [m]
+        self._noise: dict[str, float] = {}
         self._next_expiry = math.inf
         self._version = 0
         self._set: ObstacleSet | None = None
@@ -272,14 +304,16 @@ class ObstacleTracker:
             return False
         self.hear(source, now, transit, forget_after)
         expires = now + lifetime if lifetime > 0.0 else math.inf
-        place = tuple(float(c) for c in centre)
-        track = tracks[key] = _Track(place, float(radius), now, taken, expires, solid, order=order)
-        if before is not None and not before.deleted:
-            track.motion = before.motion
-        track.motion.see(track.centre, now - transit)
-        # Whether it moves is worked out then: here it would be for every message.
-        doubted = now + MOTION_LASTS if track.motion.known else math.inf
-        self._next_expiry = min(self._next_expiry, expires, doubted)
+        if before is not None and before.deleted:
+            before = None
+        motion = ObstacleMotion(self._noise.get(source, 0.0)) if before is None else before.motion
+        detected = tuple(float(c) for c in centre)
+        motion.see(detected, now - transit)
+        if motion.noise.deviation:
+            self._noise[source] = motion.noise.deviation
+        track = _Track(detected, float(radius), now, taken, expires, solid, motion, order)
+        tracks[key] = track.placed(before)
+        self._next_expiry = min(self._next_expiry, expires, track.changes(now))
         self._changed()
         return True
 
@@ -329,6 +363,7 @@ class ObstacleTracker:
         self._inactive.clear()
         self._unusable.clear()
         self._ends.clear()
+        self._noise.clear()
         self._cloud, self._cloud_order = DistanceField.none(), _Order()
         self._next_expiry = math.inf
         self._changed()
@@ -458,4 +493,4 @@ def _velocities(tracks: list[_Track]) -> np.ndarray:
 
 
 def _velocity_errors(tracks: list[_Track]) -> np.ndarray:
-    return np.array([track.motion.error if track.moves else 0.0 for track in tracks], dtype=float)
+    return np.array([track.motion.error for track in tracks], dtype=float)

@@ -97,8 +97,8 @@ PLANNER = (
     Parameter(
         "obstacle_position_error",
         0.0,
-        "How far obstacles may be from where their source says: so much more clearance is asked, besides how far the "
-        "arm was off the path that it was sent along",
+        "How far obstacles may be from where their source says, but for noise of single detections, which is measured: "
+        "so much more clearance is asked, besides how far the arm was off the path that it was sent along",
         "m",
         0.0,
         0.5,
