@@ -99,7 +99,6 @@ class Plan:
     begin : time of its first knot [s].
     verdict : OK comes with a path to the goal. With any other verdict the trajectory is a stop, evades, or approaches.
     path : through the graph, where the first attempt found it.
-    optimistic : as of `Attempt`.
     mode : what the arm does after the tick.
     """
 
@@ -107,7 +106,6 @@ class Plan:
     begin: float
     verdict: Verdict
     path: LatentPath | None = None
-    optimistic: bool = False
     mode: Mode = Mode.IDLE
 
     @property
@@ -196,18 +194,13 @@ class Solver:
         self.tool = LimitedTool(robot, settings.tool_limits(of_tool_poses))
         self._smoothing_factor = constants.TOOL_SMOOTHING_FACTOR if of_tool_poses else 1.0
         self.attempts = tuple(attempt for attempt in constants.ATTEMPTS if settings.refine or not attempt.refine)
+        self.attempts_around_moving = tuple(attempt for attempt in self.attempts if attempt.around_moving)
         self.certifier = ArmCertifier(robot, collision, self.scene)
         self._memory: _Memory | None = None
 
-    @property
-    def cautious(self) -> tuple[Attempt, ...]:
-        """The attempts that are not optimistic."""
-        return _alike(self.attempts, False)
-
-    @property
-    def optimistic(self) -> tuple[Attempt, ...]:
-        """Those that are."""
-        return _alike(self.attempts, True)
+    def attempts_among(self, obstacles: Obstacles) -> tuple[Attempt, ...]:
+        """Those that differ from each other."""
+        return self.attempts_around_moving if obstacles.stand else self.attempts
 
     def solve(
         self,
@@ -218,41 +211,13 @@ class Solver:
         deadline: Deadline = NEVER,
         known: KnownPaths | None = None,
         longest: float = math.inf,
-        refusal: Verdict | None = None,
     ) -> Plan:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
 
         known : paths that need not be judged again: where the search finds one again, that is the answer, OK.
         longest : a motion that takes so long [s] or longer is no gain, and is not certified.
-        refusal : of attempts made before: the verdict where these, none of them cautious, come to no path.
         """
-        cautious, optimistic = _alike(attempts, False), _alike(attempts, True)
-        if cautious or refusal is None:
-            plan = self._first_certified(query, state, obstacles, cautious, deadline, known, longest)
-        else:
-            plan = Plan(None, state.time, refusal)
-        blocked = plan.trajectory is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-        if blocked and optimistic and not obstacles.stand and not deadline.passed:
-            other = self._first_certified(query, state, obstacles, optimistic, deadline, None, longest)
-            if other.trajectory is not None:
-                return replace(other, optimistic=True)
-        return plan
-
-    def _first_certified(
-        self,
-        query: HeldQuery,
-        state: MotionState,
-        obstacles: Obstacles,
-        attempts: tuple[Attempt, ...],
-        deadline: Deadline,
-        known: KnownPaths | None,
-        longest: float,
-    ) -> Plan:
-        """`solve` with attempts of which all are optimistic, or none."""
-        search = self._search(query, state, obstacles, attempts[0].optimistic, deadline)
-        if isinstance(search, Verdict):
-            return Plan(None, state.time, search)
-        margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
+        searches: dict[bool, _Search | Verdict] = {}
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         tried: set[tuple[bytes, bool, float]] = set()
         first: LatentPath | None = None
@@ -260,8 +225,13 @@ class Solver:
             if number > 0 and deadline.passed:
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
                 return Plan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
-            path = search.path(attempt.multiple)
-            if isinstance(path, Verdict):
+            around = attempt.around_moving
+            if around not in searches:
+                searches[around] = self._search(query, state, obstacles, around, deadline)
+            search = searches[around]
+            path = search if isinstance(search, Verdict) else search.path(attempt.multiple)
+            if isinstance(search, Verdict) or isinstance(path, Verdict):
+                # Those that follow keep off more.
                 return Plan(None, state.time, verdict if verdict.reason else path)
             if known is not None and known.include(path):
                 return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
@@ -270,24 +240,24 @@ class Solver:
                 continue
             tried.add(drawn)
             curve = search.refined(path, attempt.multiple) if attempt.refine else path
-            plan = self._certified(
-                query, state, curve, obstacles, margin, attempt.width, attempt.optimistic, None, longest
-            )
-            first = path if attempt == self.attempts[0] else first
+            margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
+            plan = self._certified(query, state, curve, obstacles, margin, attempt.width, None, longest)
+            is_first = attempt in (self.attempts[0], self.attempts_around_moving[0])
+            first = path if is_first else first
             if plan.trajectory is not None:
-                return replace(plan, path=path) if attempt == self.attempts[0] else plan
+                return replace(plan, path=path) if is_first else plan
             verdict = plan.verdict
         return Plan(None, state.time, verdict, first)
 
     def _search(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, around_moving: bool, deadline: Deadline
     ) -> _Search | Verdict:
-        """The searches among obstacles, or the refusal where one of them covers an end."""
+        """The searches among obstacles, or the refusal where one covers an end; around_moving : of `Attempt`."""
         avoided = obstacles if self.settings.avoidance else Obstacles.none()
-        ends = self._end_clearance(query, state, avoided, optimistic)
+        ends = self._end_clearance(query, state, avoided, around_moving)
         if isinstance(ends, Verdict):
             return ends
-        swept = avoided.at_rest if optimistic else avoided.swept(self.settings.prediction)
+        swept = avoided.swept(self.settings.prediction) if around_moving else avoided.at_rest
         return self._search_among(query, state, swept, ends, deadline)
 
     def _search_among(
@@ -336,7 +306,7 @@ class Solver:
         start, steps = _latent_start(query, state), constants.EVASION_STEPS
         for path in paths_to_targets(self.graph, query, start, reshaping, steps, apart):
             # To pass what is coming narrowly is better than to be met by it.
-            plan = self._certified(query, state, path, obstacles, 0.0, 1.0, True, horizon)
+            plan = self._certified(query, state, path, obstacles, 0.0, 1.0, horizon)
             if plan.trajectory is not None:
                 return plan
             if deadline.passed:
@@ -465,14 +435,15 @@ class Solver:
         )  # fmt: skip
 
     def _end_clearance(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, around_moving: bool
     ) -> float | Verdict:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
-        The goal is to be free of where obstacles are expected to halt; optimistic: of those alone that stand.
+        The goal is to be free of those that stand; around_moving : of where the others are expected at the end of the
+        prediction, too.
         """
         prediction = self.settings.prediction
-        later = obstacles.at_rest if optimistic else obstacles.at(obstacles.time + prediction, prediction)
+        later = obstacles.at(obstacles.time + prediction, prediction) if around_moving else obstacles.at_rest
         nearest = []
         for where, configuration, code, there in (
             ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),
@@ -516,7 +487,6 @@ class Solver:
         obstacles: Obstacles,
         margin: float,
         width: float,
-        optimistic: bool,
         evading: float | None = None,
         longest: float = math.inf,
     ) -> Plan:
@@ -533,7 +503,7 @@ class Solver:
             reason = f"the best path takes {reference.duration:.2f} s; only less than {longest:.2f} s would be a gain"
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
         horizon = self.settings.prediction if evading is None else evading
-        certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=not optimistic)
+        certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=False)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
         if objection is not None and evading is not None:
             # Another target is tried, whatever else may be wrong with this one.
@@ -658,10 +628,6 @@ class _Search:
 
 def _latent_start(query: HeldQuery, state: MotionState) -> np.ndarray:
     return query.start_latent if state.latent is None else state.latent
-
-
-def _alike(attempts: tuple[Attempt, ...], optimistic: bool) -> tuple[Attempt, ...]:
-    return tuple(attempt for attempt in attempts if attempt.optimistic is optimistic)
 
 
 def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:
