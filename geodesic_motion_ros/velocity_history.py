@@ -3,14 +3,12 @@
 An obstacle that moves straight on is expected to go on so. One that has turned, started or changed its speed may do so
 again, and meet an arm that passes it on its straight line: in the prediction it is enlarged with time, by a multiple of
 what its velocity has changed, and no faster than it moves. Changes that may come from noise of the detected positions
-do not count; how noisy these are is estimated from them. One that begins to move, or turns for the first time, or stops
-for a moment, is not foreseen.
+do not count. One that begins to move, or turns for the first time, or stops for a moment, is not foreseen.
 """
 
 from __future__ import annotations
 
 import math
-import statistics
 from collections import deque
 
 Vector = tuple[float, float, float]
@@ -20,10 +18,8 @@ INTERVAL, MEMORY = 0.1, 2.0
 #: The velocity of an obstacle is expected to change by up to so many times what it has changed.
 CHANGE_FACTOR = 4.0
 #: Changes of the velocity [m/s] up to so many times the noise of a position [m] (standard deviation, each axis) may
-#: come from that alone: 95 % of them do at 10 detections a second, and 99 % from 30 on.
-NOISE_FACTOR = 50.0
-# Median distance of a noisy position in space from the middle of its neighbours, over the noise: 1.538 sqrt(1.5).
-_MEDIAN_OFF = 1.884
+#: come from that alone: of the velocities of `nodes/obstacle_motion.py` 98 % of them do, from 10 to 60 a second.
+NOISE_FACTOR = 25.0
 
 
 class VelocityHistory:
@@ -36,13 +32,10 @@ class VelocityHistory:
     >>> history.error(velocity)  # [m/s], 0 as long as it moves straight on
     """
 
-    def __init__(self, noise_factor: float = NOISE_FACTOR) -> None:
-        """noise_factor : in the place of `NOISE_FACTOR`; 0 for positions without noise."""
-        self._noise_factor = noise_factor
-        # The newest four positions; and of every four in a row when they begin, the mean velocity from the first to the
-        # last, and how far the third is off the line of its neighbours.
+    def __init__(self) -> None:
+        # The newest four positions, and of every four in a row when they begin, and the mean velocity over them.
         self._positions: deque[tuple[float, Vector]] = deque(maxlen=4)
-        self._means: deque[tuple[float, Vector, float]] = deque()
+        self._means: deque[tuple[float, Vector]] = deque()
 
     def see(self, position: Vector, time: float) -> None:
         """Take a position (3,) [m] at a time [s] that is not before the last."""
@@ -51,25 +44,21 @@ class VelocityHistory:
             return
         positions.append((time, position))
         if len(positions) == 4:
-            (begin, first), before, (middle, third), after = positions
-            mean = _velocity(first, position, time - begin)
-            share = (middle - before[0]) / (after[0] - before[0])
-            line = tuple(a + share * (b - a) for a, b in zip(before[1], after[1], strict=True))
-            self._means.append((begin, mean, math.dist(third, line)))
+            begin, first = positions[0]
+            self._means.append((begin, _velocity(first, position, time - begin)))
         while self._means and self._means[0][0] < time - MEMORY - 1e-6:
             self._means.popleft()
 
-    def error(self, velocity: Vector) -> float:
+    def error(self, velocity: Vector, noise: float = 0.0) -> float:
         """Bound e [m/s] of the error of the present velocity v (3,) [m/s] in a prediction.
 
-        e = min(CHANGE_FACTOR max(0, c - n), |v|), where c is the largest distance of v from its means over three
-        intervals within the memory, and n the part that may be noise. An estimate, no guarantee: who stands may start.
+        e = min(CHANGE_FACTOR max(0, c - NOISE_FACTOR noise), |v|), where c is the largest distance of v from its means
+        over three intervals within the memory. An estimate, no guarantee: who stands may start.
+
+        noise : standard deviation of a position in each axis [m].
         """
-        if not self._means:
-            return 0.0
-        change = max(math.dist(mean, velocity) for _, mean, _ in self._means)
-        noise = statistics.median(off for _, _, off in self._means) / _MEDIAN_OFF
-        return min(CHANGE_FACTOR * max(0.0, change - self._noise_factor * noise), math.hypot(*velocity))
+        change = max((math.dist(mean, velocity) for _, mean in self._means), default=0.0)
+        return min(CHANGE_FACTOR * max(0.0, change - NOISE_FACTOR * noise), math.hypot(*velocity))
 
 
 def _velocity(begin: Vector, end: Vector, duration: float) -> Vector:

@@ -19,12 +19,12 @@ def turning(speed: float, rate: float, times: np.ndarray) -> tuple[np.ndarray, n
     return speed / rate * np.stack([np.sin(angles), -np.cos(angles), np.zeros_like(angles)], axis=1), velocities
 
 
-def errors(positions: np.ndarray, velocities: np.ndarray, times: np.ndarray, **options: float) -> np.ndarray:
+def errors(positions: np.ndarray, velocities: np.ndarray, times: np.ndarray, noise: float = 0.0) -> np.ndarray:
     """(n,) after each of them."""
-    history, result = VelocityHistory(**options), []
+    history, result = VelocityHistory(), []
     for position, velocity, time in zip(positions.tolist(), velocities.tolist(), times.tolist(), strict=True):
         history.see(tuple(position), time)
-        result.append(history.error(tuple(velocity)))
+        result.append(history.error(tuple(velocity), noise))
     return np.array(result)
 
 
@@ -69,7 +69,7 @@ def test_it_remembers_two_seconds_however_often_an_obstacle_is_detected(rate: fl
     times = np.arange(0.0, 8.0, 1.0 / rate) + np.random.default_rng(0).uniform(0.0, 0.2 / rate, int(8.0 * rate))
     velocities = np.where(times[:, None] < 2.0, [0.1, 0.0, 0.0], [0.0, 0.1, 0.0])
     positions = np.stack([0.1 * np.minimum(times, 2.0), 0.1 * np.maximum(times - 2.0, 0.0), 0.0 * times], axis=1)
-    error = errors(positions, velocities, times, noise_factor=0.0)
+    error = errors(positions, velocities, times)
     assert np.all(error[(times > 2.01) & (times < 1.6 + MEMORY)] > 0.05)
     np.testing.assert_allclose(error[times > 2.0 + MEMORY + 1.0 / rate + 0.1], 0.0, atol=1e-9)
 
@@ -80,3 +80,14 @@ def test_an_obstacle_of_which_little_is_known_has_no_error() -> None:
     for time in (0.0, 0.1, 0.15, 0.2):
         history.see((time**2, 0.0, 0.0), time)
     assert history.error((0.1, 0.0, 0.0)) == 0.0
+
+
+def test_changes_that_may_come_from_noise_do_not_count_and_larger_ones_do() -> None:
+    """Known velocities, so that the means over three intervals of 0.1 s alone are noisy: by 4.7 times the noise."""
+    times, noise = np.arange(0.0, 60.0, 1.0 / 30.0), 0.01
+    positions, velocities = turning(0.3, 0.0, times)
+    noisy = positions + np.random.default_rng(0).normal(scale=noise, size=positions.shape)
+    assert np.mean(errors(noisy, velocities, times, noise) > 0.0) < 0.01
+    assert np.mean(errors(noisy, velocities, times) > 0.0) > 0.9
+    turned = np.where(times[:, None] < 59.0, velocities, [-0.3, 0.0, 0.0])
+    assert errors(noisy, turned, times, noise)[-1] == pytest.approx(0.3)

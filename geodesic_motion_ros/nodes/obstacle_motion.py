@@ -122,7 +122,7 @@ class ObstacleMotion:
     @property
     def error(self) -> float:
         """Bound of the error of the velocity [m/s]: of the line, and by how it has changed in the last two seconds."""
-        return self._velocity_error + (self._history.error(self.velocity) if self.moves else 0.0)
+        return self._velocity_error + (self._history.error(self.velocity, self.noise.deviation) if self.moves else 0.0)
 
     def _continues(self, elapsed: float, distance: float) -> bool:
         noise = math.sqrt(2.0 * BREAK) * self.noise.deviation

@@ -102,7 +102,7 @@ class Geodesics:
         for centre in obstacles.centres:
             apart = [float(np.linalg.norm(centre - place)) for place, _ in before]
             nearest = int(np.argmin(apart)) if apart and min(apart) <= SAME_SPHERE else None
-            history = VelocityHistory(noise_factor=0.0) if nearest is None else before[nearest][1]
+            history = VelocityHistory() if nearest is None else before[nearest][1]
             history.see(tuple(centre.tolist()), now)
             self._seen.append((centre, history))
         pairs = zip(self._seen, obstacles.velocities, strict=True)
