@@ -64,8 +64,8 @@ class Attempt(NamedTuple):
 
 #: What is tried until a curve is certified. Keeping further off helps more often than cutting less.
 ATTEMPTS = (
-    Attempt(1.0, True, 1.0, around_moving=False), Attempt(1.0, False, 2.0, around_moving=False),
-    Attempt(1.0, True, 1.0), Attempt(1.0, False, 2.0), Attempt(4.0, True, 1.0), Attempt(4.0, False, 2.0),
+    Attempt(1.0, True, 1.0), Attempt(1.0, True, 1.0, around_moving=False), Attempt(1.0, False, 2.0),
+    Attempt(1.0, False, 2.0, around_moving=False), Attempt(4.0, True, 1.0), Attempt(4.0, False, 2.0),
     Attempt(4.0, False, 1.0),
 )  # fmt: skip
 #: Configurations that hold a path of tool poses are smoothed by so many times an attempt's width, from 1 on: that takes

@@ -205,8 +205,7 @@ class Situation:
         """The soonest stop along what is being played from then on."""
         reference = self._stopping(self.played, self.state.time)
         swept = self.certifier.swept(reference)
-        prediction = self.settings.prediction
-        certificate = self.certifier.certify_swept(swept.lasting(prediction), self.expected, prediction)
+        certificate = self.certifier.certify_swept(swept, self.expected, self.settings.prediction)
         return Stop(reference, swept, certificate)
 
     def _stopping(self, played: Played, time: float) -> JointReference:
@@ -225,15 +224,12 @@ class Situation:
         followed = self.following(query)
         if followed is None:
             return None
-        clearance = self.clearance_left(beyond=False)
+        clearance = self.clearance_left()
         return None if clearance is None else replace(followed, verdict=replace(followed.verdict, clearance=clearance))
 
-    def clearance_left(self, beyond: bool) -> float | None:
-        """Least clearance [m] of what is left of what is being played, where that is free and can be stopped on.
-
-        beyond : what moves is expected to stand where it is after the prediction, and counted there.
-        """
-        certificate = self.certifier.certify_swept(self.left, self.expected, self.settings.prediction, beyond)
+    def clearance_left(self) -> float | None:
+        """Least clearance [m] of what is left of what is being played, where that is free and can be stopped on."""
+        certificate = self.certifier.certify_swept(self.left, self.expected, self.settings.prediction)
         if self.settings.avoidance and self.certifier.objection(certificate) is not None:
             return None
         return float(np.min(certificate.clearance)) if self.can_still_stop(self.played) else None

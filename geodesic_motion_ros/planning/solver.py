@@ -194,13 +194,17 @@ class Solver:
         self.tool = LimitedTool(robot, settings.tool_limits(of_tool_poses))
         self._smoothing_factor = constants.TOOL_SMOOTHING_FACTOR if of_tool_poses else 1.0
         self.attempts = tuple(attempt for attempt in constants.ATTEMPTS if settings.refine or not attempt.refine)
-        self.attempts_around_moving = tuple(attempt for attempt in self.attempts if attempt.around_moving)
         self.certifier = ArmCertifier(robot, collision, self.scene)
         self._memory: _Memory | None = None
 
     def attempts_among(self, obstacles: Obstacles) -> tuple[Attempt, ...]:
         """Those that differ from each other."""
         return self.attempts_around_moving if obstacles.stand else self.attempts
+
+    @property
+    def attempts_around_moving(self) -> tuple[Attempt, ...]:
+        """Those that keep off what moves."""
+        return tuple(attempt for attempt in self.attempts if attempt.around_moving)
 
     def solve(
         self,
@@ -231,8 +235,9 @@ class Solver:
             search = searches[around]
             path = search if isinstance(search, Verdict) else search.path(attempt.multiple)
             if isinstance(search, Verdict) or isinstance(path, Verdict):
-                # Those that follow keep off more.
-                return Plan(None, state.time, verdict if verdict.reason else path)
+                # Nor is there one that keeps further off.
+                searches[around], verdict = path, verdict if verdict.reason else path
+                continue
             if known is not None and known.include(path):
                 return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
             drawn = path.nodes.tobytes(), attempt.refine, attempt.width
@@ -242,7 +247,7 @@ class Solver:
             curve = search.refined(path, attempt.multiple) if attempt.refine else path
             margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
             plan = self._certified(query, state, curve, obstacles, margin, attempt.width, None, longest)
-            is_first = attempt in (self.attempts[0], self.attempts_around_moving[0])
+            is_first = attempt == self.attempts[0]
             first = path if is_first else first
             if plan.trajectory is not None:
                 return replace(plan, path=path) if is_first else plan
@@ -340,7 +345,7 @@ class Solver:
             timed = self._timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
             if timed.reference is None:
                 continue
-            certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=False)
+            certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon)
             if self.certifier.objection(certificate) is None and self.certifier.unseen(timed.swept, seen) is None:
                 verdict = Verdict(VerdictCode.OK, clearance=float(np.min(certificate.clearance)))
                 return Plan(self.certifier.certified(timed.reference, certificate), state.time, verdict)
@@ -503,7 +508,7 @@ class Solver:
             reason = f"the best path takes {reference.duration:.2f} s; only less than {longest:.2f} s would be a gain"
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
         horizon = self.settings.prediction if evading is None else evading
-        certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=False)
+        certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
         if objection is not None and evading is not None:
             # Another target is tried, whatever else may be wrong with this one.
