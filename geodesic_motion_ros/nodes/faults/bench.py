@@ -69,6 +69,9 @@ class Bench:
         # Compiled now, not while messages wait to be passed on.
         self._body.positions(self.robot, self.robot.ready[None])
         self.domain = domain
+        if planner_on:
+            # That of a bench on one host, which began this process: it keeps to the loopback device.
+            os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
         # LOCALHOST would add shared memory, which the nodes do not use by default.
         self.environment = isolated_environment(domain) | (
             {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
