@@ -26,7 +26,7 @@ from geodesic_motion_ros.quintic import quintic_bounds
 from geodesic_motion_ros.robot.body_points import end_effector_poses, lever_bounds, place_body_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
-from geodesic_motion_ros.swept_spheres import clearances_in_motion, self_clearances
+from geodesic_motion_ros.swept_spheres import clearances_in_motion, clearances_until, self_clearances
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,16 @@ class SweptArm(SweptSpheres):
         return SweptArm(
             self.times[first:] - time, self.placed[first:], self.bulges[first:], self.self_clearance[first:],
             self.pair[first:], self.scene_clearance[first:],
+        )  # fmt: skip
+
+    def lasting(self, time: float) -> SweptArm:
+        """With the arm standing where it comes to rest until a time [s] at least."""
+        if time <= self.times[-1]:
+            return self
+        return SweptArm(
+            np.append(self.times, time), np.concatenate([self.placed, self.placed[-1:]]),
+            np.concatenate([self.bulges, np.zeros_like(self.bulges[-1:])]),
+            *(np.append(values, values[-1]) for values in (self.self_clearance, self.pair, self.scene_clearance)),
         )  # fmt: skip
 
 
@@ -156,16 +166,23 @@ class ArmCertifier:
         self._levers = lever_bounds(robot, self._frames, self._offsets)
         self._moving = np.flatnonzero(collision.moving)
 
-    def certify(self, reference: JointReference, obstacles: Obstacles, horizon: float) -> Certificate:
-        """The certificate of a reference among obstacles, which move linearly for `horizon` [s].
+    def certify(
+        self, reference: JointReference, obstacles: Obstacles, horizon: float, beyond: bool = True
+    ) -> Certificate:
+        """The certificate of a reference among obstacles, which move linearly for `horizon` [s] and then stand.
 
-        What moves is not counted after it; until then the arm stands where it came to rest.
+        beyond : False: what moves is not counted after the horizon; until then the arm stands where it came to rest.
         """
-        return self.certify_swept(self.swept(reference), obstacles, horizon)
+        return self.certify_swept(self.swept(reference), obstacles, horizon, beyond)
 
     def certified(self, reference: JointReference, certificate: Certificate) -> CertifiedTrajectory:
-        """A reference with its certificate."""
-        return CertifiedTrajectory(reference, certificate.clearance, certificate.self_clearance, self._robot)
+        """A reference with its certificate, which may go on while the arm stands at its end."""
+        last = len(reference.times) - 2
+        clearance, self_clearance = (
+            np.append(values[:last], np.min(values[last:]))
+            for values in (certificate.clearance, certificate.self_clearance)
+        )
+        return CertifiedTrajectory(reference, clearance, self_clearance, self._robot)
 
     def swept(self, reference: JointReference) -> SweptArm:
         """Where a reference takes the arm."""
@@ -196,9 +213,12 @@ class ArmCertifier:
         times, straight = np.arange(float(len(placed))), np.zeros((len(placed) - 1, placed.shape[1]))
         return clearances_in_motion(times, placed, straight, self._radii, self._moving, standing, 0.0)[0]
 
-    def certify_swept(self, swept: SweptArm, obstacles: Obstacles, horizon: float) -> Certificate:
+    def certify_swept(
+        self, swept: SweptArm, obstacles: Obstacles, horizon: float, beyond: bool = True
+    ) -> Certificate:
         """`certify` for where a reference takes the arm; obstacles are where they are at its time 0."""
-        clearance, sphere = clearances_in_motion(
+        clearances = clearances_in_motion if beyond or obstacles.stand else clearances_until
+        clearance, sphere = clearances(
             swept.times, swept.placed, swept.bulges, self._radii, self._moving, obstacles, horizon
         )
         return Certificate(

@@ -4,8 +4,9 @@ A reference leads to the goal, seconds away. If all of it were sent, an arm whos
 longer be heard would go there, whatever comes into its way meanwhile. What is sent follows the reference for a horizon
 from now, brakes along its path, and ends at rest; long before that it is sent again, reaching further.
 
-The certificate of the whole reference holds for it as long as it counts what moves, for `prediction`: the horizon is no
-shorter. From there on the same path is passed among the same standing obstacles, only later.
+The certificate of the whole reference holds for it: obstacles are expected to stand after `prediction`, the horizon is
+no shorter, and from there on the same path is passed among the same obstacles, only later. Of an
+optimistic path it holds as long as that of the path itself: for the prediction.
 """
 
 from __future__ import annotations

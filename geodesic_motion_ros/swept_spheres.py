@@ -29,39 +29,7 @@ def clearances_in_motion(
     obstacles: Obstacles,
     horizon: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`sphere_clearances` from obstacles of every kind, which are where they are at time 0.
-
-    What moves does so for a horizon [s], and is not counted after it. Until then spheres that have come to rest stand
-    there, and what is nearer then counts in the last interval.
-    """
-    if obstacles.stand:
-        return _clearances(times, placed, bulges, radii, spheres, obstacles, horizon)
-    clearance, nearest = _clearances(times, placed, bulges, radii, spheres, obstacles.at_rest, horizon)
-    if times[-1] < horizon:
-        times, placed = np.append(times, horizon), np.concatenate([placed, placed[-1:]])
-        bulges = np.concatenate([bulges, np.zeros_like(bulges[-1:])])
-    knots = max(2, int(np.searchsorted(times, horizon)) + 1)
-    moving, by = _clearances(
-        times[:knots], placed[:knots], bulges[: knots - 1], radii, spheres, obstacles.in_motion, horizon
-    )
-    if len(moving) > len(clearance):
-        last = len(moving) - 1 if moving[-1] < moving[-2] else len(moving) - 2
-        moving, by = np.append(moving[:-2], moving[last]), np.append(by[:-2], by[last])
-    nearer = np.flatnonzero(moving < clearance[: len(moving)])
-    clearance[nearer], nearest[nearer] = moving[nearer], by[nearer]
-    return clearance, nearest
-
-
-def _clearances(
-    times: np.ndarray,
-    placed: np.ndarray,
-    bulges: np.ndarray,
-    radii: np.ndarray,
-    spheres: np.ndarray,
-    obstacles: Obstacles,
-    horizon: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """The same, but what moves stands after the horizon."""
+    """`sphere_clearances` from obstacles of every kind, which are where they are at time 0."""
     clearance, nearest = sphere_clearances(
         times, placed, bulges, radii, spheres, obstacles.centres, obstacles.radii, obstacles.velocities,
         obstacles.velocity_errors, horizon,
@@ -73,6 +41,34 @@ def _clearances(
         )  # fmt: skip
     if obstacles.cloud.squares.size:
         lower_by_cloud(placed, bulges, radii, spheres, *obstacles.cloud, clearance, nearest)
+    return clearance, nearest
+
+
+def clearances_until(
+    times: np.ndarray,
+    placed: np.ndarray,
+    bulges: np.ndarray,
+    radii: np.ndarray,
+    spheres: np.ndarray,
+    obstacles: Obstacles,
+    horizon: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """`clearances_in_motion` where what moves is not counted after the horizon; until then spheres that have come to
+    rest stand there, and what is nearer then counts in the last interval.
+    """
+    clearance, nearest = clearances_in_motion(times, placed, bulges, radii, spheres, obstacles.at_rest, horizon)
+    if times[-1] < horizon:
+        times, placed = np.append(times, horizon), np.concatenate([placed, placed[-1:]])
+        bulges = np.concatenate([bulges, np.zeros_like(bulges[-1:])])
+    knots = max(2, int(np.searchsorted(times, horizon)) + 1)
+    moving, by = clearances_in_motion(
+        times[:knots], placed[:knots], bulges[: knots - 1], radii, spheres, obstacles.in_motion, horizon
+    )
+    if len(moving) > len(clearance):
+        last = len(moving) - 1 if moving[-1] < moving[-2] else len(moving) - 2
+        moving, by = np.append(moving[:-2], moving[last]), np.append(by[:-2], by[last])
+    nearer = np.flatnonzero(moving < clearance[: len(moving)])
+    clearance[nearer], nearest[nearer] = moving[nearer], by[nearer]
     return clearance, nearest
 
 

@@ -143,7 +143,7 @@ class DetourBench:
         for end in (query.start, query.goal):
             if obstacle_clearance(planner.collision, planner.robot, end, obstacles)[0] < FREE_END:
                 return False
-        plan = self._solver.solve(query, motion.state, obstacles, self._solver.attempts_among(obstacles))
+        plan = self._solver.solve(query, motion.state, obstacles, self._solver.cautious)
         return plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
 
     def measure(self, motion: BlockedMotion, obstacles: Obstacles, into: DetourTimes) -> None:

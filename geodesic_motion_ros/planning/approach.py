@@ -46,7 +46,7 @@ def still_approaching(query: HeldQuery, verdict: Verdict, situation: Situation) 
     followed = situation.followed
     if followed is None or not followed.approaching or followed.query is not query or situation.at_rest:
         return None
-    clearance = situation.clearance_left()
+    clearance = situation.clearance_left(beyond=True)
     if clearance is None:
         return None
     return situation.continued(replace(followed, verdict=replace(verdict, clearance=clearance)))

@@ -107,7 +107,7 @@ def still_evading(situation: Situation) -> Step | None:
     followed = situation.followed
     if followed is None or not followed.evading or situation.obstacles.stand:
         return None
-    clearance = situation.clearance_left()
+    clearance = situation.clearance_left(beyond=False)
     return None if clearance is None else situation.answered(replace(followed.verdict, clearance=clearance))
 
 
@@ -122,5 +122,5 @@ def _left(situation: Situation) -> SweptArm:
 @lru_cache(maxsize=4)
 def _is_free(situation: Situation, horizon: float) -> bool:
     """Whether nothing that moves on for a horizon [s] meets an arm that does not evade."""
-    certificate = situation.certifier.certify_swept(_left(situation), situation.expected, horizon)
+    certificate = situation.certifier.certify_swept(_left(situation), situation.expected, horizon, beyond=False)
     return situation.certifier.objection(certificate) is None

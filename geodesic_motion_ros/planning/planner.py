@@ -595,7 +595,7 @@ class ReactivePlanner:
 
     def _improved(self, situation: Situation, query: Query, followed: Followed) -> _Decision:
         """What is followed and free, or a new path where that is a gain."""
-        attempts = self._solver.attempts_among(situation.obstacles)[:1]
+        attempts = self._solver.attempts[:1]
         plan = self._solved(situation, query, attempts, followed.known, situation.longest_worthwhile(followed))
         if not situation.late.passed and situation.gains(plan, followed):
             return self._taken(situation, query, plan, self._memory.after(plan, query, None, attempts, situation))
@@ -615,7 +615,7 @@ class ReactivePlanner:
             # Another query was for obstacles that stood.
             origin = self._memory.origin(query)
             return (self._queries.first_posture(origin) if situation.at_rest else origin), None
-        if not blocked.attempts.issuperset(self._solver.attempts_among(situation.obstacles)):
+        if not blocked.attempts.issuperset(self._solver.cautious):
             return query, blocked
         other, position = None, situation.state.position
         if query is blocked.origin and not np.array_equal(query.start, position):
@@ -629,11 +629,7 @@ class ReactivePlanner:
     def _searched(self, situation: Situation, query: Query, blocked: Blocked | None) -> _Decision:
         """A new path, or what an arm without one does; blocked : what was tried already."""
         attempts, memory = self._memory.chosen_attempts(self._solver, query, situation)
-        if attempts:
-            plan = self._solved(situation, query, attempts)
-        else:
-            assert memory.refusal is not None
-            plan = Plan(None, situation.state.time, memory.refusal)
+        plan = self._solved(situation, query, attempts, refusal=memory.refusal)
         memory = memory.after(plan, query, blocked, attempts, situation)
         if plan.trajectory is not None:
             return self._taken(situation, query, plan, memory)
@@ -660,9 +656,10 @@ class ReactivePlanner:
         attempts: tuple[Attempt, ...],
         known: KnownPaths | None = None,
         longest: float = math.inf,
+        refusal: Verdict | None = None,
     ) -> Plan:
         state, obstacles, deadline = situation.state, situation.expected, situation.deadline
-        plan = self._solver.solve(query, state, obstacles, attempts, deadline, known, longest)
+        plan = self._solver.solve(query, state, obstacles, attempts, deadline, known, longest, refusal)
         return situation.stoppable(plan)
 
     def _taken(self, situation: Situation, query: Query, plan: Plan, memory: SearchMemory) -> _Decision:
@@ -717,7 +714,7 @@ class ReactivePlanner:
         still = np.zeros_like(start)
         obstacles = self._inputs.enlarged
         state = MotionState(obstacles.time, start, still, still, query.start_latent)
-        plan = self._solver.solve(query, state, obstacles, self._solver.attempts_around_moving)
+        plan = self._solver.solve(query, state, obstacles, self._solver.cautious)
         if plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH or self._reach == 0.0:
             return plan
         detour = self._arm.detour(query, obstacles, self._reach)

@@ -52,21 +52,20 @@ class Attempt(NamedTuple):
     """A multiple of the obstacle margin, whether the path is refined, and the width in grid steps of the smoothing,
     first in the latent space, then decoded: refined paths have no corners of the grid.
 
-    around_moving : the path keeps off wherever obstacles that move are expected within the prediction; else it may
-        lead there, and the arm passes before or after them.
+    optimistic : what moves will have left the path by the time that the arm comes there: it is not counted beyond the
+        prediction.
     """
 
     multiple: float
     refine: bool
     width: float
-    around_moving: bool = True
+    optimistic: bool = False
 
 
 #: What is tried until a curve is certified. Keeping further off helps more often than cutting less.
 ATTEMPTS = (
-    Attempt(1.0, True, 1.0), Attempt(1.0, True, 1.0, around_moving=False), Attempt(1.0, False, 2.0),
-    Attempt(1.0, False, 2.0, around_moving=False), Attempt(4.0, True, 1.0), Attempt(4.0, False, 2.0),
-    Attempt(4.0, False, 1.0),
+    Attempt(1.0, True, 1.0), Attempt(1.0, False, 2.0), Attempt(4.0, True, 1.0), Attempt(4.0, False, 2.0),
+    Attempt(4.0, False, 1.0), Attempt(1.0, True, 1.0, optimistic=True), Attempt(1.0, False, 2.0, optimistic=True),
 )  # fmt: skip
 #: Configurations that hold a path of tool poses are smoothed by so many times an attempt's width, from 1 on: that takes
 #: out kinks of the decoder and of the corrections along ridges, of a millimetre or two.
@@ -174,7 +173,7 @@ class PlannerSettings:
     cost_cap : paths that cost more than so many times what a demonstration costs without obstacles count as blocked.
     query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.
     prediction : obstacles are expected to move on linearly for so long [s], enlarged by what their velocities may be
-        off (`velocity_history.py`); what moves is not counted after it.
+        off (`velocity_history.py`), and to stand then; where that leaves no path, what moves is not counted after it.
         It must be longer than a stop takes, latency included, which is 0.5 s: what comes into sight later cannot be
         stopped for.
     avoidance : False ignores obstacles altogether; for control experiments only.

@@ -79,7 +79,7 @@ class Followed:
     """What the trajectory being played was planned for, its verdict, and when a path was last searched [s].
 
     The verdict states the present clearance; `promised` was that of the plan, `drawn` that when another curve was last
-    drawn [m]. `path` as of `Plan`. `evading`: it leads to where nothing is expected to come.
+    drawn [m]. `path` and `optimistic` as of `Plan`. `evading`: it leads to where nothing is expected to come.
     `remaining`: it is an approach, which leaves so much of the path to a covered goal [m]; inf: it is none.
     `rejected`: the last path that was no gain over this one.
     `obstacles`: those among which it was last judged; None: it is to be judged anew.
@@ -92,6 +92,7 @@ class Followed:
     promised: float
     drawn: float
     path: LatentPath | None = None
+    optimistic: bool = False
     evading: bool = False
     remaining: float = math.inf
     rejected: LatentPath | None = None
@@ -108,7 +109,8 @@ class Followed:
         """A plan's path, taken in a situation."""
         nearest = plan.verdict.clearance
         return cls(
-            query, plan.verdict, situation.obstacles, situation.now, nearest, nearest, plan.path, evading, remaining,
+            query, plan.verdict, situation.obstacles, situation.now, nearest, nearest, plan.path, plan.optimistic,
+            evading, remaining,
         )  # fmt: skip
 
     @property
@@ -205,7 +207,8 @@ class Situation:
         """The soonest stop along what is being played from then on."""
         reference = self._stopping(self.played, self.state.time)
         swept = self.certifier.swept(reference)
-        certificate = self.certifier.certify_swept(swept, self.expected, self.settings.prediction)
+        prediction = self.settings.prediction
+        certificate = self.certifier.certify_swept(swept.lasting(prediction), self.expected, prediction)
         return Stop(reference, swept, certificate)
 
     def _stopping(self, played: Played, time: float) -> JointReference:
@@ -224,12 +227,15 @@ class Situation:
         followed = self.following(query)
         if followed is None:
             return None
-        clearance = self.clearance_left()
+        clearance = self.clearance_left(beyond=not followed.optimistic)
         return None if clearance is None else replace(followed, verdict=replace(followed.verdict, clearance=clearance))
 
-    def clearance_left(self) -> float | None:
-        """Least clearance [m] of what is left of what is being played, where that is free and can be stopped on."""
-        certificate = self.certifier.certify_swept(self.left, self.expected, self.settings.prediction)
+    def clearance_left(self, beyond: bool) -> float | None:
+        """Least clearance [m] of what is left of what is being played, where that is free and can be stopped on.
+
+        beyond : what moves is expected to stand where it is after the prediction, and counted there.
+        """
+        certificate = self.certifier.certify_swept(self.left, self.expected, self.settings.prediction, beyond)
         if self.settings.avoidance and self.certifier.objection(certificate) is not None:
             return None
         return float(np.min(certificate.clearance)) if self.can_still_stop(self.played) else None
@@ -266,6 +272,8 @@ class Situation:
         """Whether a new plan is safer than what is being followed, or takes clearly less time."""
         if plan.reference is None:
             return False
+        if followed.optimistic and not plan.optimistic:
+            return True
         safer = self.settings.avoidance and followed.close and plan.verdict.clearance > followed.verdict.clearance
         return safer or plan.reference.duration < self._worthwhile
 
@@ -278,7 +286,8 @@ class Situation:
         """Duration [s] from which on a new path is no gain over what is being followed, however safe; inf where its
         clearance counts, too.
         """
-        return math.inf if self.settings.avoidance and followed.close else self._worthwhile
+        safer_counts = followed.optimistic or (self.settings.avoidance and followed.close)
+        return math.inf if safer_counts else self._worthwhile
 
     def mode(self, step: Step) -> Mode:
         """What the arm does after a step."""

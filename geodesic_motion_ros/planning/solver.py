@@ -99,6 +99,7 @@ class Plan:
     begin : time of its first knot [s].
     verdict : OK comes with a path to the goal. With any other verdict the trajectory is a stop, evades, or approaches.
     path : through the graph, where the first attempt found it.
+    optimistic : as of `Attempt`.
     mode : what the arm does after the tick.
     """
 
@@ -106,6 +107,7 @@ class Plan:
     begin: float
     verdict: Verdict
     path: LatentPath | None = None
+    optimistic: bool = False
     mode: Mode = Mode.IDLE
 
     @property
@@ -197,14 +199,15 @@ class Solver:
         self.certifier = ArmCertifier(robot, collision, self.scene)
         self._memory: _Memory | None = None
 
-    def attempts_among(self, obstacles: Obstacles) -> tuple[Attempt, ...]:
-        """Those that differ from each other."""
-        return self.attempts_around_moving if obstacles.stand else self.attempts
+    @property
+    def cautious(self) -> tuple[Attempt, ...]:
+        """The attempts that are not optimistic."""
+        return _alike(self.attempts, False)
 
     @property
-    def attempts_around_moving(self) -> tuple[Attempt, ...]:
-        """Those that keep off what moves."""
-        return tuple(attempt for attempt in self.attempts if attempt.around_moving)
+    def optimistic(self) -> tuple[Attempt, ...]:
+        """Those that are."""
+        return _alike(self.attempts, True)
 
     def solve(
         self,
@@ -215,13 +218,41 @@ class Solver:
         deadline: Deadline = NEVER,
         known: KnownPaths | None = None,
         longest: float = math.inf,
+        refusal: Verdict | None = None,
     ) -> Plan:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
 
         known : paths that need not be judged again: where the search finds one again, that is the answer, OK.
         longest : a motion that takes so long [s] or longer is no gain, and is not certified.
+        refusal : of attempts made before: the verdict where these, none of them cautious, come to no path.
         """
-        searches: dict[bool, _Search | Verdict] = {}
+        cautious, optimistic = _alike(attempts, False), _alike(attempts, True)
+        if cautious or refusal is None:
+            plan = self._first_certified(query, state, obstacles, cautious, deadline, known, longest)
+        else:
+            plan = Plan(None, state.time, refusal)
+        blocked = plan.trajectory is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+        if blocked and optimistic and not obstacles.stand and not deadline.passed:
+            other = self._first_certified(query, state, obstacles, optimistic, deadline, None, longest)
+            if other.trajectory is not None:
+                return replace(other, optimistic=True)
+        return plan
+
+    def _first_certified(
+        self,
+        query: HeldQuery,
+        state: MotionState,
+        obstacles: Obstacles,
+        attempts: tuple[Attempt, ...],
+        deadline: Deadline,
+        known: KnownPaths | None,
+        longest: float,
+    ) -> Plan:
+        """`solve` with attempts of which all are optimistic, or none."""
+        search = self._search(query, state, obstacles, attempts[0].optimistic, deadline)
+        if isinstance(search, Verdict):
+            return Plan(None, state.time, search)
+        margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         tried: set[tuple[bytes, bool, float]] = set()
         first: LatentPath | None = None
@@ -229,15 +260,9 @@ class Solver:
             if number > 0 and deadline.passed:
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
                 return Plan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
-            around = attempt.around_moving
-            if around not in searches:
-                searches[around] = self._search(query, state, obstacles, around, deadline)
-            search = searches[around]
-            path = search if isinstance(search, Verdict) else search.path(attempt.multiple)
-            if isinstance(search, Verdict) or isinstance(path, Verdict):
-                # Nor is there one that keeps further off.
-                searches[around], verdict = path, verdict if verdict.reason else path
-                continue
+            path = search.path(attempt.multiple)
+            if isinstance(path, Verdict):
+                return Plan(None, state.time, verdict if verdict.reason else path)
             if known is not None and known.include(path):
                 return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
             drawn = path.nodes.tobytes(), attempt.refine, attempt.width
@@ -245,24 +270,24 @@ class Solver:
                 continue
             tried.add(drawn)
             curve = search.refined(path, attempt.multiple) if attempt.refine else path
-            margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
-            plan = self._certified(query, state, curve, obstacles, margin, attempt.width, None, longest)
-            is_first = attempt == self.attempts[0]
-            first = path if is_first else first
+            plan = self._certified(
+                query, state, curve, obstacles, margin, attempt.width, attempt.optimistic, None, longest
+            )
+            first = path if attempt == self.attempts[0] else first
             if plan.trajectory is not None:
-                return replace(plan, path=path) if is_first else plan
+                return replace(plan, path=path) if attempt == self.attempts[0] else plan
             verdict = plan.verdict
         return Plan(None, state.time, verdict, first)
 
     def _search(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, around_moving: bool, deadline: Deadline
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline
     ) -> _Search | Verdict:
-        """The searches among obstacles, or the refusal where one covers an end; around_moving : of `Attempt`."""
+        """The searches among obstacles, or the refusal where one of them covers an end."""
         avoided = obstacles if self.settings.avoidance else Obstacles.none()
-        ends = self._end_clearance(query, state, avoided, around_moving)
+        ends = self._end_clearance(query, state, avoided, optimistic)
         if isinstance(ends, Verdict):
             return ends
-        swept = avoided.swept(self.settings.prediction) if around_moving else avoided.at_rest
+        swept = avoided.at_rest if optimistic else avoided.swept(self.settings.prediction)
         return self._search_among(query, state, swept, ends, deadline)
 
     def _search_among(
@@ -311,7 +336,7 @@ class Solver:
         start, steps = _latent_start(query, state), constants.EVASION_STEPS
         for path in paths_to_targets(self.graph, query, start, reshaping, steps, apart):
             # To pass what is coming narrowly is better than to be met by it.
-            plan = self._certified(query, state, path, obstacles, 0.0, 1.0, horizon)
+            plan = self._certified(query, state, path, obstacles, 0.0, 1.0, True, horizon)
             if plan.trajectory is not None:
                 return plan
             if deadline.passed:
@@ -345,7 +370,7 @@ class Solver:
             timed = self._timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
             if timed.reference is None:
                 continue
-            certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon)
+            certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=False)
             if self.certifier.objection(certificate) is None and self.certifier.unseen(timed.swept, seen) is None:
                 verdict = Verdict(VerdictCode.OK, clearance=float(np.min(certificate.clearance)))
                 return Plan(self.certifier.certified(timed.reference, certificate), state.time, verdict)
@@ -440,15 +465,14 @@ class Solver:
         )  # fmt: skip
 
     def _end_clearance(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, around_moving: bool
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool
     ) -> float | Verdict:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
-        The goal is to be free of those that stand; around_moving : of where the others are expected at the end of the
-        prediction, too.
+        The goal is to be free of where obstacles are expected to halt; optimistic: of those alone that stand.
         """
         prediction = self.settings.prediction
-        later = obstacles.at(obstacles.time + prediction, prediction) if around_moving else obstacles.at_rest
+        later = obstacles.at_rest if optimistic else obstacles.at(obstacles.time + prediction, prediction)
         nearest = []
         for where, configuration, code, there in (
             ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),
@@ -492,6 +516,7 @@ class Solver:
         obstacles: Obstacles,
         margin: float,
         width: float,
+        optimistic: bool,
         evading: float | None = None,
         longest: float = math.inf,
     ) -> Plan:
@@ -508,7 +533,7 @@ class Solver:
             reason = f"the best path takes {reference.duration:.2f} s; only less than {longest:.2f} s would be a gain"
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
         horizon = self.settings.prediction if evading is None else evading
-        certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon)
+        certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=not optimistic)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
         if objection is not None and evading is not None:
             # Another target is tried, whatever else may be wrong with this one.
@@ -633,6 +658,10 @@ class _Search:
 
 def _latent_start(query: HeldQuery, state: MotionState) -> np.ndarray:
     return query.start_latent if state.latent is None else state.latent
+
+
+def _alike(attempts: tuple[Attempt, ...], optimistic: bool) -> tuple[Attempt, ...]:
+    return tuple(attempt for attempt in attempts if attempt.optimistic is optimistic)
 
 
 def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:

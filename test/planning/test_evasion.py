@@ -58,7 +58,7 @@ class OneEvasionPath:
         share = np.linspace(0.0, 1.0, 30)[:, None]
         path = state.position + share * np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         reference = timed_joint_reference(path, np.hstack([1.0 - share, share]), LIMITS)
-        trajectory = CERTIFIER.certified(reference, CERTIFIER.certify(reference, obstacles, horizon))
+        trajectory = CERTIFIER.certified(reference, CERTIFIER.certify(reference, obstacles, horizon, beyond=False))
         return Plan(trajectory, state.time, Verdict(VerdictCode.OK, clearance=0.01))
 
 

@@ -11,30 +11,33 @@ from geodesic_motion_ros.deadline import NEVER
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import search_memory
 from geodesic_motion_ros.planning.search_memory import SearchMemory
-from geodesic_motion_ros.planning.settings import ATTEMPTS, Attempt
+from geodesic_motion_ros.planning.settings import ATTEMPTS, SEARCH_PERIOD_CLOSE, Attempt
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
-AROUND = tuple(attempt for attempt in ATTEMPTS if attempt.around_moving)
-SOLVER = SimpleNamespace(attempts_among=lambda obstacles: AROUND if obstacles.stand else ATTEMPTS)
+CAUTIOUS = tuple(attempt for attempt in ATTEMPTS if not attempt.optimistic)
+OPTIMISTIC = tuple(attempt for attempt in ATTEMPTS if attempt.optimistic)
+SOLVER = SimpleNamespace(attempts=ATTEMPTS, cautious=CAUTIOUS, optimistic=OPTIMISTIC)
 QUERY = SimpleNamespace()
 NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
 TICK = 0.01
 
 
-def situation(now: float, stand: bool = False) -> SimpleNamespace:
+def situation(now: float, stops: bool = False, stand: bool = False) -> SimpleNamespace:
     obstacles = Obstacles.none() if stand else SimpleNamespace(stand=False)
     return SimpleNamespace(
-        now=now, at_rest=True, followed=SimpleNamespace(is_stop=True, approaching=False), obstacles=obstacles,
+        now=now, at_rest=not stops, followed=SimpleNamespace(is_stop=stops, approaching=False), obstacles=obstacles,
         expected=obstacles, deadline=NEVER, late=NEVER,
     )  # fmt: skip
 
 
-def tried(ticks: int, stand: bool = False) -> list[tuple[Attempt, ...]]:
+def tried(
+    ticks: int, stops: bool = False, stand: bool = False, refusal: Verdict = NO_PATH
+) -> list[tuple[Attempt, ...]]:
     """What is tried tick after tick by an arm that has lost its path, and finds none."""
     memory, chosen = SearchMemory(), []
     for tick in range(ticks):
-        attempts, memory = memory.chosen_attempts(SOLVER, QUERY, situation(tick * TICK, stand))
-        memory = replace(memory, without_path=QUERY, refusal=NO_PATH)
+        attempts, memory = memory.chosen_attempts(SOLVER, QUERY, situation(tick * TICK, stops, stand))
+        memory = replace(memory, without_path=QUERY, refusal=refusal)
         chosen.append(attempts)
     return chosen
 
@@ -48,15 +51,27 @@ def coming(monkeypatch) -> list[bool]:
 
 
 @pytest.mark.usefixtures("coming")
-@pytest.mark.parametrize(("stand", "attempts"), [(False, ATTEMPTS), (True, AROUND)])
-def test_an_arm_that_has_lost_its_path_tries_all_at_once_then_one_in_every_tick(
-    stand: bool, attempts: tuple[Attempt, ...]
-) -> None:
-    """Among what stands those that pass before or after what moves differ in nothing from the others."""
-    chosen = tried(1 + 2 * len(attempts), stand)
-    assert chosen[0] == attempts
-    in_turn = [(attempt,) for attempt in (*attempts[1:], attempts[0])]
-    assert chosen[1:] == 2 * in_turn
+def test_an_arm_that_has_lost_its_path_tries_all_at_once_and_one_that_stops_already_in_two_ticks() -> None:
+    assert tried(1) == [ATTEMPTS]
+    assert tried(2, stops=True) == [CAUTIOUS, OPTIMISTIC[:1]]
+
+
+@pytest.mark.usefixtures("coming")
+def test_then_one_attempt_is_made_in_every_tick_and_an_optimistic_one_as_often_as_better_paths_are_searched() -> None:
+    chosen = tried(30)[1:]
+    assert {len(attempts) for attempts in chosen} == {1}
+    apart = round(SEARCH_PERIOD_CLOSE / TICK)
+    optimistic = [tick for tick, attempts in enumerate(chosen) if attempts[0].optimistic]
+    assert optimistic == list(range(0, len(chosen), apart))
+    cautious = [attempts[0] for attempts in chosen if not attempts[0].optimistic]
+    assert cautious[: len(CAUTIOUS)] == [*CAUTIOUS[1:], CAUTIOUS[0]]
+
+
+@pytest.mark.usefixtures("coming")
+def test_optimistic_attempts_are_made_among_what_moves_alone_and_not_where_the_arm_is_inside_an_obstacle() -> None:
+    inside = Verdict(VerdictCode.IN_COLLISION, "inside")
+    for chosen in (tried(20, stand=True), tried(20, refusal=inside)):
+        assert not any(attempts[0].optimistic for attempts in chosen[1:])
 
 
 def test_in_a_tick_that_searches_an_evasion_path_none_to_the_goal_is_tried_and_none_left_out(coming) -> None:

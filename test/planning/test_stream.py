@@ -211,24 +211,25 @@ def test_what_may_turn_towards_the_path_is_not_passed(error: float, goes_on: boo
 
 
 @pytest.mark.parametrize(
-    ("clearance", "nearest", "longer", "gain"),
+    ("clearance", "nearest", "optimistic", "longer", "gain"),
     [
-        (0.2, 0.1, 1.0, False),  # further off, but the old path is far enough
-        (0.02, 0.01, 1.0, True),
-        (0.005, 0.01, 1.0, False),
-        (0.1, 0.1, 0.9, True),  # clearly sooner there
-        (0.1, 0.1, 0.97, False),
+        (0.2, 0.1, False, 1.0, False),  # further off, but the old path is far enough
+        (0.02, 0.01, False, 1.0, True),
+        (0.005, 0.01, False, 1.0, False),
+        (0.1, 0.1, False, 0.9, True),  # clearly sooner there
+        (0.1, 0.1, False, 0.97, False),
+        (0.1, 0.1, True, 2.0, True),  # the old path counts on what moves to have left
     ],
 )
 def test_a_new_path_is_a_gain_where_it_is_safer_or_takes_clearly_less_time(
-    clearance: float, nearest: float, longer: float, gain: bool
+    clearance: float, nearest: float, optimistic: bool, longer: float, gain: bool
 ) -> None:
     stream = going()
     situation = at(stream, -SETTINGS.latency)
     reference = stream.played.reference
     slower = certified(replace(reference, times=longer * reference.times))
     plan = Plan(slower, 0.0, replace(OK, clearance=clearance))
-    followed = replace(stream.followed, verdict=replace(OK, clearance=nearest))
+    followed = replace(stream.followed, verdict=replace(OK, clearance=nearest), optimistic=optimistic)
     assert situation.gains(plan, followed) is gain
     assert not gain or plan.reference.duration < situation.longest_worthwhile(followed)
     assert not situation.gains(replace(plan, trajectory=None), followed)
