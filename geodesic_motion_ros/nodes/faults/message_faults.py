@@ -83,7 +83,9 @@ class ObstaclesLossy(_ToldBadly):
 
 class ObstaclesSlow(_ToldBadly):
     name = "obstacles_five_a_second"
-    criterion = "obstacles are told five times a second alone: no contact with a sphere that comes to the way and stops"
+    criterion = (
+        "obstacles are published five times a second alone: no contact with a sphere that comes to the path and stops"
+    )
     phases = (MOTION,)
 
     def spoil(self, relay: Relay, random: np.random.Generator) -> None:

@@ -256,7 +256,7 @@ class AllBlocked(PlannersObstacle):
     planner = _WAITS
     criterion = (
         "a wall across all ways to the goal (near the goal: a sphere on it, while the arm can still stop before it): "
-        "NO_FEASIBLE_PATH <= 3 ticks, hold; gone: resumes by itself <= 3 ticks after"
+        "NO_FEASIBLE_PATH <= 3 ticks, hold; removed: resumes by itself <= 3 ticks after"
     )
     code = "NO_FEASIBLE_PATH"
     in_motion, near_goal = (0.78, 0.85), (2.8, 3.0)
