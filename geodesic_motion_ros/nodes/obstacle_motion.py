@@ -34,7 +34,7 @@ from geodesic_motion_ros.velocity_history import VelocityHistory
 #: Detections of this last time [s] count, two of them at least; of exact ones (`DetectionNoise`) these alone.
 SHORTEST = 0.15
 #: Those of longer ago [s] do not count: of what moves, which may turn too slowly to be noticed, and of what does not.
-LONGEST, LONGEST_STANDING = 1.0, 3.0
+LONGEST, LONGEST_STANDING = 2.0, 6.0
 #: What is faster [m/s] moves; of what is slower the velocity may be noise.
 MOVING = 0.02
 #: Noise alone makes 36 of one cut in 360000: of six cuts thirty times a second in half an hour, were each by itself.

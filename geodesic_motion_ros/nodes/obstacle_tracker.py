@@ -31,6 +31,8 @@ REORDER_WINDOW, _GOING_ON = 1.0, 3
 MOTION_LASTS, _APART, _MOST_PLACES = 0.3, 0.05, 16
 # Until it is told again the stretch grows every so often [s], up to what it comes to in so long [s].
 _GROWS_EVERY, _GROWS_FOR = 0.05, 2.0
+# What stands is published larger by this share of the noise of one detection, so that it can stay as it is.
+_SLACK = 0.25
 # What was under way for longer [s] tells nothing of now, or two clocks do not agree: nothing is expected to have moved
 # on meanwhile. With clocks that do not agree, whoever keeps on would have obstacles where they never were.
 LONGEST_TRANSIT = 1.0
@@ -149,9 +151,8 @@ class _Track:
     def placed(self, before: _Track | None) -> _Track:
         """Where it is by its motion, out of where it was detected.
 
-        What stands keeps the place where it was published, as long as that contains the new one and is larger by the
-        noise of one detection at most: a planner goes on with a search among what does not change. Half of that is
-        added when it is published anew.
+        What stands keeps the place where it was published, as long as that contains the new one and is larger by twice
+        `_SLACK` at most: a planner goes on with a search among what does not change.
         """
         motion = self.motion
         if not motion.place_error:
@@ -160,9 +161,9 @@ class _Track:
         placed = self._moved(np.subtract(motion.place, self.centre), motion.place_error)
         if not stands:
             return placed
-        if before is not None and before.covers(placed, motion.noise.deviation):
+        if before is not None and before.covers(placed, 2.0 * _SLACK * motion.noise.deviation):
             return replace(self, centre=before.centre, radius=before.radius, solid=before.solid)
-        return placed._moved(np.zeros(3), 0.5 * motion.noise.deviation)
+        return placed._moved(np.zeros(3), _SLACK * motion.noise.deviation)
 
     def covers(self, other: _Track, by: float) -> bool:
         """Whether it contains another and is larger by so much [m] at most."""

@@ -34,12 +34,12 @@ class ApproachSearch:
         unmoved = self.obstacles.unmoved_in(situation.obstacles)
         if situation.at_rest:
             return not (unmoved and np.array_equal(self.position, situation.state.position))
-        return not unmoved and situation.now >= self.time + constants.APPROACH_PERIOD - TIME_ROUNDING
+        return not unmoved and situation.now >= self.time + constants.SEARCH_PERIOD - TIME_ROUNDING
 
 
 def still_approaching(query: HeldQuery, verdict: Verdict, situation: Situation) -> Step | None:
-    """The approach being played, as long as what is left of it is free and the arm can stop on it, or a stop where
-    obstacles have come nearer than expected; None where it is not free, or the arm does not approach.
+    """The approach being played, as long as what is left of it is free and the arm can stop on it; None where it is
+    not, or the arm does not approach.
 
     verdict : why there is no path for a query; the plan's states the same.
     """
@@ -49,7 +49,8 @@ def still_approaching(query: HeldQuery, verdict: Verdict, situation: Situation) 
     clearance = situation.clearance_left(beyond=True)
     if clearance is None:
         return None
-    return situation.continued(replace(followed, verdict=replace(verdict, clearance=clearance)))
+    verdict = replace(verdict, clearance=clearance)
+    return situation.answered(verdict, replace(followed, verdict=verdict))
 
 
 def approached(

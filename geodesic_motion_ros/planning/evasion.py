@@ -26,7 +26,7 @@ class FailedEvasion:
 
     def is_due_again(self, now: float, horizon: float) -> bool:
         """Whether a search at a time [s] may come to something else: after a while, or where less is to be evaded."""
-        return horizon < self.horizon or now >= self.time + constants.EVASION_PERIOD - TIME_ROUNDING
+        return horizon < self.horizon or now >= self.time + constants.SEARCH_PERIOD - TIME_ROUNDING
 
 
 def evaded(
@@ -48,12 +48,12 @@ def evaded(
         if horizon < situation.settings.prediction:
             plan = solver.evade_displaced(query, state, obstacles, horizon, situation.reach, deadline)
         else:
-            plan = solver.evade(query, state, obstacles, horizon, deadline)
+            plan = solver.evade(query, state, obstacles, deadline)
         if plan is not None:
             return _taken(query, plan, verdict, situation), last_failed
         if deadline.passed:
             # What was not found for want of time is searched again in the next tick.
-            return still_evading(situation), last_failed
+            return None, last_failed
         last_failed = FailedEvasion(situation.now, horizon)
         free, horizon = _assessed(verdict, situation, last_failed)
     evading = situation.followed is not None and situation.followed.evading
@@ -72,14 +72,14 @@ def is_searched(verdict: Verdict, situation: Situation, last_failed: FailedEvasi
 
 def _assessed(verdict: Verdict, situation: Situation, last_failed: FailedEvasion) -> tuple[bool, float | None]:
     """Whether nothing comes to where an arm without a path goes or stands; and for what horizon [s] an evasion path is
-    searched: the longer one, where that has failed the shorter one, then none for a while. The shortest one is for a
-    place beside the graph.
+    searched: the prediction, along the graph; where that has failed a shorter one, to a place beside it; then none for
+    a while.
     """
     settings = situation.settings
     blocked = verdict.code is VerdictCode.NO_FEASIBLE_PATH
     if not (blocked and settings.avoidance) or situation.obstacles.stand:
         return False, None
-    horizons = [constants.EVASION_LOOKAHEAD * settings.prediction, settings.prediction]
+    horizons = [settings.prediction]
     if situation.reach > 0.0:
         horizons.append(min(constants.EVASION_DISPLACED_WITHIN, 0.5 * settings.prediction))
     for horizon in horizons:
@@ -91,10 +91,7 @@ def _assessed(verdict: Verdict, situation: Situation, last_failed: FailedEvasion
 
 
 def _taken(query: HeldQuery, plan: Plan, verdict: Verdict, situation: Situation) -> Step:
-    """A new evasion path; found too late, the one being played stays where it is free."""
-    current = still_evading(situation) if situation.late.passed else None
-    if current is not None:
-        return current
+    """A new evasion path."""
     reason = f"{verdict.reason}; evading what is coming"
     plan = replace(plan, verdict=replace(verdict, clearance=plan.verdict.clearance, reason=reason))
     return situation.handed_out(plan, Followed.begun(query, plan, situation, evading=True))

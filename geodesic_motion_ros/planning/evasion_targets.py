@@ -33,7 +33,7 @@ def paths_to_targets(
     steps : targets are no more grid steps away.
     """
     near = graph.nodes_near(start, steps)
-    near = near[query.to_goal[near] < constants.EVASION_RETURN_SHARE * query.cost_limit]
+    near = near[query.to_goal[near] < query.cost_limit]
     if len(near) == 0:
         return
     source, near = int(near[0]), np.ascontiguousarray(near[:: 1 + len(near) // constants.EVASION_NODES])

@@ -511,7 +511,7 @@ class ReactivePlanner:
             query = found
         followed = situation.free_path(query)
         if followed is not None and not followed.is_due(situation.now):
-            return _Decision(situation.continued(followed), query, memory)
+            return _Decision(situation.answered(followed.verdict, followed), query, memory)
         if followed is not None:
             return self._improved(situation, query, followed)
         goal = mission.active.goal
@@ -601,8 +601,8 @@ class ReactivePlanner:
             return self._taken(situation, query, plan, self._memory.after(plan, query, None, attempts, situation))
         updated = replace(followed, obstacles=situation.obstacles, searched=situation.now)
         if plan.trajectory is not None or not plan.verdict.ok:
-            updated = replace(updated, drawn=followed.verdict.clearance, rejected=plan.path)
-        return _Decision(situation.continued(updated), query, self._memory)
+            updated = replace(updated, rejected=plan.path)
+        return _Decision(situation.answered(updated.verdict, updated), query, self._memory)
 
     def _held(
         self, situation: Situation, query: Query, blocked: Blocked | None, goal: Goal

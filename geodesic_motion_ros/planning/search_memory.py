@@ -8,14 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.approach import ApproachSearch
 from geodesic_motion_ros.planning.detour import Detour
 from geodesic_motion_ros.planning.detour_worker import DetourJob
 from geodesic_motion_ros.planning.evasion import FailedEvasion, is_searched
 from geodesic_motion_ros.planning.mission import Goal, Query
 from geodesic_motion_ros.planning.settings import Attempt
-from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Situation
+from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Plan, Solver
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
@@ -91,8 +90,7 @@ class SearchMemory:
     Attributes
     ----------
     without_path : the query for which there was no path the last time; refusal : why; attempted : the number of the
-        last attempt that was not optimistic.
-    last_optimistic : when an optimistic attempt was last made for it [s].
+        last attempt.
     last_failed_evasion : the last search of an evasion path that found none.
     blocked_since : since when the arm has had no path [s].
     approach : the last one that was searched.
@@ -102,7 +100,6 @@ class SearchMemory:
     refusal: Verdict | None = None
     attempted: int = 0
     blocked: Blocked | None = None
-    last_optimistic: float = -math.inf
     last_failed_evasion: FailedEvasion = field(default_factory=FailedEvasion)
     blocked_since: float = math.inf
     detour: DetourSearch | None = None
@@ -124,22 +121,17 @@ class SearchMemory:
     ) -> tuple[tuple[Attempt, ...], SearchMemory]:
         """What is tried by an arm that follows no path to a query's goal, and the memory of that.
 
-        All where a path has just been lost, or was not searched yet; an arm that stops already leaves those that are
-        optimistic to the next tick. Where there was no path the last time, another one in every tick: among what moves
-        the first optimistic one as often as better paths are searched, and none where an evasion path is searched.
+        All where a path has just been lost, or was not searched yet; where there was none the last time, another one in
+        every tick, and none where an evasion path is searched. Those that are optimistic are for what moves.
         """
         if query is not self.without_path:
-            stops = situation.followed is not None and situation.followed.is_stop and not situation.at_rest
-            begun = replace(self, attempted=0, last_optimistic=-math.inf)
-            return solver.cautious if stops else solver.attempts, begun
+            return solver.attempts, replace(self, attempted=len(solver.attempts) - 1)
         if self.refusal is not None and is_searched(self.refusal, situation, self.last_failed_evasion):
             return (), self
-        due = situation.now >= self.last_optimistic + constants.SEARCH_PERIOD_CLOSE - TIME_ROUNDING
         blocked = self.refusal is not None and self.refusal.code is VerdictCode.NO_FEASIBLE_PATH
-        if due and blocked and not situation.expected.stand:
-            return solver.optimistic[:1], replace(self, last_optimistic=situation.now)
-        number = (self.attempted + 1) % len(solver.cautious)
-        return solver.cautious[number : number + 1], replace(self, attempted=number)
+        tried = solver.attempts if blocked and not situation.expected.stand else solver.cautious
+        number = (self.attempted + 1) % len(tried)
+        return tried[number : number + 1], replace(self, attempted=number)
 
     def after(
         self, plan: Plan, query: Query, blocked: Blocked | None, attempts: tuple[Attempt, ...], situation: Situation

@@ -27,21 +27,15 @@ REPLAN_DELAY = 0.03
 #: The places where a moving obstacle may halt on its predicted line are covered by so many spheres, from 2 on; the
 #: first is where it was last detected.
 STOP_POSITION_SAMPLES = 12
-#: The arm stops where less than this share, from 0 to 1, is left of the clearance that its path had when it was
-#: planned, or of the margin among obstacles that move.
-LEAST_CLEARANCE_SHARE = 0.5
 #: Obstacles are enlarged by the tracking error in steps of this [m], and the arm's lag counts in steps of this [s]:
 #: smaller changes need no new certificate.
 TRACKING_ERROR_STEP, LAG_STEP = 1e-3, 0.01
 
 # ------------------------------------------------------------------ when a path is searched again
 
-#: An obstacle within this distance of the path makes every bit of clearance a gain [m].
-CLOSE_CLEARANCE = 0.03
-#: Better paths are searched so often [s] while the present one is free: with an obstacle that close, and without.
-SEARCH_PERIOD_CLOSE, SEARCH_PERIOD_FAR = 0.05, 0.1
-#: A close obstacle has come nearer when it has by so much [m]: only then the same path found again is refined anew.
-NEARER_BY = 1e-3
+#: While the present path is free better ones are searched so often [s]; so are evasion paths and approaches where none
+#: was found.
+SEARCH_PERIOD = 0.1
 #: A new path replaces a free one where that one takes longer by this factor, from 1 on.
 WORTHWHILE_RATIO = 1.05
 
@@ -49,26 +43,23 @@ WORTHWHILE_RATIO = 1.05
 
 
 class Attempt(NamedTuple):
-    """A multiple of the obstacle margin, whether the path is refined, and the width in grid steps of the smoothing,
-    first in the latent space, then decoded: refined paths have no corners of the grid.
+    """A multiple of the obstacle margin that a path keeps.
 
     optimistic : what moves will have left the path by the time that the arm comes there: it is not counted beyond the
         prediction.
     """
 
     multiple: float
-    refine: bool
-    width: float
     optimistic: bool = False
 
 
-#: What is tried until a curve is certified. Keeping further off helps more often than cutting less.
-ATTEMPTS = (
-    Attempt(1.0, True, 1.0), Attempt(1.0, False, 2.0), Attempt(4.0, True, 1.0), Attempt(4.0, False, 2.0),
-    Attempt(4.0, False, 1.0), Attempt(1.0, True, 1.0, optimistic=True), Attempt(1.0, False, 2.0, optimistic=True),
-)  # fmt: skip
-#: Configurations that hold a path of tool poses are smoothed by so many times an attempt's width, from 1 on: that takes
-#: out kinks of the decoder and of the corrections along ridges, of a millimetre or two.
+#: What is tried until a path is certified: one that a smooth curve does not cut keeps further off.
+ATTEMPTS = Attempt(1.0), Attempt(4.0), Attempt(1.0, optimistic=True)
+#: Widths in grid steps by which paths are smoothed, first in the latent space, then decoded: refined ones, which have
+#: no corners of the grid, and those that are not refined.
+REFINED_WIDTH, UNREFINED_WIDTH = 1.0, 2.0
+#: Configurations that hold a path of tool poses are smoothed by so many times that width, from 1 on: that takes out
+#: kinks of the decoder and of the corrections along ridges, of a millimetre or two.
 TOOL_SMOOTHING_FACTOR = 3.0
 #: The same of `PosePathPlanner`: multiples of the obstacle margin, and for each of them smoothing widths in grid steps,
 #: of the latent path and of the poses decoded from it.
@@ -81,17 +72,10 @@ CURVE_SIGMA_FACTOR = 1.2
 
 # ------------------------------------------------------------------ evasion
 
-#: An arm without a path evades what comes within this multiple of the prediction, from 1 on: to make room takes longer
-#: than to stop.
-EVASION_LOOKAHEAD = 2.0
-#: Where no evasion path was found another is searched after so long [s].
-EVASION_PERIOD = 0.05
 #: Evasion targets are searched up to so many grid steps around, among so many nodes.
 EVASION_STEPS, EVASION_NODES = 30, 500
 #: So many of them are tried, in directions of which any two have no larger cosine than this.
 EVASION_TARGETS, EVASION_COSINE = 4, 0.7
-#: From there the goal must be reachable, without obstacles, at less than this share, up to 1, of what a path may cost.
-EVASION_RETURN_SHARE = 0.5
 #: Where no place on the graph is free of what comes within this time [s], the tool is displaced by up to so much [m],
 #: or the arm swivels by up to so much [rad].
 EVASION_DISPLACED_WITHIN, EVASION_DISPLACEMENT, EVASION_SWIVEL = 0.6, 0.15, 0.6
@@ -106,8 +90,6 @@ APPROACH_GAIN = 0.01
 #: An approach keeps this multiple of the obstacle margin, more than `DYNAMIC_MARGIN_FACTOR`: where the arm then stands
 #: it may have to set out among what moves, and what it stands before trembles.
 APPROACH_MARGIN_FACTOR = 3.0
-#: In motion a better approach is searched so often [s].
-APPROACH_PERIOD = 0.1
 #: An approach to which its certificate objects is made shorter so often, from 0 on.
 APPROACH_CUTS = 3
 

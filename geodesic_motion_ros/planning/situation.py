@@ -78,8 +78,8 @@ class Played:
 class Followed:
     """What the trajectory being played was planned for, its verdict, and when a path was last searched [s].
 
-    The verdict states the present clearance; `promised` was that of the plan, `drawn` that when another curve was last
-    drawn [m]. `path` and `optimistic` as of `Plan`. `evading`: it leads to where nothing is expected to come.
+    The verdict states the present clearance. `path` and `optimistic` as of `Plan`. `evading`: it leads to where nothing
+    is expected to come.
     `remaining`: it is an approach, which leaves so much of the path to a covered goal [m]; inf: it is none.
     `rejected`: the last path that was no gain over this one.
     `obstacles`: those among which it was last judged; None: it is to be judged anew.
@@ -89,8 +89,6 @@ class Followed:
     verdict: Verdict
     obstacles: Obstacles | None
     searched: float
-    promised: float
-    drawn: float
     path: LatentPath | None = None
     optimistic: bool = False
     evading: bool = False
@@ -107,11 +105,9 @@ class Followed:
         remaining: float = math.inf,
     ) -> Followed:
         """A plan's path, taken in a situation."""
-        nearest = plan.verdict.clearance
         return cls(
-            query, plan.verdict, situation.obstacles, situation.now, nearest, nearest, plan.path, plan.optimistic,
-            evading, remaining,
-        )  # fmt: skip
+            query, plan.verdict, situation.obstacles, situation.now, plan.path, plan.optimistic, evading, remaining
+        )
 
     @property
     def approaching(self) -> bool:
@@ -124,20 +120,13 @@ class Followed:
         return not (self.verdict.ok or self.evading or self.approaching)
 
     @property
-    def close(self) -> bool:
-        """Whether an obstacle is so near that every bit of clearance is a gain."""
-        return self.verdict.clearance <= constants.CLOSE_CLEARANCE
-
-    @property
     def known(self) -> KnownPaths | None:
-        """Paths that are no gain where the search finds them again: no obstacle is near, or has come nearer."""
-        nearer = self.verdict.clearance <= min(constants.CLOSE_CLEARANCE, self.drawn - constants.NEARER_BY)
-        return None if nearer or self.path is None else KnownPaths(self.path, self.rejected)
+        """Paths that are no gain where the search finds them again."""
+        return None if self.path is None else KnownPaths(self.path, self.rejected)
 
     def is_due(self, now: float) -> bool:
         """Whether a better path is to be searched at a time [s]."""
-        period = constants.SEARCH_PERIOD_CLOSE if self.close else constants.SEARCH_PERIOD_FAR
-        return now >= self.searched + period - TIME_ROUNDING
+        return now >= self.searched + constants.SEARCH_PERIOD - TIME_ROUNDING
 
 
 @dataclass(frozen=True)
@@ -269,13 +258,10 @@ class Situation:
         return self.certifier.room(stop, places)
 
     def gains(self, plan: Plan, followed: Followed) -> bool:
-        """Whether a new plan is safer than what is being followed, or takes clearly less time."""
+        """Whether a new plan is not optimistic, as what is being followed is, or takes clearly less time."""
         if plan.reference is None:
             return False
-        if followed.optimistic and not plan.optimistic:
-            return True
-        safer = self.settings.avoidance and followed.close and plan.verdict.clearance > followed.verdict.clearance
-        return safer or plan.reference.duration < self._worthwhile
+        return (followed.optimistic and not plan.optimistic) or plan.reference.duration < self._worthwhile
 
     @property
     def _worthwhile(self) -> float:
@@ -283,11 +269,8 @@ class Situation:
         return (self.played.end - self.state.time) / constants.WORTHWHILE_RATIO
 
     def longest_worthwhile(self, followed: Followed) -> float:
-        """Duration [s] from which on a new path is no gain over what is being followed, however safe; inf where its
-        clearance counts, too.
-        """
-        safer_counts = followed.optimistic or (self.settings.avoidance and followed.close)
-        return math.inf if safer_counts else self._worthwhile
+        """Duration [s] from which on a new path is no gain over what is being followed; inf over an optimistic one."""
+        return math.inf if followed.optimistic else self._worthwhile
 
     def mode(self, step: Step) -> Mode:
         """What the arm does after a step."""
@@ -315,20 +298,6 @@ class Situation:
             f"{self.settings.latency:g} s, leaves; more latency, or a less busy machine, would do"
         )
         return self.answered(Verdict(VerdictCode.DEADLINE_MISSED, reason), before)
-
-    def continued(self, followed: Followed) -> Step:
-        """What is being played, or a stop where obstacles have come nearer than expected and it keeps further off.
-
-        followed : with its present clearance.
-        """
-        nearest = followed.verdict.clearance
-        kept = min(followed.promised, constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin)
-        judged = self.settings.avoidance and not self.obstacles.stand
-        nearer = judged and nearest < constants.LEAST_CLEARANCE_SHARE * kept
-        if nearer and np.min(self.stop.certificate.clearance) > nearest:
-            reason = f"an obstacle has come within {nearest:.3f} m of the path being followed"
-            return self.stopped(Verdict(VerdictCode.NO_FEASIBLE_PATH, reason), followed)
-        return self.answered(followed.verdict, followed)
 
     def stopped(self, verdict: Verdict, followed: Followed | None = None) -> Step:
         """A stop along the path being followed, or what is being played where that is one already.

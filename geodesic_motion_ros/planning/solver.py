@@ -167,7 +167,7 @@ class _Memory(NamedTuple):
 
     query: HeldQuery
     state: MotionState
-    timed: dict[tuple[bytes, float, bool, float], _Timed]
+    timed: dict[tuple[bytes, bool, float], _Timed]
 
     def is_of(self, query: HeldQuery, state: MotionState) -> bool:
         names = ("position", "velocity", "acceleration")
@@ -195,7 +195,8 @@ class Solver:
         of_tool_poses = isinstance(graph, PoseGraph)
         self.tool = LimitedTool(robot, settings.tool_limits(of_tool_poses))
         self._smoothing_factor = constants.TOOL_SMOOTHING_FACTOR if of_tool_poses else 1.0
-        self.attempts = tuple(attempt for attempt in constants.ATTEMPTS if settings.refine or not attempt.refine)
+        self._width = constants.REFINED_WIDTH if settings.refine else constants.UNREFINED_WIDTH
+        self.attempts = constants.ATTEMPTS
         self.certifier = ArmCertifier(robot, collision, self.scene)
         self._memory: _Memory | None = None
 
@@ -254,7 +255,7 @@ class Solver:
             return Plan(None, state.time, search)
         margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
-        tried: set[tuple[bytes, bool, float]] = set()
+        tried: set[bytes] = set()
         first: LatentPath | None = None
         for number, attempt in enumerate(attempts):
             if number > 0 and deadline.passed:
@@ -265,14 +266,12 @@ class Solver:
                 return Plan(None, state.time, verdict if verdict.reason else path)
             if known is not None and known.include(path):
                 return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
-            drawn = path.nodes.tobytes(), attempt.refine, attempt.width
-            if drawn in tried:
+            nodes = path.nodes.tobytes()
+            if nodes in tried:
                 continue
-            tried.add(drawn)
-            curve = search.refined(path, attempt.multiple) if attempt.refine else path
-            plan = self._certified(
-                query, state, curve, obstacles, margin, attempt.width, attempt.optimistic, None, longest
-            )
+            tried.add(nodes)
+            curve = search.refined(path, attempt.multiple)
+            plan = self._certified(query, state, curve, obstacles, margin, attempt.optimistic, longest=longest)
             first = path if attempt == self.attempts[0] else first
             if plan.trajectory is not None:
                 return replace(plan, path=path) if attempt == self.attempts[0] else plan
@@ -295,7 +294,7 @@ class Solver:
     ) -> _Search:
         """The searches among obstacles that stand; ends : clearance [m] of the nearer of both ends."""
         start, reshaping = _latent_start(query, state), self._reshaping(query, standing)
-        return _Search(self.graph, query, start, reshaping, deadline, self.settings.obstacle_margin, 0.5 * ends)
+        return _Search(self.graph, query, start, reshaping, deadline, self.settings, 0.5 * ends)
 
     def along(
         self,
@@ -325,18 +324,15 @@ class Solver:
         return Plan(found, state.time, verdict)
 
     def evade(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline = NEVER
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, deadline: Deadline = NEVER
     ) -> Plan | None:
-        """A certified path to a place nearby that nothing is expected to come to, or None where none is found in time.
-
-        horizon : obstacles are expected to move on for so long [s].
-        """
-        reshaping = self._reshaping(query, obstacles.swept(horizon))
+        """A certified path to a place nearby that nothing is expected to come to; None where none is found in time."""
+        reshaping = self._reshaping(query, obstacles.swept(self.settings.prediction))
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         start, steps = _latent_start(query, state), constants.EVASION_STEPS
         for path in paths_to_targets(self.graph, query, start, reshaping, steps, apart):
             # To pass what is coming narrowly is better than to be met by it.
-            plan = self._certified(query, state, path, obstacles, 0.0, 1.0, True, horizon)
+            plan = self._certified(query, state, path, obstacles, 0.0, True, evading=True)
             if plan.trajectory is not None:
                 return plan
             if deadline.passed:
@@ -352,7 +348,10 @@ class Solver:
         reach: float,
         deadline: Deadline = NEVER,
     ) -> Plan | None:
-        """The same to a place beside the graph; reach : how far the tool may be from what was demonstrated [m]."""
+        """The same to a place beside the graph, of what comes there within a horizon [s].
+
+        reach : how far the tool may be from what was demonstrated [m].
+        """
         latent = _latent_start(query, state)[None]
         progress, _ = self.graph.progress_map(latent)
         held, objection = query.configurations_along(latent, state.position)
@@ -390,7 +389,6 @@ class Solver:
 
         The path is the one to the goal when it clears: what covers it is not counted in the search. None as well where
         nothing that stands covers the goal: what moves leaves it by itself, and would meet an arm that waits beside it.
-        What moves elsewhere is expected to move on for as long as where the arm evades: it would have to leave again.
 
         Parameters
         ----------
@@ -399,7 +397,7 @@ class Solver:
         """
         if self._clearance(query.goal, obstacles.at_rest.beside(self.scene.solids)) > 0.0:
             return None
-        horizon = constants.EVASION_LOOKAHEAD * self.settings.prediction
+        horizon = self.settings.prediction
         swept = obstacles.swept(horizon).beside(self.scene.solids)
         here = min(self._clearance(state.position, there) for there in (obstacles, swept))
         path = self._path_to_covered(query, state, obstacles, here, deadline) if here > 0.0 else None
@@ -439,13 +437,12 @@ class Solver:
         at_goal = self.collision.positions(self.robot, query.goal[None])[0, moving]
         others = obstacles.leaving_free(at_goal, self.collision.radii[moving], prediction)
         ends = min(here, self._clearance(query.goal, others.at(others.time + prediction, prediction)))
-        search, attempt = self._search_among(query, state, others.swept(prediction), ends, deadline), self.attempts[0]
-        path = search.path(attempt.multiple)
+        search, multiple = self._search_among(query, state, others.swept(prediction), ends, deadline), 1.0
+        path = search.path(multiple)
         if isinstance(path, Verdict):
             return None
-        if attempt.refine:
-            path = search.refined(path, attempt.multiple)
-        latent, held = self._held(query, state.position, path, attempt.width, True)
+        path = search.refined(path, multiple)
+        latent, held = self._held(query, state.position, path, True)
         if isinstance(held, str):
             return None
         curve, correction = held
@@ -515,27 +512,26 @@ class Solver:
         path: LatentPath,
         obstacles: Obstacles,
         margin: float,
-        width: float,
         optimistic: bool,
-        evading: float | None = None,
+        evading: bool = False,
         longest: float = math.inf,
     ) -> Plan:
         """Time a path (`_timed`), and judge the very motion that will be played.
 
-        evading : the path does not lead to the goal, but ends where it ends; obstacles move on for so long [s].
+        evading : the path does not lead to the goal, but ends where it ends.
         longest : as of `solve`.
         """
-        timed = self._timed(query, state, path, width, evading is None, longest)
+        timed = self._timed(query, state, path, not evading, longest)
         latent, reference = timed.latent, timed.reference
         if reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         if reference.duration >= longest:
             reason = f"the best path takes {reference.duration:.2f} s; only less than {longest:.2f} s would be a gain"
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
-        horizon = self.settings.prediction if evading is None else evading
-        certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=not optimistic)
+        prediction = self.settings.prediction
+        certificate = self.certifier.certify_swept(timed.swept, obstacles, prediction, beyond=not optimistic)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
-        if objection is not None and evading is not None:
+        if objection is not None and evading:
             # Another target is tried, whatever else may be wrong with this one.
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection))
         verdict = path_verdict(
@@ -547,39 +543,39 @@ class Solver:
         return Plan(found, state.time, verdict)
 
     def _timed(
-        self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool, longest: float
+        self, query: HeldQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
     ) -> _Timed:
         """The motion along a path, from memory where nothing that it depends on has changed."""
         memory = self._memory
         if memory is None or not memory.is_of(query, state) or len(memory.timed) >= _MOST_REMEMBERED:
             memory = self._memory = _Memory(query, state, {})
-        key = (path.polyline.tobytes(), width, to_goal, longest)
+        key = (path.polyline.tobytes(), to_goal, longest)
         if key not in memory.timed:
-            memory.timed[key] = self._timed_anew(query, state, path, width, to_goal, longest)
+            memory.timed[key] = self._timed_anew(query, state, path, to_goal, longest)
         return memory.timed[key]
 
     def _timed_anew(
-        self, query: HeldQuery, state: MotionState, path: LatentPath, width: float, to_goal: bool, longest: float
+        self, query: HeldQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
     ) -> _Timed:
         """Time what is held of it (`_held`)."""
-        latent, held = self._held(query, state.position, path, width, to_goal)
+        latent, held = self._held(query, state.position, path, to_goal)
         if isinstance(held, str):
             return _Timed(latent, self.certifier, held)
         curve, correction = held
         return self._timed_curve(state, curve, latent, correction, longest)
 
     def _held(
-        self, query: HeldQuery, start: np.ndarray, path: LatentPath, width: float, to_goal: bool
+        self, query: HeldQuery, start: np.ndarray, path: LatentPath, to_goal: bool
     ) -> tuple[np.ndarray, tuple[np.ndarray, float] | str]:
         """Smooth a path, decode, transport, meet the ends exactly: the latent curve (m, d), and the configurations
         (m, eta) with how far [rad] their ends were moved; or why the arm cannot hold it.
         """
         step = float(np.min(self.graph.grid.spacing))
-        latent = smooth_latent(resample_latent(path.polyline, step), width)
+        latent = smooth_latent(resample_latent(path.polyline, step), self._width)
         held, objection = query.configurations_along(latent, start)
         if objection:
             return latent, objection
-        curve = smooth_latent(held, self._smoothing_factor * width)
+        curve = smooth_latent(held, self._smoothing_factor * self._width)
         return latent, _meeting(curve, start, query.goal if to_goal else curve[-1])
 
     def _timed_curve(
@@ -606,13 +602,13 @@ class Solver:
         """The geodesic of the metric that obstacles reshape, whether it is free of them or not: latent points (m, d)
         and configurations (m, eta); or why there is none, or the arm cannot hold it.
         """
-        attempt, reshaped = self.attempts[0], self._reshaping(query, obstacles.swept(self.settings.prediction))
+        reshaped = self._reshaping(query, obstacles.swept(self.settings.prediction))
         path = cheapest_path(self.graph, query, query.start_latent, reshaped, -math.inf)
         if isinstance(path, Verdict):
             return path.reason
-        if attempt.refine:
+        if self.settings.refine:
             path = replace(path, polyline=refined(query.field, reshaped, -math.inf, path.polyline))
-        latent, held = self._held(query, query.start, path, attempt.width, True)
+        latent, held = self._held(query, query.start, path, True)
         return held if isinstance(held, str) else (latent, held[0])
 
 
@@ -626,20 +622,20 @@ class _Search:
         start: np.ndarray,
         reshaping: Reshaping,
         deadline: Deadline,
-        margin: float,
+        settings: PlannerSettings,
         largest: float,
     ) -> None:
-        """margin : of which multiples are kept from obstacles [m]; largest : none is larger than this [m].
+        """largest : no margin that is kept from obstacles is larger than this [m].
 
         Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
         """
         self._graph, self._query, self._start, self._reshaping = graph, query, start, reshaping
-        self._deadline, self._margin, self._largest = deadline, margin, largest
+        self._deadline, self._settings, self._largest = deadline, settings, largest
         self._paths: dict[float, LatentPath | Verdict] = {}
 
     def margin(self, multiple: float) -> float:
         """What is kept from obstacles [m] for a multiple of the margin."""
-        return min(multiple * self._margin, self._largest)
+        return min(multiple * self._settings.obstacle_margin, self._largest)
 
     def path(self, multiple: float) -> LatentPath | Verdict:
         """The cheapest path that keeps a multiple of the margin."""
@@ -651,7 +647,9 @@ class _Search:
         return self._paths[margin]
 
     def refined(self, path: LatentPath, multiple: float) -> LatentPath:
-        """A path made a continuous one that keeps the same."""
+        """A path made a continuous one that keeps the same, where the settings say so."""
+        if not self._settings.refine:
+            return path
         margin = self.margin(multiple)
         return replace(path, polyline=refined(self._query.field, self._reshaping, margin, path.polyline))
 

@@ -16,7 +16,7 @@ from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.evasion import FailedEvasion, evaded, is_searched, still_evading
 from geodesic_motion_ros.planning.mode import Mode
-from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, PlannerSettings
+from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import MotionState, Plan
 from geodesic_motion_ros.planning.stream import Stream
@@ -33,20 +33,18 @@ NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
 
 @dataclass
 class OneEvasionPath:
-    """In the place of a Solver: a turn to the side, on the graph or beside it, where there is one, and for how long [s]
-    it is asked for.
+    """In the place of a Solver: a turn to the side, on the graph or beside it, where there is one, how often it is
+    asked for, and beside the graph for how long [s].
     """
 
     found: bool = True
     found_beside: bool = False
-    asked: list[float] = field(default_factory=list)
+    asked: int = 0
     asked_beside: list[float] = field(default_factory=list)
 
-    def evade(
-        self, query: object, state: MotionState, obstacles: Obstacles, horizon: float, deadline: Deadline
-    ) -> Plan | None:
-        self.asked.append(horizon)
-        return self._turn(state, obstacles, horizon) if self.found else None
+    def evade(self, query: object, state: MotionState, obstacles: Obstacles, deadline: Deadline) -> Plan | None:
+        self.asked += 1
+        return self._turn(state, obstacles, SETTINGS.prediction) if self.found else None
 
     def evade_displaced(
         self, query: object, state: MotionState, obstacles: Obstacles, horizon: float, reach: float, deadline: Deadline
@@ -123,10 +121,9 @@ def test_nothing_is_searched_where_nothing_comes_or_something_else_is_wrong() ->
     assert not blind.solver.asked
 
 
-def test_what_comes_late_is_seen_beyond_the_time_of_a_stop() -> None:
-    """The control: what comes later still is left to later ticks."""
-    prediction = SETTINGS.prediction
-    for after, asked in ((1.8 * prediction, [2.0 * prediction]), (3.0 * prediction, [])):
+def test_what_comes_later_than_is_predicted_is_left_to_later_ticks() -> None:
+    """The control: sooner than that."""
+    for after, asked in ((0.8 * SETTINGS.prediction, 1), (2.0 * SETTINGS.prediction, 0)):
         arm = Arm()
         arm.plan(0.0, coming(after))
         assert arm.solver.asked == asked
@@ -136,14 +133,13 @@ def test_where_no_path_was_found_none_is_searched_in_every_tick() -> None:
     """Whether one is searched is known before, so that little else is done in the same tick."""
     arm = Arm()
     arm.solver.found = False
-    for now in (0.0, 0.01, 0.04, 0.05):
-        searched, before = is_searched(NO_PATH, arm.situation(now, coming(1.0)), arm.last_failed), len(arm.solver.asked)
+    for now in (0.0, 0.01, 0.5 * SEARCH_PERIOD, SEARCH_PERIOD):
+        searched, before = is_searched(NO_PATH, arm.situation(now, coming(1.0)), arm.last_failed), arm.solver.asked
         assert arm.plan(now, coming(1.0)) is None
-        assert searched is (len(arm.solver.asked) > before)
-        assert len(arm.solver.asked) == (4 if now == 0.05 else 2)
-    assert arm.solver.asked == 2 * [2.0 * SETTINGS.prediction, SETTINGS.prediction]
+        assert searched is (arm.solver.asked > before)
+        assert arm.solver.asked == (2 if now == SEARCH_PERIOD else 1)
     arm.last_failed, arm.solver.found = FailedEvasion(), True
-    assert arm.plan(0.06, coming(1.0)).trajectory is not None
+    assert arm.plan(SEARCH_PERIOD, coming(1.0)).trajectory is not None
 
 
 def test_beside_the_graph_an_arm_evades_what_is_near_where_it_may_and_must() -> None:
@@ -176,13 +172,13 @@ def test_an_arm_goes_on_evading_beside_the_graph_while_nothing_comes_near() -> N
 
 def test_where_what_comes_late_cannot_be_evaded_what_comes_soon_is_evaded_at_once_all_the_same() -> None:
     """What comes late is not searched for in every tick meanwhile."""
-    arm, prediction = Arm(), SETTINGS.prediction
-    arm.solver.found = False
+    arm = Arm()
+    arm.reach, arm.solver.found = 0.25, False
     for now in (0.0, 0.01, 0.02):
-        assert arm.plan(now, coming(1.8 * prediction, now)) is None
-    assert arm.solver.asked == [2.0 * prediction]
-    arm.plan(0.03, coming(1.0, 0.03))
-    assert arm.solver.asked == [2.0 * prediction, prediction]
+        assert arm.plan(now, coming(1.0, now)) is None
+    assert (arm.solver.asked, arm.solver.asked_beside) == (1, [])
+    arm.plan(0.03, coming(0.3, 0.03))
+    assert (arm.solver.asked, arm.solver.asked_beside) == (1, [EVASION_DISPLACED_WITHIN])
 
 
 def test_no_evasion_path_is_searched_where_no_time_is_left_or_nothing_comes() -> None:
@@ -201,7 +197,7 @@ def test_an_arm_goes_on_evading_while_that_is_free() -> None:
     plan = arm.plan(0.1, coming(0.9, 0.1))
     assert plan.trajectory is None
     assert plan.verdict is NO_PATH
-    assert len(arm.solver.asked) == 1
+    assert arm.solver.asked == 1
 
 
 def test_out_of_time_an_arm_goes_on_evading_while_that_is_free_and_it_can_stop(monkeypatch) -> None:
@@ -220,20 +216,4 @@ def test_out_of_time_an_arm_goes_on_evading_while_that_is_free_and_it_can_stop(m
     assert arm.still_evading(0.1, replace(obstacles, velocities=np.zeros((1, 3)))) is None
     monkeypatch.setattr(Situation, "can_still_stop", lambda *_: False)
     assert arm.still_evading(0.1, obstacles) is None
-    assert len(arm.solver.asked) == 1
-
-
-def test_another_evasion_path_that_is_found_too_late_leaves_the_arm_on_the_one_it_follows() -> None:
-    arm = Arm()
-    arm.plan(0.0, coming(1.0))
-    # It comes to the end of the evasion path, but later than after the prediction.
-    hand, _ = ROBOT.forward(arm.stream.commanded(arm.stream.played.end)[0])
-    velocity = np.array([[0.0, 0.0, 0.1]])
-    later = Obstacles.of_spheres(hand - 1.5 * SETTINGS.prediction * velocity, np.array([0.03]), velocity, 0.1)
-    stated = arm.stream.followed.verdict.reason
-    late = arm.plan(0.1, later, late=Deadline(-np.inf))
-    assert late.trajectory is None
-    assert late.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-    assert late.verdict.reason == stated
-    assert len(arm.solver.asked) == 2
-    assert arm.plan(0.2, later).trajectory is not None
+    assert arm.solver.asked == 1

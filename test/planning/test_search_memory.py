@@ -11,32 +11,26 @@ from geodesic_motion_ros.deadline import NEVER
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import search_memory
 from geodesic_motion_ros.planning.search_memory import SearchMemory
-from geodesic_motion_ros.planning.settings import ATTEMPTS, SEARCH_PERIOD_CLOSE, Attempt
+from geodesic_motion_ros.planning.settings import ATTEMPTS, Attempt
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 CAUTIOUS = tuple(attempt for attempt in ATTEMPTS if not attempt.optimistic)
-OPTIMISTIC = tuple(attempt for attempt in ATTEMPTS if attempt.optimistic)
-SOLVER = SimpleNamespace(attempts=ATTEMPTS, cautious=CAUTIOUS, optimistic=OPTIMISTIC)
+SOLVER = SimpleNamespace(attempts=ATTEMPTS, cautious=CAUTIOUS)
 QUERY = SimpleNamespace()
 NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
 TICK = 0.01
 
 
-def situation(now: float, stops: bool = False, stand: bool = False) -> SimpleNamespace:
+def situation(now: float, stand: bool = False) -> SimpleNamespace:
     obstacles = Obstacles.none() if stand else SimpleNamespace(stand=False)
-    return SimpleNamespace(
-        now=now, at_rest=not stops, followed=SimpleNamespace(is_stop=stops, approaching=False), obstacles=obstacles,
-        expected=obstacles, deadline=NEVER, late=NEVER,
-    )  # fmt: skip
+    return SimpleNamespace(now=now, followed=None, obstacles=obstacles, expected=obstacles, deadline=NEVER, late=NEVER)
 
 
-def tried(
-    ticks: int, stops: bool = False, stand: bool = False, refusal: Verdict = NO_PATH
-) -> list[tuple[Attempt, ...]]:
+def tried(ticks: int, stand: bool = False, refusal: Verdict = NO_PATH) -> list[tuple[Attempt, ...]]:
     """What is tried tick after tick by an arm that has lost its path, and finds none."""
     memory, chosen = SearchMemory(), []
     for tick in range(ticks):
-        attempts, memory = memory.chosen_attempts(SOLVER, QUERY, situation(tick * TICK, stops, stand))
+        attempts, memory = memory.chosen_attempts(SOLVER, QUERY, situation(tick * TICK, stand))
         memory = replace(memory, without_path=QUERY, refusal=refusal)
         chosen.append(attempts)
     return chosen
@@ -51,20 +45,10 @@ def coming(monkeypatch) -> list[bool]:
 
 
 @pytest.mark.usefixtures("coming")
-def test_an_arm_that_has_lost_its_path_tries_all_at_once_and_one_that_stops_already_in_two_ticks() -> None:
-    assert tried(1) == [ATTEMPTS]
-    assert tried(2, stops=True) == [CAUTIOUS, OPTIMISTIC[:1]]
-
-
-@pytest.mark.usefixtures("coming")
-def test_then_one_attempt_is_made_in_every_tick_and_an_optimistic_one_as_often_as_better_paths_are_searched() -> None:
-    chosen = tried(30)[1:]
-    assert {len(attempts) for attempts in chosen} == {1}
-    apart = round(SEARCH_PERIOD_CLOSE / TICK)
-    optimistic = [tick for tick, attempts in enumerate(chosen) if attempts[0].optimistic]
-    assert optimistic == list(range(0, len(chosen), apart))
-    cautious = [attempts[0] for attempts in chosen if not attempts[0].optimistic]
-    assert cautious[: len(CAUTIOUS)] == [*CAUTIOUS[1:], CAUTIOUS[0]]
+def test_an_arm_that_has_lost_its_path_tries_all_at_once_and_then_one_in_every_tick() -> None:
+    chosen = tried(1 + 2 * len(ATTEMPTS))
+    assert chosen[0] == ATTEMPTS
+    assert chosen[1:] == [(attempt,) for attempt in 2 * ATTEMPTS]
 
 
 @pytest.mark.usefixtures("coming")
