@@ -30,7 +30,7 @@ from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
+from geodesic_motion_ros.planning.evasion_targets import displaced_paths, path_to_target
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, SearchQuery, cheapest_path, path_verdict
@@ -323,21 +323,17 @@ class Solver:
         found = None if objection else self.certifier.certified(timed.reference, certificate)
         return Plan(found, state.time, verdict)
 
-    def evade(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, deadline: Deadline = NEVER
-    ) -> Plan | None:
-        """A certified path to a place nearby that nothing is expected to come to; None where none is found in time."""
+    def evade(self, query: HeldQuery, state: MotionState, obstacles: Obstacles) -> Plan | None:
+        """A certified path to a place nearby that nothing is expected to come to; None where none is found."""
         reshaping = self._reshaping(query, obstacles.swept(self.settings.prediction))
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         start, steps = _latent_start(query, state), constants.EVASION_STEPS
-        for path in paths_to_targets(self.graph, query, start, reshaping, steps, apart):
-            # To pass what is coming narrowly is better than to be met by it.
-            plan = self._certified(query, state, path, obstacles, 0.0, True, evading=True)
-            if plan.trajectory is not None:
-                return plan
-            if deadline.passed:
-                return None
-        return None
+        path = path_to_target(self.graph, query, start, reshaping, steps, apart)
+        if path is None:
+            return None
+        # To pass what is coming narrowly is better than to be met by it.
+        plan = self._certified(query, state, path, obstacles, 0.0, True, evading=True)
+        return None if plan.trajectory is None else plan
 
     def evade_displaced(
         self,
@@ -348,7 +344,8 @@ class Solver:
         reach: float,
         deadline: Deadline = NEVER,
     ) -> Plan | None:
-        """The same to a place beside the graph, of what comes there within a horizon [s].
+        """The same to a place beside the graph, of what comes there within a horizon [s]; None where none is found in
+        time.
 
         reach : how far the tool may be from what was demonstrated [m].
         """
