@@ -23,6 +23,7 @@ from geodesic_motion_ros.comparison.ways import Ways
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour import LATTICE_SMOOTHINGS, Detour, DetourPlanner
@@ -31,7 +32,6 @@ from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
-from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

@@ -25,9 +25,9 @@ from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
 from geodesic_motion_ros.graph.shortest_path import shortest_path
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import search as path_search
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.quaternions import rotate_by
-from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 from geodesic_motion_ros.skill import Skill
 
 #: Speeds [m/s] and radii [m] of the spheres, and the shares of a motion in which they cross it.

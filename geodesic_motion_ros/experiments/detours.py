@@ -16,11 +16,11 @@ from matplotlib.figure import Figure
 
 from geodesic_motion_ros.errors import ExperimentError, ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import LARGEST_DETOUR, PlannerSettings
 from geodesic_motion_ros.plots import write_figure
-from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import Cell, text_table

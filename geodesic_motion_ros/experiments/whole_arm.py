@@ -19,10 +19,11 @@ from geodesic_motion_ros.experiments.moving_arm import MovingArmScene, MovingArm
 from geodesic_motion_ros.experiments.moving_spheres import draw_clearances, moving_figures, play_scenes
 from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.experiments.tubes import TubeWay, tube_way
+from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.plots import write_figure
-from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
+from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import text_table

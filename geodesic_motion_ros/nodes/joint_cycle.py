@@ -20,12 +20,12 @@ from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, p
 from geodesic_motion_ros.nodes.preparation import Preparation
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.guarded_arm import PreparedHold
 from geodesic_motion_ros.planning.mission import PreparedGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.tracking import TrackingMonitor
-from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

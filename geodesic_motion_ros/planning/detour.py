@@ -16,6 +16,7 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode, deviations
@@ -23,7 +24,6 @@ from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_det
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, PathEnds, Plan, Solver
-from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 
 #: Why there is none between two configurations; in another posture there may be one.
 COVERED_END = "an obstacle covers where it would begin or end"

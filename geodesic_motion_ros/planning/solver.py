@@ -28,6 +28,7 @@ from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, path_to_target
@@ -36,7 +37,7 @@ from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, SearchQuery, cheapest_path, path_verdict
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
-from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
+from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool

@@ -1,4 +1,4 @@
-"""The arm as spheres: how near a configuration comes to obstacles and to the arm itself.
+"""The arm as spheres: how near a configuration comes to the arm itself.
 
 The spheres hold all of the collision meshes, so a clearance is never larger than that of the meshes (as a penetration
 grows deeper the two may differ in depth, not in sign). Which spheres an arm has is written in a file beside its URDF;
@@ -16,13 +16,10 @@ import numba
 import numpy as np
 import yaml
 
-from geodesic_motion_ros.distance_field import field_distances
 from geodesic_motion_ros.errors import RobotError
-from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.robot.body_points import BodyPoints, link_points, place_body_points
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import FOLDER, VECTOR, Robot, contiguous
-from geodesic_motion_ros.solids import solid_distances
 
 POSITIONS = numba.types.Array(numba.float64, 3, "C", readonly=True)
 PAIRS = numba.types.Array(numba.int64, 2, "C", readonly=True)
@@ -150,41 +147,6 @@ class CollisionModel:
     def positions(self, robot: Robot, configurations: np.ndarray) -> np.ndarray:
         """Centres (n, S, 3) [m] of the spheres in the base frame in configurations (n, eta) [rad]."""
         return place_body_points(contiguous(configurations), self.points.frames, self.points.offsets, robot.chain)
-
-
-def configuration_clearance(
-    model: CollisionModel, robot: Robot, configuration: np.ndarray, centres: np.ndarray, radii: np.ndarray
-) -> tuple[float, int]:
-    """Signed distance [m] of the moving spheres from obstacles, and the sphere that is nearest to one.
-
-    Parameters
-    ----------
-    configuration : (eta,) [rad].
-    centres, radii : (o, 3), (o,) spherical obstacles [m], base frame.
-
-    Without obstacles (inf, -1).
-    """
-    return obstacle_clearance(model, robot, configuration, Obstacles.of_spheres(centres, radii))
-
-
-def obstacle_clearance(
-    model: CollisionModel, robot: Robot, configuration: np.ndarray, obstacles: Obstacles
-) -> tuple[float, int]:
-    """`configuration_clearance` from obstacles of every kind."""
-    placed = model.positions(robot, configuration[None])[0, model.moving]
-    distances = np.full(len(placed), np.inf)
-    if len(obstacles.radii):
-        gaps = np.linalg.norm(placed[:, None] - obstacles.centres, axis=-1) - obstacles.radii
-        distances = gaps.min(axis=1)
-    if len(obstacles.solids):
-        distances = np.minimum(distances, solid_distances(placed, obstacles.solids))
-    if obstacles.cloud.squares.size:
-        distances = np.minimum(distances, field_distances(placed, *obstacles.cloud))
-    distances -= model.radii[model.moving]
-    nearest = int(np.argmin(distances))
-    if not np.isfinite(distances[nearest]):
-        return np.inf, -1
-    return float(distances[nearest]), int(np.flatnonzero(model.moving)[nearest])
 
 
 def self_clearance(model: CollisionModel, robot: Robot, configuration: np.ndarray) -> tuple[float, tuple[int, int]]:

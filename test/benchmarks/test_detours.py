@@ -10,7 +10,7 @@ import pytest
 
 from geodesic_motion_ros.benchmarks.detours import DetourBench, DetourTimes
 from geodesic_motion_ros.benchmarks.detours_report import DetourBenchSettings, DetourReport, measure_detours
-from geodesic_motion_ros.robot.collision_model import obstacle_clearance
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 

@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros.benchmarks.moving import MovingBench, MovingTicks, NewGoals, recorded_searches
 from geodesic_motion_ros.benchmarks.moving_report import MovingReport, MovingSettings, measure_moving
 from geodesic_motion_ros.benchmarks.stopwatch import Stopwatch
-from geodesic_motion_ros.robot.collision_model import obstacle_clearance
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.skill import Skill
 
 SKILLS = ("panda_pouring", "panda_reach_to_grasp")

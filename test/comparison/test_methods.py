@@ -13,7 +13,7 @@ from geodesic_motion_ros.comparison.execution import Stage
 from geodesic_motion_ros.comparison.method import TICK, Answer, Method
 from geodesic_motion_ros.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.robot.collision_model import configuration_clearance
+from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.skill import Skill
 
 #: Our detours from other base paths.

@@ -21,8 +21,9 @@ from geodesic_motion_ros.experiments.whole_arm import (
     measure_whole_arm,
     switch_strip,
 )
+from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.robot.collision_model import CollisionModel, configuration_clearance
+from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill import Skill

@@ -12,7 +12,7 @@ from geodesic_motion_ros.nodes.demo_options import SKILL
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS
 from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
-from geodesic_motion_ros.robot.collision_model import configuration_clearance
+from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.skill import Skill
 
 #: The planner of these tests ticks this often [s], and sees the obstacle where it was a little before [s].

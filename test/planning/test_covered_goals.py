@@ -12,12 +12,12 @@ from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, demonstrated_spheres
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan
-from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

@@ -9,6 +9,7 @@ import pytest
 
 from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour import DetourPlanner
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
@@ -18,7 +19,6 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan, Solver
-from geodesic_motion_ros.robot.collision_model import obstacle_clearance
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode

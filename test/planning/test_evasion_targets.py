@@ -9,13 +9,14 @@ from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.graph.shortest_path import shortest_free_path
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, path_to_target
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.body_points import BodyPoints
-from geodesic_motion_ros.robot.collision_model import CollisionModel, obstacle_clearance
+from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 
 APART, STEPS = 0.01, 12

@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import RobotError
-from geodesic_motion_ros.robot.collision_model import (
-    CollisionModel,
-    configuration_clearance,
-    self_clearance,
-    self_clearances,
-)
+from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
+from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance, self_clearances
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.collision_geometry import CollisionGeometry
 

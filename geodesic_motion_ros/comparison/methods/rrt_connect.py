@@ -17,7 +17,8 @@ from geodesic_motion_ros.comparison.arena import Arena
 from geodesic_motion_ros.comparison.replanning import LATENCY, MARGIN, PREDICTION, RETRY, Replanning
 from geodesic_motion_ros.comparison.scene import Scene
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.robot.collision_model import obstacle_clearance, self_clearance
+from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.robot.collision_model import self_clearance
 
 #: Configurations that a search may look at, longest step of the tree [rad], how finely motions are looked at, as a
 #: share of the joints' ranges, what is kept from obstacles while searching [m], and configurations on a path.

@@ -1,0 +1,46 @@
+"""How near an arm in one configuration comes to obstacles: a robot knows nothing of its scene, so this stands here."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geodesic_motion_ros.distance_field import field_distances
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.solids import solid_distances
+
+
+def configuration_clearance(
+    model: CollisionModel, robot: Robot, configuration: np.ndarray, centres: np.ndarray, radii: np.ndarray
+) -> tuple[float, int]:
+    """Signed distance [m] of the moving spheres from obstacles, and the sphere that is nearest to one.
+
+    Parameters
+    ----------
+    configuration : (eta,) [rad].
+    centres, radii : (o, 3), (o,) spherical obstacles [m], base frame.
+
+    Without obstacles (inf, -1).
+    """
+    return obstacle_clearance(model, robot, configuration, Obstacles.of_spheres(centres, radii))
+
+
+def obstacle_clearance(
+    model: CollisionModel, robot: Robot, configuration: np.ndarray, obstacles: Obstacles
+) -> tuple[float, int]:
+    """`configuration_clearance` from obstacles of every kind."""
+    placed = model.positions(robot, configuration[None])[0, model.moving]
+    distances = np.full(len(placed), np.inf)
+    if len(obstacles.radii):
+        gaps = np.linalg.norm(placed[:, None] - obstacles.centres, axis=-1) - obstacles.radii
+        distances = gaps.min(axis=1)
+    if len(obstacles.solids):
+        distances = np.minimum(distances, solid_distances(placed, obstacles.solids))
+    if obstacles.cloud.squares.size:
+        distances = np.minimum(distances, field_distances(placed, *obstacles.cloud))
+    distances -= model.radii[model.moving]
+    nearest = int(np.argmin(distances))
+    if not np.isfinite(distances[nearest]):
+        return np.inf, -1
+    return float(distances[nearest]), int(np.flatnonzero(model.moving)[nearest])
