@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import SkillError
-from geodesic_motion_ros.graph.transport import carried
+from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.sheet import METRES_PER_RADIAN, RotationCurves, beyond_demonstrated
 

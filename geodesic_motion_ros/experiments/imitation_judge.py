@@ -16,9 +16,9 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.demonstrations.similarity import COMPARED_POINTS, compare, distance_to_closest
 from geodesic_motion_ros.experiments.baselines import PREDICTORS, Prediction
 from geodesic_motion_ros.experiments.imitation_report import Measurement, Values
+from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
-from geodesic_motion_ros.graph.transport import carried
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs

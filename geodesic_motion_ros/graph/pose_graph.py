@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
+from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.graph.decoder import Decoded, TaskSpaceDecoder, rms_sigma
 from geodesic_motion_ros.graph.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.graph.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
@@ -16,7 +17,7 @@ from geodesic_motion_ros.graph.metric_field import NUDGE, MetricField, packed_te
 from geodesic_motion_ros.graph.progress import ProgressMap
 from geodesic_motion_ros.graph.ridge import Ridges
 from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.graph.transport import Offsets, carried
+from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.graph.transported_graph import TransportedGraph, chord_energies
 
 

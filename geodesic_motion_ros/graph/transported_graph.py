@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from geodesic_motion_ros.geometry.se3 import carry
 from geodesic_motion_ros.graph.tool_points import place_points
-from geodesic_motion_ros.graph.transport import carry
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.graph.transport import Offsets, blended, carried, corrections_at
+from geodesic_motion_ros.geometry.se3 import carried
+from geodesic_motion_ros.graph.transport import Offsets, blended, corrections_at
 from geodesic_motion_ros.quaternions import angle_between, normalise, rotate_by
 
 

@@ -7,11 +7,12 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.graph.node_body import NodeBody
 from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
 from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.graph.transport import Offsets, carried
+from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.obstacles import Obstacles
 
 POINTS = {
