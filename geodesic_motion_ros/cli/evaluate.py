@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _of_poses(demonstrations: Demonstrations, folds: Sequence[Fold], arguments: argparse.Namespace) -> ImitationReport:
     from geodesic_motion_ros.experiments.imitation import evaluate
     from geodesic_motion_ros.experiments.trained import trained_once
-    from geodesic_motion_ros.manifold.training import TrainingSettings
+    from geodesic_motion_ros.manifold.settings import TrainingSettings
 
     task = arguments.demos.stem
 
@@ -133,7 +133,7 @@ def _of_joints(
 ) -> JointImitationReport:
     from geodesic_motion_ros.experiments.joint_imitation import evaluate_joints
     from geodesic_motion_ros.experiments.trained import trained_once
-    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 
     task = arguments.demos.stem
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
     from geodesic_motion_ros.experiments.trained import Trained
-    from geodesic_motion_ros.manifold.training import TrainingSettings
+    from geodesic_motion_ros.manifold.settings import TrainingSettings
 
 
 class Measured(NamedTuple):
@@ -168,7 +168,7 @@ def volume(arguments: argparse.Namespace) -> Measured:
     from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
     from geodesic_motion_ros.experiments.imitation import stage_shown_on
     from geodesic_motion_ros.experiments.volume import compare_volume, draw_volume
-    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
     from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 
     if arguments.demos is None:
@@ -268,7 +268,7 @@ def _save(path: Path, demonstrations: Demonstrations, said: str) -> None:
 
 def _training(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"]) -> TrainingSettings:
     """The defaults, but for --steps."""
-    from geodesic_motion_ros.manifold.training import TrainingSettings
+    from geodesic_motion_ros.manifold.settings import TrainingSettings
 
     settings = TrainingSettings(sheet=sheet)
     return settings if arguments.steps is None else replace(settings, steps=arguments.steps)

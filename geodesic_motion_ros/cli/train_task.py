@@ -16,7 +16,7 @@ from geodesic_motion_ros.quaternions import angle_between
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-    from geodesic_motion_ros.manifold.training import TrainingSettings
+    from geodesic_motion_ros.manifold.settings import TrainingSettings
     from geodesic_motion_ros.skill import Skill
 
 # A demonstration that stays within this [m], [rad] of its first pose does not move.
@@ -53,7 +53,7 @@ class TaskTraining:
     def from_arguments(cls, arguments: argparse.Namespace, shared: tuple[str, ...]) -> TaskTraining:
         """Read and check; `shared` are the names of the options that all spaces have."""
         from geodesic_motion_ros.experiments.baselines import require_peers
-        from geodesic_motion_ros.manifold.training import TrainingSettings
+        from geodesic_motion_ros.manifold.settings import TrainingSettings
 
         settings_of = TrainingSettings.paper if arguments.paper else TrainingSettings
         metric = replace(settings_of().metric, **given(arguments, "sigma_weight", "orientation_scale"))

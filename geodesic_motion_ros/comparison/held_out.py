@@ -33,8 +33,7 @@ from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill import Skill
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
-    from geodesic_motion_ros.manifold.training import TrainingSettings
+    from geodesic_motion_ros.manifold.settings import JointTrainingSettings, TrainingSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +114,7 @@ def shown_demonstrations(arena: Arena) -> Demonstrations | JointDemonstrations:
 
 def training_settings(skill: Skill) -> TrainingSettings | JointTrainingSettings:
     """How a skill was trained; ParameterError where it does not say so."""
-    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
-    from geodesic_motion_ros.manifold.training import TrainingSettings
+    from geodesic_motion_ros.manifold.settings import JointTrainingSettings, TrainingSettings
 
     of_joints = skill.space == "joint"
     kind, metric = (JointTrainingSettings, JointMetricSettings) if of_joints else (TrainingSettings, MetricSettings)

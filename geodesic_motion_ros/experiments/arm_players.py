@@ -31,7 +31,7 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import Cell, text_table
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 
 #: Samples of the families' mean motions.
 _SAMPLES = 200

@@ -35,7 +35,7 @@ from geodesic_motion_ros.experiments.latent_pictures import between_samples, dra
 from geodesic_motion_ros.experiments.metric_graph import MetricGraph, evenly
 from geodesic_motion_ros.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import NEIGHBOURS

@@ -45,7 +45,7 @@ from geodesic_motion_ros.experiments.latent_pictures import grid_around
 from geodesic_motion_ros.experiments.metric_graph import MetricGraph, evenly, latent_length
 from geodesic_motion_ros.manifold.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.tables import text_table

@@ -46,7 +46,7 @@ from geodesic_motion_ros.experiments.requested_ends import (
     ring_name,
 )
 from geodesic_motion_ros.experiments.trained import check_seeds, trained_once
-from geodesic_motion_ros.manifold.training import TrainingSettings
+from geodesic_motion_ros.manifold.settings import TrainingSettings
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.tabletop import Region

@@ -33,7 +33,7 @@ from geodesic_motion_ros.experiments.avoidance import measured_clearance, placed
 from geodesic_motion_ros.experiments.baselines import mean_demonstration
 from geodesic_motion_ros.experiments.trained import check_seeds, trained_once
 from geodesic_motion_ros.graph.tool_points import tool_points
-from geodesic_motion_ros.manifold.training import TrainingSettings
+from geodesic_motion_ros.manifold.settings import TrainingSettings
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, SIDES, draw_passing_query, two_mode_demonstrations

@@ -49,7 +49,8 @@ from geodesic_motion_ros.manifold.body_layer import BodyLayer
 from geodesic_motion_ros.manifold.geodesic import GeodesicSettings, continuous_geodesic
 from geodesic_motion_ros.manifold.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, body_layer, train_joint_model
+from geodesic_motion_ros.manifold.joint_training import body_layer, train_joint_model
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.robot.kinematics import FOLDER, Robot

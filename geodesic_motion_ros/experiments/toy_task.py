@@ -49,8 +49,9 @@ from geodesic_motion_ros.experiments.metric_graph import MetricGraph, evenly, la
 from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.manifold.geodesic import GeodesicSettings, continuous_geodesic
 from geodesic_motion_ros.manifold.metric import PullbackMetric
+from geodesic_motion_ros.manifold.settings import TrainingSettings
 from geodesic_motion_ros.manifold.task_space import TaskSpaceVAE
-from geodesic_motion_ros.manifold.training import TrainingSettings, train_model
+from geodesic_motion_ros.manifold.training import train_model
 from geodesic_motion_ros.plots import BLUE, GREY, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.tables import text_table
 

@@ -20,8 +20,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
-    from geodesic_motion_ros.manifold.training import TrainingSettings
+    from geodesic_motion_ros.manifold.settings import JointTrainingSettings, TrainingSettings
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ def trained_on_folds(
     ------
     ParameterError : no folds or no seeds. DemonstrationError : folds that do not fit.
     """
-    from geodesic_motion_ros.manifold.training import TrainingSettings
+    from geodesic_motion_ros.manifold.settings import TrainingSettings
 
     if not folds or not seeds:
         raise ParameterError("nothing to train: give at least one fold and one seed")

@@ -32,7 +32,8 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.experiments.trained import trained_once
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, body_layer
+from geodesic_motion_ros.manifold.joint_training import body_layer
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,14 +22,12 @@ from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.transport import Offsets
+from geodesic_motion_ros.manifold.settings import TrainingSettings
 from geodesic_motion_ros.manifold.task_space import TaskSpaceVAE
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.regression import surest_penalty
 from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill import Skill
-
-if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.training import TrainingSettings
 
 #: Samples of a demonstration whose codes a skill keeps, equally spaced in arc length of the positions.
 CODE_SAMPLES = 100

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,14 +22,12 @@ from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.joint_sheet import JointSheet
 from geodesic_motion_ros.manifold.calibration import CODE_SAMPLES, SUPPORT_PERCENTILE, dearest_energy
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.regression import surest_penalty
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
-
-if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 
 
 def assemble_joint_skill(

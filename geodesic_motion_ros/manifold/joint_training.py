@@ -9,8 +9,8 @@ paper's, is learned from the demonstrations as they are.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, NamedTuple
+from dataclasses import asdict
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -26,100 +26,15 @@ from geodesic_motion_ros.manifold.densities import divergence_from_normal, gauss
 from geodesic_motion_ros.manifold.joint_calibration import assemble_joint_skill
 from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
 from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
-from geodesic_motion_ros.manifold.optimisation import Progress, check_settings, descend, minimise, one_seeded_thread
+from geodesic_motion_ros.manifold.optimisation import Progress, descend, minimise, one_seeded_thread
 from geodesic_motion_ros.manifold.progress_prior import prior_means, prior_variance
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import GRID_SHAPES, Skill
 
-
-@dataclass(frozen=True)
-class JointTrainingSettings:
-    """How a joint-space skill is learned.
-
-    Attributes
-    ----------
-    seed : of everything random: initial weights, batches, latent noise, k-means.
-    sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
-    schedule : "two_stage" or "joint" (the paper's: means and sigma together, after a first half of the steps in which
-        the codes settle so that kernels can be placed on them).
-    latent_dimension : d, 3 or 2; models of 4 and 5, which make no skill, are for experiments.
-    hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
-    samples : configurations per demonstration that are trained on, equally spaced along its arc.
-    steps, batch, learning_rate : Adam steps with cosine decay, configurations per step, initial rate.
-    kl_weight, kl_warm_up : weight of the divergence in the evidence lower bound (the paper: 1), and the fraction of the
-        steps over which it grows from 0.
-    volume_weight : of the change of variables to the body's configurations, log p(theta | z) - volume_weight log V. The
-        paper's is 1. Beside body_sigma's term, with sigma fixed, on the canonical sheet it was measured to change next
-        to nothing but the time; the default leaves it out.
-    progress_deviation : of the canonical sheet's prior along the strip.
-    blends : random convex combinations of canonical demonstrations of one mode that are learned besides each.
-    fixed_sigma : likelihood scale of the joints while the means are learned [rad].
-    body_sigma : the same of the body's points, through the forward kinematics [m]. What a joint's error does to the
-        tool depends on the joint and the posture; without this term, the paper has none, the tool is off by more. 0
-        leaves it out.
-    kernels, bandwidth_factor : radial-basis kernels, at most, and their width over the distance between neighbours. In
-        three dimensions they stand along thin strips, closer than the nodes of the grid: as wide as that distance the
-        support would fall to pieces.
-    precision_samples, precision_iterations : latent draws per configuration that sigma is fitted on, and L-BFGS steps.
-    far_sigma : deviation far from all data [rad]: the height of the walls.
-    joint_resolution : what a demonstration cannot be more exact than [rad]; added to the residuals.
-    margin : free border of the latent box around the codes, as a fraction of its size.
-    metric : weights of the skill's metric; they take no part in the training.
-    """
-
-    seed: int = 0
-    sheet: Literal["canonical", "raw"] = "canonical"
-    schedule: Literal["two_stage", "joint"] = "two_stage"
-    latent_dimension: int = 3
-    hidden: tuple[int, int] = (200, 100)
-    samples: int = 200
-    steps: int = 5000
-    batch: int = 256
-    learning_rate: float = 2e-3
-    kl_weight: float = 0.3
-    kl_warm_up: float = 0.2
-    volume_weight: float = 0.0
-    progress_deviation: float = 0.2
-    blends: int = 2
-    fixed_sigma: float = 0.05
-    body_sigma: float = 0.003
-    kernels: int = 500
-    bandwidth_factor: float = 2.0
-    precision_samples: int = 4
-    precision_iterations: int = 200
-    far_sigma: float = 1.0
-    joint_resolution: float = 0.002
-    margin: float = 0.05
-    metric: JointMetricSettings = field(default_factory=JointMetricSettings)
-
-    @classmethod
-    def paper(cls, **changes: Any) -> JointTrainingSettings:
-        """The paper's model (section 4.2), with changes: nothing is taken out of the demonstrations, the change of
-        variables to the body in the evidence lower bound without weights, both networks learned together, sigma and the
-        tool's orientation as they are in the metric.
-        """
-        metric = JointMetricSettings(sigma_weight=1.0, joint_weight=_NO_JOINT_WEIGHT, orientation_weight=1.0)
-        literal = {"sheet": "raw", "schedule": "joint", "kl_weight": 1.0, "volume_weight": 1.0, "body_sigma": 0.0}
-        return cls(**(literal | {"metric": metric} | changes))
-
-    def __post_init__(self) -> None:
-        for name, allowed in {"sheet": ("canonical", "raw"), "schedule": ("two_stage", "joint")}.items():
-            if getattr(self, name) not in allowed:
-                raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
-        if self.latent_dimension not in (2, 3, 4, 5):
-            raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 to 5")
-        check_settings(self, self.hidden, self.metric, _MAY_BE_ZERO)
-
-
 #: How far beside the tool points are watched while learning [m]: a turn by a radian counts so much.
 TOOL_AXES = 0.1
-#: The paper has no term of the joints alone; so little is none, and keeps every tensor positive [m].
-_NO_JOINT_WEIGHT = 1e-6
-_MAY_BE_ZERO = {
-    "seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "body_sigma", "margin", "metric.sigma_weight",
-    "metric.orientation_weight",
-}  # fmt: skip
 
 
 class Samples(NamedTuple):
@@ -141,7 +56,7 @@ class Samples(NamedTuple):
 def train_joint_space_skill(
     demonstrations: JointDemonstrations,
     robot: Robot,
-    settings: JointTrainingSettings = JointTrainingSettings(),
+    settings: JointTrainingSettings | None = None,
     name: str = "skill",
     progress: Progress | None = None,
     provenance: dict[str, Any] | None = None,
@@ -151,7 +66,7 @@ def train_joint_space_skill(
     Parameters
     ----------
     robot : that the demonstrations are of.
-    progress : called as progress(stage, step, steps).
+    settings : None for the defaults. progress : called as progress(stage, step, steps).
     provenance : what to say of the data (source, licence); seed, settings and demonstrations' names are added.
 
     Raises
@@ -160,6 +75,7 @@ def train_joint_space_skill(
     DemonstrationError : demonstrations that have no form in common.
     SkillError : the model that came out is unusable.
     """
+    settings = settings or JointTrainingSettings()
     if settings.latent_dimension not in GRID_SHAPES:
         raise ParameterError(f"latent_dimension is {settings.latent_dimension}; a skill's graph has 2 or 3")
     configurations = training_configurations(demonstrations, robot, settings)

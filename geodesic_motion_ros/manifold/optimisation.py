@@ -1,37 +1,15 @@
-"""How networks are fitted: settings that make sense, reproducible from a seed, by Adam or by L-BFGS."""
+"""How networks are fitted: reproducible from a seed, by Adam or by L-BFGS."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
-from typing import Any
 
 import torch
 from torch import Tensor
 
-from geodesic_motion_ros.errors import ParameterError
-
 #: Called as progress(stage, step, steps) while training.
 Progress = Callable[[str, int, int], None]
-
-
-def check_settings(settings: Any, hidden: tuple[int, ...], metric: Any, may_be_zero: Collection[str]) -> None:
-    """Refuse settings of a training that no skill comes of: ParameterError names them.
-
-    settings, metric : dataclasses; their numbers must be finite and positive, or 0 where `may_be_zero` names them,
-    those of the metric as `metric.NAME`. hidden : units of the hidden layers.
-    """
-    if len(hidden) != 2:
-        raise ParameterError(f"hidden has {len(hidden)} layers; the decoder format has exactly 2")
-    numbers = asdict(settings) | {f"metric.{name}": value for name, value in asdict(metric).items()}
-    wrong = [
-        name for name, value in numbers.items()
-        if isinstance(value, int | float) and not (0.0 < value < math.inf or (value == 0.0 and name in may_be_zero))
-    ]  # fmt: skip
-    if wrong:
-        raise ParameterError(f"training settings must be positive and finite: {', '.join(wrong)}")
 
 
 @contextmanager

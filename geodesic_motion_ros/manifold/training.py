@@ -13,8 +13,8 @@ demonstrations as they are, with the prior N(0, 1).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, NamedTuple
+from dataclasses import asdict
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -23,130 +23,19 @@ from torch import Tensor
 from geodesic_motion_ros.demonstrations.canonical import along_arc, canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_modes
-from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.manifold.calibration import assemble_skill
 from geodesic_motion_ros.manifold.densities import divergence_from_normal
 from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
-from geodesic_motion_ros.manifold.optimisation import Progress, check_settings, descend, minimise, one_seeded_thread
+from geodesic_motion_ros.manifold.optimisation import Progress, descend, minimise, one_seeded_thread
 from geodesic_motion_ros.manifold.progress_prior import prior_means, prior_variance
+from geodesic_motion_ros.manifold.settings import TrainingSettings
 from geodesic_motion_ros.manifold.task_space import (
     FixedPrecisions,
     Means,
-    OrientationModel,
     Precisions,
     TaskSpaceVAE,
 )
 from geodesic_motion_ros.skill import Skill
-
-
-@dataclass(frozen=True)
-class TrainingSettings:
-    """How a task-space skill is learned.
-
-    Kernels, bandwidth, weights of sigma and kappa and the two stages were chosen by measuring on real recordings of
-    pouring and shelving; `rotation_length` and the two resolutions are judgement.
-
-    Attributes
-    ----------
-    seed : of everything random: initial weights, batches, latent noise, k-means.
-    sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
-    orientation_model : "two_cluster" (one von Mises-Fisher density; q and -q in separate clusters, on the raw sheet
-        only) or "sign_blind" (the paper's antipodal mixture). None: sign_blind on the canonical sheet, two_cluster on
-        the raw one.
-    schedule : "two_stage" or "joint" (the paper's: means, sigma and kappa together, after a first half of the
-        steps in which the codes settle so that kernels can be placed on them).
-    latent_dimension : d, 2 or 3.
-    hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
-    samples : poses per demonstration that are trained on, equally spaced along its arc.
-    rotation_length : length that a turn of one radian counts in that arc [m]: a tool that turns on the spot
-        is learned too. 0 counts positions only.
-    steps, batch, learning_rate : Adam steps with cosine decay, poses per step, initial rate.
-    position_weight, orientation_weight, kl_weight : beta1, beta2 and the weight of the divergence in
-        beta1 log p(x | z) + beta2 log p(q | z) - kl_weight KL. The paper's evidence lower bound has kl_weight
-        1.
-    progress_deviation : of the canonical sheet's prior along the strip.
-    blends : random convex combinations of canonical demonstrations that are learned besides each demonstration. They
-        fill the sheet between the demonstrations: sigma is as small there as on them.
-    kl_warm_up : fraction of the steps over which the divergence's weight grows from 0.
-    fixed_sigma, fixed_kappa : likelihood scales while the means are learned [m], [1].
-    kernels : radial-basis kernels, at most; never more than one for two codes.
-    bandwidth_factor : kernel bandwidth over the median distance between neighbouring centres.
-    precision_samples : latent draws per pose that sigma and kappa are fitted on.
-    precision_iterations : of L-BFGS, at most.
-    far_sigma : position deviation far from all data [m]: the height of the walls.
-    far_kappa : concentration far from all data.
-    position_resolution, angular_resolution : what a demonstration cannot be more exact than [m], [rad of
-        rotation]; added to the residuals, so that a coordinate that never varies (a plane) keeps a finite
-        precision.
-    margin : free border of the latent box around the codes, as a fraction of its size.
-    metric : weights of the skill's metric; they take no part in the training.
-    """
-
-    seed: int = 0
-    sheet: Literal["canonical", "raw"] = "canonical"
-    orientation_model: OrientationModel | None = None
-    schedule: Literal["two_stage", "joint"] = "two_stage"
-    latent_dimension: int = 2
-    hidden: tuple[int, int] = (200, 100)
-    samples: int = 200
-    rotation_length: float = 0.1
-    steps: int = 5000
-    batch: int = 256
-    learning_rate: float = 2e-3
-    position_weight: float = 1.0
-    orientation_weight: float = 1.0
-    kl_weight: float = 0.3
-    kl_warm_up: float = 0.2
-    progress_deviation: float = 0.2
-    blends: int = 2
-    fixed_sigma: float = 0.005
-    fixed_kappa: float = 1600.0
-    kernels: int = 500
-    bandwidth_factor: float = 1.0
-    precision_samples: int = 4
-    precision_iterations: int = 200
-    far_sigma: float = 1.0
-    far_kappa: float = 0.01
-    position_resolution: float = 0.001
-    angular_resolution: float = 0.01
-    margin: float = 0.05
-    metric: MetricSettings = field(default_factory=MetricSettings)
-
-    @classmethod
-    def paper(cls, **changes: Any) -> TrainingSettings:
-        """The paper's model (section 4.1), with changes: nothing is taken out of the demonstrations, the mixture of q
-        and -q, the evidence lower bound without weights, all networks learned together, sigma and kappa as they are in
-        the metric.
-        """
-        metric = MetricSettings(sigma_weight=1.0, orientation_scale="kappa")
-        literal = {"sheet": "raw", "orientation_model": "sign_blind", "schedule": "joint", "kl_weight": 1.0}
-        return cls(**(literal | {"metric": metric} | changes))
-
-    def __post_init__(self) -> None:
-        if self.orientation_model is None:
-            object.__setattr__(self, "orientation_model", "sign_blind" if self.sheet == "canonical" else "two_cluster")
-        choices = {
-            "sheet": ("canonical", "raw"),
-            "orientation_model": ("two_cluster", "sign_blind"),
-            "schedule": ("two_stage", "joint"),
-        }
-        for name, allowed in choices.items():
-            if getattr(self, name) not in allowed:
-                raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
-        if self.sheet == "canonical" and self.orientation_model != "sign_blind":
-            raise ParameterError(
-                "a canonical sheet has no clusters of q and -q: choose orientation_model sign_blind, or sheet raw"
-            )
-        if self.latent_dimension not in (2, 3):
-            raise ParameterError(f"latent_dimension is {self.latent_dimension}; poses are learned in 2 or 3")
-        check_settings(self, self.hidden, self.metric, _MAY_BE_ZERO)
-
-
-_MAY_BE_ZERO = {
-    "seed", "blends", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "margin",
-    "metric.sigma_weight",
-}  # fmt: skip
 
 
 class Poses(NamedTuple):
@@ -162,7 +51,7 @@ class Poses(NamedTuple):
 
 def train_task_space_skill(
     demonstrations: Demonstrations,
-    settings: TrainingSettings = TrainingSettings(),
+    settings: TrainingSettings | None = None,
     name: str = "skill",
     progress: Progress | None = None,
     provenance: dict[str, Any] | None = None,
@@ -173,7 +62,7 @@ def train_task_space_skill(
 
     Parameters
     ----------
-    progress : called as progress(stage, step, steps).
+    settings : None for the defaults. progress : called as progress(stage, step, steps).
     provenance : what to say of the data (source, licence); seed, settings and demonstrations' names are
         added.
 
@@ -182,6 +71,7 @@ def train_task_space_skill(
     DemonstrationError : a demonstration that does not move.
     SkillError : the model that came out is unusable (see `assemble_skill`).
     """
+    settings = settings or TrainingSettings()
     aligned = demonstrations.in_one_hemisphere()
     positions, quaternions = training_poses(aligned, settings)
     fractions = np.tile(np.linspace(0.0, 1.0, settings.samples), len(positions) // settings.samples)

@@ -13,7 +13,8 @@ from geodesic_motion_ros.experiments.crossing import (
     measure_crossings,
 )
 from geodesic_motion_ros.experiments.trained import Trained
-from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+from geodesic_motion_ros.manifold.settings import TrainingSettings
+from geodesic_motion_ros.manifold.training import train_task_space_skill
 from geodesic_motion_ros.tables import write_json
 
 

@@ -22,7 +22,7 @@ from geodesic_motion_ros.experiments.goals import (
     measure_goals,
     requested_ends,
 )
-from geodesic_motion_ros.manifold.training import TrainingSettings
+from geodesic_motion_ros.manifold.settings import TrainingSettings
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, GRASP_HEIGHT
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.tables import write_json

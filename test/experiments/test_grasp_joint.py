@@ -22,7 +22,8 @@ from geodesic_motion_ros.experiments.grasp_joint import (
     family_energies,
 )
 from geodesic_motion_ros.experiments.grasp_joint_scenes import Stage
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill
+from geodesic_motion_ros.manifold.joint_training import train_joint_space_skill
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings

@@ -7,7 +7,8 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import DemonstrationError, ParameterError
 from geodesic_motion_ros.experiments.imitation import evaluate
 from geodesic_motion_ros.experiments.imitation_report import COLUMNS, ROWS, ImitationReport
-from geodesic_motion_ros.manifold.training import TrainingSettings, train_task_space_skill
+from geodesic_motion_ros.manifold.settings import TrainingSettings
+from geodesic_motion_ros.manifold.training import train_task_space_skill
 
 HELD_OUT = (1, 4)
 

@@ -17,7 +17,7 @@ from geodesic_motion_ros.experiments.joint_models import (
     tool_error,
     tool_positions,
 )
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import swivel_angle
 from geodesic_motion_ros.simulation.joint_teacher import reach_guidances

@@ -21,7 +21,7 @@ from geodesic_motion_ros.experiments.modes import (
     measure_modes,
     pillar_clearance,
 )
-from geodesic_motion_ros.manifold.training import TrainingSettings
+from geodesic_motion_ros.manifold.settings import TrainingSettings
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, two_mode_demonstrations
 from geodesic_motion_ros.skill import Skill

@@ -17,7 +17,8 @@ from geodesic_motion_ros.experiments.pouring_joint import (
     draw_pouring_joint,
     pour_all,
 )
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings, train_joint_space_skill
+from geodesic_motion_ros.manifold.joint_training import train_joint_space_skill
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings

@@ -7,8 +7,7 @@ import pytest
 
 from geodesic_motion_ros.errors import DemonstrationError, ParameterError
 from geodesic_motion_ros.experiments.trained import meaning, trained_on_folds, trained_once, training_code
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
-from geodesic_motion_ros.manifold.training import TrainingSettings
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings, TrainingSettings
 
 IN_NO_TIME = TrainingSettings(steps=60, kernels=20, hidden=(32, 16))
 

@@ -13,7 +13,8 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.experiments.volume import compare_volume, draw_volume, log_volumes
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.body_layer import EPSILON
-from geodesic_motion_ros.manifold.joint_training import TOOL_AXES, JointTrainingSettings
+from geodesic_motion_ros.manifold.joint_training import TOOL_AXES
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.body_points import (
     BodyPoints,
     body_point_jacobians,

@@ -11,9 +11,9 @@ from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings, b
 from geodesic_motion_ros.manifold.body_layer import BodyLayer
 from geodesic_motion_ros.manifold.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.manifold.joint_space import JointDecoderNetwork
-from geodesic_motion_ros.manifold.joint_training import JointTrainingSettings
 from geodesic_motion_ros.manifold.metric import curve_energy
 from geodesic_motion_ros.manifold.networks import RadialBasisNetwork
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.body_points import end_effector_poses, place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot
 

@@ -12,12 +12,12 @@ from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.joint_calibration import calibrated_energy
 from geodesic_motion_ros.manifold.joint_training import (
-    JointTrainingSettings,
     body_layer,
     train_joint_model,
     train_joint_space_skill,
     training_configurations,
 )
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 
 ROBOT = Robot.panda()

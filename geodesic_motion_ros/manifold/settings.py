@@ -1,0 +1,226 @@
+"""The settings of both trainings; light, so that what only names them need not load torch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.graph.pose_graph import MetricSettings
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.manifold.task_space import OrientationModel
+
+#: The paper has no term of the joints alone; so little is none, and keeps every tensor positive [m].
+_NO_JOINT_WEIGHT = 1e-6
+#: Numbers that may be 0; all others are positive.
+_TASK_MAY_BE_ZERO = {
+    "seed", "blends", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "margin",
+    "metric.sigma_weight",
+}  # fmt: skip
+_JOINT_MAY_BE_ZERO = {
+    "seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "body_sigma", "margin", "metric.sigma_weight",
+    "metric.orientation_weight",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How a task-space skill is learned.
+
+    Kernels, bandwidth, weights of sigma and kappa and the two stages were chosen by measuring on real recordings of
+    pouring and shelving; `rotation_length` and the two resolutions are judgement.
+
+    Attributes
+    ----------
+    seed : of everything random: initial weights, batches, latent noise, k-means.
+    sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
+    orientation_model : "two_cluster" (one von Mises-Fisher density; q and -q in separate clusters, on the raw sheet
+        only) or "sign_blind" (the paper's antipodal mixture). None: sign_blind on the canonical sheet, two_cluster on
+        the raw one.
+    schedule : "two_stage" or "joint" (the paper's: means, sigma and kappa together, after a first half of the
+        steps in which the codes settle so that kernels can be placed on them).
+    latent_dimension : d, 2 or 3.
+    hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
+    samples : poses per demonstration that are trained on, equally spaced along its arc.
+    rotation_length : length that a turn of one radian counts in that arc [m]: a tool that turns on the spot
+        is learned too. 0 counts positions only.
+    steps, batch, learning_rate : Adam steps with cosine decay, poses per step, initial rate.
+    position_weight, orientation_weight, kl_weight : beta1, beta2 and the weight of the divergence in
+        beta1 log p(x | z) + beta2 log p(q | z) - kl_weight KL. The paper's evidence lower bound has kl_weight
+        1.
+    progress_deviation : of the canonical sheet's prior along the strip.
+    blends : random convex combinations of canonical demonstrations that are learned besides each demonstration. They
+        fill the sheet between the demonstrations: sigma is as small there as on them.
+    kl_warm_up : fraction of the steps over which the divergence's weight grows from 0.
+    fixed_sigma, fixed_kappa : likelihood scales while the means are learned [m], [1].
+    kernels : radial-basis kernels, at most; never more than one for two codes.
+    bandwidth_factor : kernel bandwidth over the median distance between neighbouring centres.
+    precision_samples : latent draws per pose that sigma and kappa are fitted on.
+    precision_iterations : of L-BFGS, at most.
+    far_sigma : position deviation far from all data [m]: the height of the walls.
+    far_kappa : concentration far from all data.
+    position_resolution, angular_resolution : what a demonstration cannot be more exact than [m], [rad of
+        rotation]; added to the residuals, so that a coordinate that never varies (a plane) keeps a finite
+        precision.
+    margin : free border of the latent box around the codes, as a fraction of its size.
+    metric : weights of the skill's metric; they take no part in the training.
+    """
+
+    seed: int = 0
+    sheet: Literal["canonical", "raw"] = "canonical"
+    orientation_model: OrientationModel | None = None
+    schedule: Literal["two_stage", "joint"] = "two_stage"
+    latent_dimension: int = 2
+    hidden: tuple[int, int] = (200, 100)
+    samples: int = 200
+    rotation_length: float = 0.1
+    steps: int = 5000
+    batch: int = 256
+    learning_rate: float = 2e-3
+    position_weight: float = 1.0
+    orientation_weight: float = 1.0
+    kl_weight: float = 0.3
+    kl_warm_up: float = 0.2
+    progress_deviation: float = 0.2
+    blends: int = 2
+    fixed_sigma: float = 0.005
+    fixed_kappa: float = 1600.0
+    kernels: int = 500
+    bandwidth_factor: float = 1.0
+    precision_samples: int = 4
+    precision_iterations: int = 200
+    far_sigma: float = 1.0
+    far_kappa: float = 0.01
+    position_resolution: float = 0.001
+    angular_resolution: float = 0.01
+    margin: float = 0.05
+    metric: MetricSettings = field(default_factory=MetricSettings)
+
+    @classmethod
+    def paper(cls, **changes: Any) -> TrainingSettings:
+        """The paper's model (section 4.1), with changes: nothing is taken out of the demonstrations, the mixture of q
+        and -q, the evidence lower bound without weights, all networks learned together, sigma and kappa as they are in
+        the metric.
+        """
+        metric = MetricSettings(sigma_weight=1.0, orientation_scale="kappa")
+        literal = {"sheet": "raw", "orientation_model": "sign_blind", "schedule": "joint", "kl_weight": 1.0}
+        return cls(**(literal | {"metric": metric} | changes))
+
+    def __post_init__(self) -> None:
+        if self.orientation_model is None:
+            object.__setattr__(self, "orientation_model", "sign_blind" if self.sheet == "canonical" else "two_cluster")
+        choices = {
+            "sheet": ("canonical", "raw"),
+            "orientation_model": ("two_cluster", "sign_blind"),
+            "schedule": ("two_stage", "joint"),
+        }
+        for name, allowed in choices.items():
+            if getattr(self, name) not in allowed:
+                raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
+        if self.sheet == "canonical" and self.orientation_model != "sign_blind":
+            raise ParameterError(
+                "a canonical sheet has no clusters of q and -q: choose orientation_model sign_blind, or sheet raw"
+            )
+        if self.latent_dimension not in (2, 3):
+            raise ParameterError(f"latent_dimension is {self.latent_dimension}; poses are learned in 2 or 3")
+        check_settings(self, self.hidden, self.metric, _TASK_MAY_BE_ZERO)
+
+
+@dataclass(frozen=True)
+class JointTrainingSettings:
+    """How a joint-space skill is learned.
+
+    Attributes
+    ----------
+    seed : of everything random: initial weights, batches, latent noise, k-means.
+    sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
+    schedule : "two_stage" or "joint" (the paper's: means and sigma together, after a first half of the steps in which
+        the codes settle so that kernels can be placed on them).
+    latent_dimension : d, 3 or 2; models of 4 and 5, which make no skill, are for experiments.
+    hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
+    samples : configurations per demonstration that are trained on, equally spaced along its arc.
+    steps, batch, learning_rate : Adam steps with cosine decay, configurations per step, initial rate.
+    kl_weight, kl_warm_up : weight of the divergence in the evidence lower bound (the paper: 1), and the fraction of the
+        steps over which it grows from 0.
+    volume_weight : of the change of variables to the body's configurations, log p(theta | z) - volume_weight log V. The
+        paper's is 1. Beside body_sigma's term, with sigma fixed, on the canonical sheet it was measured to change next
+        to nothing but the time; the default leaves it out.
+    progress_deviation : of the canonical sheet's prior along the strip.
+    blends : random convex combinations of canonical demonstrations of one mode that are learned besides each.
+    fixed_sigma : likelihood scale of the joints while the means are learned [rad].
+    body_sigma : the same of the body's points, through the forward kinematics [m]. What a joint's error does to the
+        tool depends on the joint and the posture; without this term, the paper has none, the tool is off by more. 0
+        leaves it out.
+    kernels, bandwidth_factor : radial-basis kernels, at most, and their width over the distance between neighbours. In
+        three dimensions they stand along thin strips, closer than the nodes of the grid: as wide as that distance the
+        support would fall to pieces.
+    precision_samples, precision_iterations : latent draws per configuration that sigma is fitted on, and L-BFGS steps.
+    far_sigma : deviation far from all data [rad]: the height of the walls.
+    joint_resolution : what a demonstration cannot be more exact than [rad]; added to the residuals.
+    margin : free border of the latent box around the codes, as a fraction of its size.
+    metric : weights of the skill's metric; they take no part in the training.
+    """
+
+    seed: int = 0
+    sheet: Literal["canonical", "raw"] = "canonical"
+    schedule: Literal["two_stage", "joint"] = "two_stage"
+    latent_dimension: int = 3
+    hidden: tuple[int, int] = (200, 100)
+    samples: int = 200
+    steps: int = 5000
+    batch: int = 256
+    learning_rate: float = 2e-3
+    kl_weight: float = 0.3
+    kl_warm_up: float = 0.2
+    volume_weight: float = 0.0
+    progress_deviation: float = 0.2
+    blends: int = 2
+    fixed_sigma: float = 0.05
+    body_sigma: float = 0.003
+    kernels: int = 500
+    bandwidth_factor: float = 2.0
+    precision_samples: int = 4
+    precision_iterations: int = 200
+    far_sigma: float = 1.0
+    joint_resolution: float = 0.002
+    margin: float = 0.05
+    metric: JointMetricSettings = field(default_factory=JointMetricSettings)
+
+    @classmethod
+    def paper(cls, **changes: Any) -> JointTrainingSettings:
+        """The paper's model (section 4.2), with changes: nothing is taken out of the demonstrations, the change of
+        variables to the body in the evidence lower bound without weights, both networks learned together, sigma and the
+        tool's orientation as they are in the metric.
+        """
+        metric = JointMetricSettings(sigma_weight=1.0, joint_weight=_NO_JOINT_WEIGHT, orientation_weight=1.0)
+        literal = {"sheet": "raw", "schedule": "joint", "kl_weight": 1.0, "volume_weight": 1.0, "body_sigma": 0.0}
+        return cls(**(literal | {"metric": metric} | changes))
+
+    def __post_init__(self) -> None:
+        for name, allowed in {"sheet": ("canonical", "raw"), "schedule": ("two_stage", "joint")}.items():
+            if getattr(self, name) not in allowed:
+                raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
+        if self.latent_dimension not in (2, 3, 4, 5):
+            raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 to 5")
+        check_settings(self, self.hidden, self.metric, _JOINT_MAY_BE_ZERO)
+
+
+def check_settings(settings: Any, hidden: tuple[int, ...], metric: Any, may_be_zero: Collection[str]) -> None:
+    """Refuse settings of a training that no skill comes of: ParameterError names them.
+
+    settings, metric : dataclasses; their numbers must be finite and positive, or 0 where `may_be_zero` names them,
+    those of the metric as `metric.NAME`. hidden : units of the hidden layers.
+    """
+    if len(hidden) != 2:
+        raise ParameterError(f"hidden has {len(hidden)} layers; the decoder format has exactly 2")
+    numbers = asdict(settings) | {f"metric.{name}": value for name, value in asdict(metric).items()}
+    wrong = [
+        name for name, value in numbers.items()
+        if isinstance(value, int | float) and not (0.0 < value < math.inf or (value == 0.0 and name in may_be_zero))
+    ]  # fmt: skip
+    if wrong:
+        raise ParameterError(f"training settings must be positive and finite: {', '.join(wrong)}")
