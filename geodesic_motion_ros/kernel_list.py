@@ -16,7 +16,7 @@ from numba import types
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-PACKAGE = __package__
+PACKAGE = __package__.partition(".")[0]
 SKILLS = ("panda_reach_to_grasp", "panda_pouring")
 
 

@@ -26,8 +26,10 @@ from contextlib import ExitStack, contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 
-PACKAGE = Path(__file__).parent
-LIST = PACKAGE / "kernels.json"
+import geodesic_motion_ros
+
+PACKAGE = Path(geodesic_motion_ros.__path__[0])
+LIST = Path(__file__).with_name("kernels.json")
 #: More processes gain nothing: what remains is one kernel that takes a third of all the time.
 _MOST_PROCESSES = 4
 #: Between two lines about the progress [s].
@@ -166,7 +168,7 @@ def _worker(turns: Path) -> Iterator[subprocess.Popen[bytes]]:
     wake no selector.
     """
     worker = subprocess.Popen(
-        [sys.executable, "-m", f"{PACKAGE.name}.kernel_worker", str(os.getpid()), str(turns)],
+        [sys.executable, "-m", f"{__package__}.kernel_worker", str(os.getpid()), str(turns)],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True,
     )  # fmt: skip
     try:
@@ -183,7 +185,7 @@ def main() -> None:
     if not parser.parse_args().write:
         return compile_kernels()
     with tempfile.TemporaryDirectory() as cache:
-        command = [sys.executable, "-m", f"{PACKAGE.name}.kernel_list"]
+        command = [sys.executable, "-m", f"{__package__}.kernel_list"]
         done = subprocess.run(command, env=os.environ | {"NUMBA_CACHE_DIR": cache}, check=True, stdout=subprocess.PIPE)
     LIST.write_bytes(done.stdout)
 

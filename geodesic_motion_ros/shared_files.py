@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import geodesic_motion_ros
 from geodesic_motion_ros.errors import GeodesicMotionError
 
 PACKAGE = "geodesic_motion_ros"
@@ -60,7 +61,7 @@ def _share_folders() -> Iterator[Path]:
         if prefix and marker.is_file():
             yield Path(prefix, "share", PACKAGE).absolute()
     yield Path(sys.prefix, "share", PACKAGE)
-    package = Path(__file__).resolve().parent
+    package = Path(geodesic_motion_ros.__path__[0]).resolve()
     if package.parent.name in ("site-packages", "dist-packages"):
         # <prefix>/lib/python3.x/site-packages/<package>
         yield package.parents[3] / "share" / PACKAGE

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.kernels import compile_kernels, listed
+import geodesic_motion_ros
+from geodesic_motion_ros.kernels import LIST, compile_kernels, listed
 
 #: What a planner of each kind calls from Python, where all that those kernels call is in the cache.
 CALLED = """
@@ -40,11 +41,11 @@ def test_the_list_has_what_planners_call() -> None:
 @pytest.fixture
 def few(tmp_path: Path) -> tuple[list[str], dict[str, str]]:
     """The command that compiles two kernels of a copy of the package, and its environment with an empty cache."""
-    source = Path(__file__).resolve().parents[1] / "geodesic_motion_ros"
+    source = Path(geodesic_motion_ros.__path__[0])
     package = tmp_path / source.name
     shutil.copytree(source, package, ignore=shutil.ignore_patterns("__pycache__", "*.png"))
     rows = [row for row in listed() if row[0] in FEW]
-    (package / "kernels.json").write_text(json.dumps({"kernels": len(rows), "called": rows}))
+    (package / LIST.relative_to(source)).write_text(json.dumps({"kernels": len(rows), "called": rows}))
     changes = {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     return [sys.executable, "-m", "geodesic_motion_ros.kernels"], os.environ | changes
 
@@ -76,7 +77,7 @@ def test_of_two_programs_one_compiles_and_the_other_waits(few, tmp_path: Path) -
 
 def test_a_kernel_that_cannot_be_compiled_is_named_and_left(few, tmp_path: Path) -> None:
     command, environment = few
-    file = tmp_path / "geodesic_motion_ros" / "kernels.json"
+    file = tmp_path / LIST.relative_to(Path(geodesic_motion_ros.__path__[0]).parent)
     content = json.loads(file.read_text())
     content["called"][0][1] = "renamed"
     file.write_text(json.dumps(content))

@@ -23,10 +23,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import geodesic_motion_ros
 from geodesic_motion_ros.comparison.scene_file import SceneFile
 from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 
-REPOSITORY = Path(__file__).resolve().parents[2]
+REPOSITORY = Path(geodesic_motion_ros.__path__[0]).resolve().parent
 REVISION = "baseline-10"
 #: Modules of this folder that judge, keep and report outcomes, whichever revision plays.
 JUDGE = ("execution.py", "results.py", "report.py")
@@ -78,7 +79,7 @@ def play_at(
 
 def _judge_as_here(tree: Path) -> None:
     """Replace what judges in a revision's work tree; where that has no benchmark there is nothing to replace."""
-    here = Path(__file__).parent
+    here = Path(__file__).resolve().parent
     folder = tree / here.relative_to(REPOSITORY)
     if folder.is_dir():
         for module in JUDGE:

@@ -7,12 +7,14 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from tqdm import tqdm
 
+import geodesic_motion_ros
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.errors import ParameterError, SkillError
@@ -156,8 +158,11 @@ def training_code(module: str = "training") -> bytes:
     """Digest of the module of `manifold` that trains and of all of this package that it imports: another version
     learns otherwise.
     """
-    package = Path(__file__).resolve().parents[1]
-    waiting, meanings = [package / "manifold" / f"{module}.py"], {}
+    package = Path(geodesic_motion_ros.__path__[0])
+    trains = find_spec(f"geodesic_motion_ros.manifold.{module}")
+    assert trains is not None
+    assert trains.origin is not None
+    waiting, meanings = [Path(trains.origin)], {}
     while waiting:
         file = waiting.pop()
         if file in meanings:
