@@ -5,7 +5,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "geodesic_motion_ros"
-EXECUTABLES = ("planner", "twin", "demo")
+#: The programs that `ros2 run` starts, and the folders where they begin.
+EXECUTABLES = {"planner": "nodes", "twin": "nodes", "demo": "demo"}
 SHARE = Path("share") / NAME
 
 
@@ -62,7 +63,7 @@ setup(
     ],
     entry_points={
         "console_scripts": [
-            *(f"{name} = {NAME}.nodes.start:{name}" for name in EXECUTABLES),
+            *(f"{name} = {NAME}.{folder}.start:{name}" for name, folder in EXECUTABLES.items()),
             f"geodesic-motion = {NAME}.cli:main",
         ]
     },

@@ -27,6 +27,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Hand over to the demo; it parses its own options."""
     remedy = "run `make demo`, or source your ROS 2 and install the extras simulation and learn"
     with needing("the demo needs", remedy):
-        from geodesic_motion_ros.nodes.start import demo
+        from geodesic_motion_ros.demo.start import demo
 
         return demo(arguments.options)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+#: Where the programs begin.
+FOLDERS = {"planner": "nodes", "twin": "nodes", "demo": "demo"}
 # Interrupts its own process at the very moment when a library of the node is looked for.
 INTERRUPTED = """
 import os, signal, sys
@@ -19,7 +21,7 @@ class Interrupter:
         return None
 
 sys.meta_path.insert(0, Interrupter())
-from geodesic_motion_ros.nodes.start import {program}
+from geodesic_motion_ros.{folder}.start import {program}
 print("loading", flush=True)
 sys.exit({program}())
 """
@@ -28,7 +30,7 @@ sys.exit({program}())
 @pytest.mark.parametrize(("program", "code"), [("planner", 0), ("twin", 0), ("demo", 130)])
 @pytest.mark.parametrize("signal", ["SIGINT", "SIGTERM"])
 def test_an_interrupt_while_loading_ends_without_a_traceback(program: str, code: int, signal: str) -> None:
-    script = INTERRUPTED.format(library="scipy", signal=signal, program=program)
+    script = INTERRUPTED.format(library="scipy", signal=signal, program=program, folder=FOLDERS[program])
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.returncode == code, done.stderr
     assert done.stdout == "loading\n"
@@ -102,12 +104,11 @@ except SystemExit:
     pass
 print(*sorted({{name.split(".")[0] for name in sys.modules}} & {{"numba", "scipy", "torch"}}), file=sys.stderr)
 """
-START = "geodesic_motion_ros.nodes.start"
 
 
 @pytest.mark.parametrize(
     ("module", "function", "allowed"),
-    [(START, "planner", set()), (START, "twin", set()), (START, "demo", set()),
+    [*((f"geodesic_motion_ros.{folder}.start", name, set()) for name, folder in FOLDERS.items()),
      ("geodesic_motion_ros.cli", "main", {"scipy"})],
 )  # fmt: skip
 def test_help_waits_for_no_library_that_takes_seconds(module: str, function: str, allowed: set[str]) -> None:
