@@ -64,7 +64,7 @@ setup(
     entry_points={
         "console_scripts": [
             *(f"{name} = {NAME}.{folder}.start:{name}" for name, folder in EXECUTABLES.items()),
-            f"geodesic-motion = {NAME}.cli:main",
+            f"geodesic-motion = {NAME}.studies.cli:main",
         ]
     },
     zip_safe=True,

@@ -2,7 +2,7 @@
 
 import sys
 
-from geodesic_motion_ros.cli import main
+from geodesic_motion_ros.studies.cli import main
 
 if __name__ == "__main__":
     sys.exit(main())

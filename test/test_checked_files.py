@@ -17,11 +17,11 @@ import pytest
 import yaml
 from safetensors.numpy import load_file, save_file
 
-from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.demonstrations.readers import holds_joints, read_demonstrations, read_joint_demonstrations
 from geodesic_motion_ros.errors import DemonstrationError, SkillError
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.studies.cli import main
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 DESCRIPTION, WEIGHTS, LATENT = "skill.yaml", "weights.safetensors", "latent.npz"

@@ -63,7 +63,7 @@ def test_every_page_is_in_the_index():
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_commands_of_the_pages_exist(command, capsys):
-    from geodesic_motion_ros.cli import main
+    from geodesic_motion_ros.studies.cli import main
 
     with pytest.raises(SystemExit) as stopped:
         main([command, "--help"])

@@ -1,4 +1,4 @@
-"""The command line: `python -m geodesic_motion_ros` or `geodesic-motion`.
+"""The commands of the product, from demonstrations to a motion; `studies.cli` adds those that measure.
 
 One file per command. A command's libraries (torch, matplotlib, rclpy) are imported when it runs, not before, so that
 `--help` answers at once.
@@ -10,21 +10,10 @@ import argparse
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Protocol
 
-from geodesic_motion_ros.cli import (
-    bench,
-    benchmark,
-    demo,
-    demonstrate,
-    evaluate,
-    experiment,
-    faults,
-    goal,
-    inspect,
-    judge,
-    train,
-)
+from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect, train
 from geodesic_motion_ros.cli.arguments import HelpFormatter
 from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.kernels import compile_kernels
@@ -32,43 +21,55 @@ from geodesic_motion_ros.kernels import compile_kernels
 _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.
 
-The way through: record a few demonstrations, or let a simulated arm `demonstrate`; `train` a skill on them, look at
-it with `inspect`, measure with `evaluate` how well it predicts demonstrations it has not seen, and run `demo` to see an
-arm do it around an obstacle.
+From first to last: record a few demonstrations, or let a simulated arm `demonstrate`; `train` a skill on them, look at
+it with `inspect`, and run `demo` to see an arm do it around an obstacle.
 """
+_EXAMPLES = (
+    "demonstrate reach-to-grasp --out reach.npz",
+    "train --demos pouring.npy --units cm --out skills/pouring",
+    "inspect skills/pouring",
+    "demo",
+    "goal skills/pouring",
+)
 _EPILOG = """\
 examples:
-  geodesic-motion demonstrate reach-to-grasp --out reach.npz
-  geodesic-motion train --demos pouring.npy --units cm --out skills/pouring
-  geodesic-motion inspect skills/pouring
-  geodesic-motion evaluate --demos pouring.npy --units cm --folds 0,3,6/1,4,7/2,5,8 --json out/pouring.json
-  geodesic-motion experiment geodesics --skill skills/pouring
-  geodesic-motion demo
-  geodesic-motion goal skills/pouring
-  geodesic-motion bench --quick
-  geodesic-motion benchmark --scenes 2
-  geodesic-motion judge --scenes scenes.npz --motions mine.csv
-  geodesic-motion faults --only state_stops
+{examples}
 
 `geodesic-motion COMMAND --help` explains a command. Exit status: 0 done, 2 something asked for is not possible (one
 line on standard error says what, and what would be), 130 interrupted.
 """
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """The parser with all commands; each sets `run`, a function of the parsed arguments."""
+class Command(Protocol):
+    """A module, or another object, that adds a command."""
+
+    def add_command(self, commands: argparse._SubParsersAction) -> None:
+        """Add it to the parser; it sets `run`, a function of the parsed arguments."""
+
+
+COMMANDS: tuple[Command, ...] = (demonstrate, train, inspect, demo, goal)
+
+
+def build_parser(
+    commands: Iterable[Command] = COMMANDS, description: str = _DESCRIPTION, examples: Iterable[str] = _EXAMPLES
+) -> argparse.ArgumentParser:
+    """The parser with some commands, what they are for as a whole, and examples of command lines."""
+    epilog = _EPILOG.format(examples="\n".join(f"  geodesic-motion {example}" for example in examples))
     parser = argparse.ArgumentParser(
-        prog="geodesic-motion", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter
+        prog="geodesic-motion", description=description, epilog=epilog, formatter_class=HelpFormatter
     )
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in (demonstrate, train, evaluate, inspect, demo, goal, experiment, bench, benchmark, judge, faults):
-        command.add_command(commands)
+    added = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for command in commands:
+        command.add_command(added)
     return parser
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command; returns the exit status. argparse leaves by SystemExit on a wrong command line and on --help."""
-    arguments = build_parser().parse_args(argv)
+def main(argv: Sequence[str] | None = None, parser: argparse.ArgumentParser | None = None) -> int:
+    """Run a command; returns the exit status. argparse leaves by SystemExit on a wrong command line and on --help.
+
+    parser : by default that of the product's commands.
+    """
+    arguments = (parser or build_parser()).parse_args(argv)
     try:
         compile_kernels()
         status = arguments.run(arguments) or 0

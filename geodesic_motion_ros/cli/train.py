@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,8 +79,25 @@ beside --paper change it again:
 """
 
 
-def add_command(commands: argparse._SubParsersAction) -> None:
-    """Add the command to the parser of the command line."""
+@dataclass(frozen=True)
+class Measure:
+    """How well a skill predicts demonstrations that were held out: a study, which the command is handed.
+
+    Attributes
+    ----------
+    check : called before the training; a GeodesicMotionError where what it needs is missing.
+    quality : called with all demonstrations, the indices held out, the seed and the skill; figures by their names.
+    """
+
+    check: Callable[[], None]
+    quality: Callable[[Any, tuple[int, ...], int, Skill], dict[str, Any]]
+
+
+def add_command(commands: argparse._SubParsersAction, measures: Mapping[str, Measure] | None = None) -> None:
+    """Add the command to the parser of the command line.
+
+    measures : by the space of the recording, "task" or "joint"; None: --held-out is refused.
+    """
     parser = commands.add_parser(
         "train", help="learn a skill from demonstrations",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
@@ -102,7 +120,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     train_task.add_options(parser.add_argument_group("training on recordings of the tool"))
     train_joint.add_options(parser.add_argument_group("training on recordings of joints"))
     add_json(parser)
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=partial(run, measures=measures))
 
 
 def _add_training(group: argparse._ArgumentGroup) -> None:
@@ -126,7 +144,7 @@ def _add_training(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--kl-weight", type=float, help="weight of the divergence; 0.3 without it, the paper: 1")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = None) -> None:
     """Train, measure, save, report."""
     from tqdm import tqdm
 
@@ -137,6 +155,7 @@ def run(arguments: argparse.Namespace) -> None:
     training = (
         train_joint.JointTraining if space == "joint" else train_task.TaskTraining
     ).from_arguments(arguments, _SHARED)  # fmt: skip
+    measure = _measure(measures, space) if arguments.held_out else None
     name = arguments.out.resolve().name if arguments.name is None else arguments.name
     check_text("--name", name)
     for option in ("source", "licence"):
@@ -158,9 +177,9 @@ def run(arguments: argparse.Namespace) -> None:
         skill = training.learn(name, _shown_on(bar), _provenance(arguments))
     if scene is not None:
         skill = _recorded_in(scene, skill)
-    if arguments.held_out:
-        measured = {"held_out": list(arguments.held_out)} | training.held_out_quality(skill)
-        skill = replace(skill, quality=skill.quality | measured)
+    if measure is not None:
+        figures = measure.quality(training.demonstrations, training.held_out, training.settings.seed, skill)
+        skill = replace(skill, quality=skill.quality | {"held_out": list(arguments.held_out)} | figures)
     folder = skill.save(arguments.out)
     for name, value in skill.quality.items():
         print(f"{name:32} {value:.2f}" if isinstance(value, float) else f"{name:32} {value}")
@@ -169,6 +188,14 @@ def run(arguments: argparse.Namespace) -> None:
     pictured(skill, folder / "report.png")
     if arguments.json is not None:
         write_json(arguments.json, {"skill": skill.name, "folder": folder.as_posix(), "quality": skill.quality})
+
+
+def _measure(measures: Mapping[str, Measure] | None, space: str) -> Measure:
+    """What measures on held-out demonstrations, checked; ParameterError where nothing does."""
+    if measures is None:
+        raise ParameterError("--held-out: nothing here measures; run `python -m geodesic_motion_ros train`")
+    measures[space].check()
+    return measures[space]
 
 
 def _recorded_in(scene: DeclaredScene, skill: Skill) -> Skill:

@@ -81,21 +81,6 @@ class JointTraining:
 
         return train_joint_space_skill(self.shown, self.robot, self.settings, name, progress, provenance)
 
-    def held_out_quality(self, skill: Skill) -> dict[str, Any]:
-        """Figures of the rows geodesic, reconstruction and people of `evaluate`, for one skill."""
-        from geodesic_motion_ros.experiments.joint_imitation import evaluate_joints
-
-        seed = self.settings.seed
-        report = evaluate_joints(
-            self.demonstrations, [self.held_out], [seed], lambda *_: skill, show_progress=False
-        )  # fmt: skip
-        return {
-            f"{name}_{column}": value
-            for name, row in (("held_out", "geodesic"), ("reconstruction", "reconstruction"), ("people", "people"))
-            for column, value in report.means(row).items()
-            if value is not None
-        }
-
 
 def refuse_motionless(demonstrations: JointDemonstrations) -> None:
     """Refuse what nothing can be learned from: DemonstrationError names the demonstration that does not move."""

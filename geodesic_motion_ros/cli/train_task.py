@@ -52,7 +52,6 @@ class TaskTraining:
     @classmethod
     def from_arguments(cls, arguments: argparse.Namespace, shared: tuple[str, ...]) -> TaskTraining:
         """Read and check; `shared` are the names of the options that all spaces have."""
-        from geodesic_motion_ros.experiments.baselines import require_peers
         from geodesic_motion_ros.manifold.settings import TrainingSettings
 
         settings_of = TrainingSettings.paper if arguments.paper else TrainingSettings
@@ -61,8 +60,6 @@ class TaskTraining:
         settings = settings_of(metric=metric, **given(arguments, *shared, *_SETTINGS))
         training = cls(demonstrations, arguments.held_out or (), settings)
         refuse_motionless(training.tool_demonstrations())
-        if training.held_out:
-            require_peers()
         return training
 
     def tool_demonstrations(self) -> Demonstrations:
@@ -73,18 +70,6 @@ class TaskTraining:
         from geodesic_motion_ros.manifold.training import train_task_space_skill
 
         return train_task_space_skill(self.tool_demonstrations(), self.settings, name, progress, provenance)
-
-    def held_out_quality(self, skill: Skill) -> dict[str, Any]:
-        """Figures of the rows geodesic and people of `evaluate`, for one skill."""
-        from geodesic_motion_ros.experiments.imitation import evaluate
-
-        rows = evaluate(
-            self.demonstrations, [self.held_out], [self.settings.seed], lambda *_: skill, show_progress=False,
-            sheets=[skill.sheet],
-        ).rows  # fmt: skip
-        figures = {f"held_out_{column}": value for column, value in rows["geodesic"].items()}
-        figures |= {f"people_{column}": rows["people"][column] for column in ("dtw_mm", "orientation_deg")}
-        return {name: value for name, value in figures.items() if value is not None}
 
 
 def refuse_motionless(demonstrations: Demonstrations) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.cli import main
+from geodesic_motion_ros.studies.cli import main
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 

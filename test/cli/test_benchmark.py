@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.comparison.execution import Outcome
 from geodesic_motion_ros.comparison.held_out import digest
 from geodesic_motion_ros.comparison.results import Played, Results
 from geodesic_motion_ros.comparison.run import BenchmarkSettings
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.studies.cli import main
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.cli import build_parser, main
+from geodesic_motion_ros.studies.cli import build_parser, main
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 READ = ("--demos", "{reach}", "--units", "cm")
@@ -88,7 +88,7 @@ def test_faults_that_do_not_begin_leave_the_figures_of_before(tmp_path, monkeypa
 
 def test_help_loads_no_heavy_library() -> None:
     code = (
-        "import sys\nfrom geodesic_motion_ros.cli import build_parser\nbuild_parser().format_help()\n"
+        "import sys\nfrom geodesic_motion_ros.studies.cli import build_parser\nbuild_parser().format_help()\n"
         "print(*{name.split('.')[0] for name in sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True)

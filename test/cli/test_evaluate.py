@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from geodesic_motion_ros.cli import main
+from geodesic_motion_ros.studies.cli import main
 
 COLUMNS = {
     "dtw_mm", "frechet_mm", "orientation_deg", "to_closest_mm",

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.cli import build_parser, experiment, main
+from geodesic_motion_ros.cli import experiment
 from geodesic_motion_ros.cli import experiment_measures as measures
 from geodesic_motion_ros.cli.experiment import EXPERIMENTS
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations
 from geodesic_motion_ros.simulation.teacher import two_mode_demonstrations
+from geodesic_motion_ros.studies.cli import build_parser, main
 
 
 def test_simulated_demonstrations_are_saved_to_train_on(tmp_path, capsys) -> None:

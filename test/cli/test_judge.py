@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.comparison.scene_file import SceneFile
+from geodesic_motion_ros.studies.cli import main
 
 SKILL = ["--skill", "panda_pouring", "--guard", "arm"]
 

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.cli import main
+from geodesic_motion_ros import cli
 from geodesic_motion_ros.manifold import training
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.studies.cli import main
 
 BRIEFLY = ["--steps", "400", "--kernels", "80"]
 
@@ -161,3 +162,10 @@ def test_a_recording_in_the_order_of_ros_is_asked_about(tmp_path, capsys) -> Non
 def test_a_recording_in_the_order_of_the_scalar_first_is_not_asked_about(tmp_path, capsys) -> None:
     assert main(poured(tmp_path, "qw,qx,qy,qz")) == 0
     assert "--columns" not in capsys.readouterr().err
+
+
+def test_the_product_alone_does_not_measure_on_held_out_demonstrations(recording, tmp_path, capsys) -> None:
+    arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "s"), *BRIEFLY]
+    assert cli.main([*arguments, "--held-out", "1"]) == 2
+    assert "nothing here measures" in capsys.readouterr().err
+    assert not (tmp_path / "s").exists()

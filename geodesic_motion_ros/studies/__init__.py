@@ -1,0 +1,1 @@
+"""What measures the product, and compares it with others: nothing of the product imports it."""

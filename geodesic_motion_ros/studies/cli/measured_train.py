@@ -1,0 +1,56 @@
+"""`train` that also measures how well held-out demonstrations are predicted, as `evaluate` does."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from geodesic_motion_ros.cli import train
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+    from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+    from geodesic_motion_ros.skill import Skill
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser of the command line."""
+    measures = {"task": train.Measure(_peers, _of_poses), "joint": train.Measure(_nothing, _of_joints)}
+    train.add_command(commands, measures)
+
+
+def _nothing() -> None:
+    """All that is needed is there."""
+
+
+def _peers() -> None:
+    from geodesic_motion_ros.experiments.baselines import require_peers
+
+    require_peers()
+
+
+def _of_poses(demonstrations: Demonstrations, held_out: tuple[int, ...], seed: int, skill: Skill) -> dict[str, Any]:
+    """Figures of the rows geodesic and people of `evaluate`, for one skill."""
+    from geodesic_motion_ros.experiments.imitation import evaluate
+
+    rows = evaluate(
+        demonstrations, [held_out], [seed], lambda *_: skill, show_progress=False, sheets=[skill.sheet]
+    ).rows  # fmt: skip
+    figures = {f"held_out_{column}": value for column, value in rows["geodesic"].items()}
+    figures |= {f"people_{column}": rows["people"][column] for column in ("dtw_mm", "orientation_deg")}
+    return {name: value for name, value in figures.items() if value is not None}
+
+
+def _of_joints(
+    demonstrations: JointDemonstrations, held_out: tuple[int, ...], seed: int, skill: Skill
+) -> dict[str, Any]:
+    """Figures of the rows geodesic, reconstruction and people of `evaluate`, for one skill."""
+    from geodesic_motion_ros.experiments.joint_imitation import evaluate_joints
+
+    report = evaluate_joints(demonstrations, [held_out], [seed], lambda *_: skill, show_progress=False)
+    return {
+        f"{name}_{column}": value
+        for name, row in (("held_out", "geodesic"), ("reconstruction", "reconstruction"), ("people", "people"))
+        for column, value in report.means(row).items()
+        if value is not None
+    }
