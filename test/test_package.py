@@ -27,17 +27,17 @@ ROS = re.compile(r"(rclpy|\w+_msgs|builtin_interfaces|std_srvs|rcl_interfaces)(\
 TORCH = re.compile(r"(torch|pytorch_kinematics)(\.|$)")
 BULLET = re.compile(r"pybullet(_data)?(\.|$)")
 UPPER = re.compile(rf"{PACKAGE}\.(manifold|experiments|benchmarks|comparison|cli)(\.|$)")
-MAY_TRAIN = {"manifold", "experiments", "cli"}
+MAY_TRAIN = {"manifold", "experiments", "cli", "studies"}
 GROUND = {
     "graph", "robot", "skill", "sheet", "joint_sheet", "regression", "quaternions", "errors", "verdict", "deadline",
     "shared_files", "obstacles", "velocity_history", "solids", "distance_field", "checked_files", "checked_numbers",
-    "skill_description", "skill_folder", "convex_hull",
+    "skill_description", "skill_folder", "convex_hull", "geometry",
 }  # fmt: skip
 RUN = {
     *GROUND, "task_frame", "joint_reference", "joint_timing", "joint_stop", "horizon", "joint_time_law",
     "joint_limits", "quintic", "cubic_spline", "arm_certificate", "swept_spheres", "fitted_spline", "latent_view",
     "arm_view", "tables", "simulation", "nodes", "kernels", "kernel_list", "kernel_worker", "paper", "planning",
-    "trajectory", "moved", "planner", "joint_planner", "planner_settings", "query",
+    "trajectory", "moved", "demo", "planner", "joint_planner", "planner_settings", "query",
 }  # fmt: skip
 
 
@@ -325,7 +325,7 @@ def module_name(file: Path) -> str:
 
 
 def test_loading_and_running_a_skill_loads_neither_torch_nor_ros_nor_pybullet() -> None:
-    parts = RUN - {"simulation", "nodes"}
+    parts = RUN - {"simulation", "nodes", "demo", "paper"}
     loaded = modules_loaded_by([module_name(file) for file in sources() if part_of(file) in parts])
     assert "numpy" in loaded
     assert not loaded & {"torch", "pytorch_kinematics", "rclpy", "pybullet"}

@@ -1,10 +1,11 @@
-"""What the planner node does differently with the paper's planner; all the rest is the same."""
+"""What the planner node does by this package's planner, and may leave to another one; all the rest is the same."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,10 @@ from geodesic_motion_ros.arm_view import ArmView
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
-from geodesic_motion_ros.nodes.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.scene_parameter import declared_scene
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycle
-from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
@@ -28,7 +27,7 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
+from geodesic_motion_ros.verdict import Verdict
 
 _SETTINGS = (
     "avoidance", "avoid", "obstacle_margin", "obstacle_position_error", "ambient_strength", "ambient_width_ratio",
@@ -36,6 +35,9 @@ _SETTINGS = (
     "maximum_offset_angle", "maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius",
     "refine", "detour", "unseen", "patience", "approach_covered_goal",
 )  # fmt: skip
+#: Methods besides "certified", each with the module and the class of its `SkillKind`. They are no part of the product,
+#: which names them here alone, and loads them where the parameter requests them.
+_METHODS = {"paper": ("geodesic_motion_ros.paper.paper_kind", "PaperKind")}
 #: Negative: what belongs to the kind of skill.
 _TOOL_LIMITS = ("speed", "angular_speed", "acceleration")
 
@@ -214,74 +216,16 @@ class CertifiedKind(SkillKind):
         self._worker.close()
 
 
-class PaperKind(SkillKind):
-    """The paper's planner, for skills of either space."""
-
-    may_be_early = False
-    guarded = "nothing"
-
-    def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
-        super().__init__()
-        strength = values["ambient_strength"] if values["avoidance"] else 0.0
-        tool = planner_settings(values).tool_limits(of_tool_poses=True)
-        settings = PaperSettings(strength, tool.speed, tool.angular_speed, values["speed_scale"])
-        self.planner = PaperPlanner(skill, settings)
-        self.robot = self.planner.robot
-        common = self.planner, values["state_timeout"], values["resume_timeout"]
-        offsets = values["maximum_offset"], values["maximum_offset_angle"]
-        self._of_joints = skill.space == "joint"
-        self.cycle: PaperCycle
-        if self._of_joints:
-            self.command_topic, self.subject = "joint_trajectory", "the whole arm, by the paper's planner"
-            self.cycle = PaperJointCycle(
-                *common, latency=values["latency"], tracking_tolerance=values["tracking_tolerance_joint"],
-                offsets=offsets, background=self._goals,
-            )  # fmt: skip
-        else:
-            self.command_topic, self.subject = "target_pose", "the tool, by the paper's planner"
-            tolerances = {name: values[name] for name in ("tracking_tolerance", "tracking_tolerance_angle")}
-            self.cycle = PaperPoseCycle(*common, **tolerances, offsets=offsets, background=self._goals)
-
-    def place(self, joints: np.ndarray) -> Any:
-        return joints if self._of_joints else self.robot.forward(joints)
-
-    def send(self, outputs: PlannerOutputs, output: CycleOutput) -> None:
-        if output.trajectory is not None:
-            outputs.trajectory(self.robot.joint_names, *output.trajectory)
-        if output.commanded is not None:
-            outputs.target(*output.commanded)
-
-    def tool_poses(self, reference: Any) -> Pose:
-        return self.planner.tool_poses(reference)
-
-    def body(self, output: CycleOutput) -> np.ndarray:
-        return np.zeros((0, 4))  # the paper's metric sees points
-
-    def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
-        return self.tool_poses(self.planner.plan(start, goal)), Verdict(VerdictCode.OK, CAUTION)
-
-    def view(self, skill: Skill, size: int) -> LatentPicture | None:
-        if skill.decoder.latent_dimension != 2 or self._of_joints:
-            return None
-        return LatentView(skill, self.planner.graph, np.zeros((1, 3)), np.zeros(1), size)
-
-    def update(self, values: Mapping[str, Value]) -> None:
-        self.cycle.state_timeout = values["state_timeout"]
-        self.cycle.resume_timeout = values["resume_timeout"]
-        if isinstance(self.cycle, PaperPoseCycle):
-            self.cycle.tracking_tolerance = values["tracking_tolerance"]
-            self.cycle.tracking_tolerance_angle = values["tracking_tolerance_angle"]
-        elif isinstance(self.cycle, PaperJointCycle):
-            self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
-
-
 def _tool_tolerance(values: Mapping[str, Value]) -> tuple[float, float]:
     return values["tracking_tolerance"], values["tracking_tolerance_angle"]
 
 
 def kind_of(skill: Skill, values: Mapping[str, Value]) -> SkillKind:
     """How the node treats a skill, with the values of its parameters."""
-    return PaperKind(skill, values) if values["method"] == "paper" else CertifiedKind(skill, values)
+    if values["method"] not in _METHODS:
+        return CertifiedKind(skill, values)
+    module, name = _METHODS[values["method"]]
+    return getattr(import_module(module), name)(skill, values)
 
 
 def planner_settings(values: Mapping[str, Value]) -> PlannerSettings:
