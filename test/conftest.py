@@ -46,7 +46,7 @@ os.environ["ROS_DOMAIN_ID"] = str(
 
 
 #: Begun with: the longest file.
-FIRST = "benchmarks/test_run.py"
+FIRST = "studies/benchmarks/test_run.py"
 
 
 def pytest_sessionstart() -> None:

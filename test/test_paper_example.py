@@ -19,11 +19,11 @@ from geodesic_motion_ros.graph.grid import LatentGrid
 from geodesic_motion_ros.graph.pose_graph import MetricSettings, PoseGraph
 from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.manifold.densities import antipodal_log_density, divergence_from_normal, gaussian_log_density
-from geodesic_motion_ros.manifold.metric import AmbientFactor
 from geodesic_motion_ros.manifold.networks import RadialBasisNetwork
-from geodesic_motion_ros.paper.dense_graph import dense_graph
-from geodesic_motion_ros.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
+from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
+from geodesic_motion_ros.studies.tools.metric import AmbientFactor
 
 FILE = Path(__file__).resolve().parents[1] / "examples" / "paper_in_200_lines.py"
 SHAPE = (30, 30)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.cli.experiment import EXPERIMENTS
+from geodesic_motion_ros.studies.cli.experiment import EXPERIMENTS
 
 PAGE = Path(__file__).resolve().parents[1] / "doc" / "paper_in_code.md"
 TEXT = PAGE.read_text()

@@ -2,7 +2,7 @@
 
 The spheres hold all of the collision meshes, so a clearance is never larger than that of the meshes (as a penetration
 grows deeper the two may differ in depth, not in sign). Which spheres an arm has is written in a file beside its URDF;
-simulation/sphere_cover.py makes it.
+studies/tools/sphere_cover.py makes it.
 """
 
 from __future__ import annotations

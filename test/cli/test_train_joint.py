@@ -75,7 +75,7 @@ def test_inspect_shows_families_and_graph(trained, tmp_path, capsys) -> None:
 
 
 def test_evaluate_prints_the_table_of_joints(joint_recording, trained, tmp_path, capsys, monkeypatch) -> None:
-    from geodesic_motion_ros.experiments import trained as cache
+    from geodesic_motion_ros.studies.experiments import trained as cache
 
     asked = []
 

@@ -143,7 +143,7 @@ def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start
 def test_without_avoidance_or_with_the_hand_alone_the_elbow_hits(
     stream, reach_skill, planner, start, goal, on_elbow, least_clearance
 ) -> None:
-    from geodesic_motion_ros.experiments.blocked_arm import hand_alone
+    from geodesic_motion_ros.studies.experiments.blocked_arm import hand_alone
 
     blind = ReactivePlanner(reach_skill, replace(planner.settings, avoidance=False))
     settings = replace(planner.settings, ambient_strength=0.0)

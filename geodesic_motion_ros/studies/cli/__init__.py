@@ -9,19 +9,8 @@ import argparse
 from collections.abc import Sequence
 
 from geodesic_motion_ros import cli
-from geodesic_motion_ros.cli import (
-    bench,
-    benchmark,
-    demo,
-    demonstrate,
-    evaluate,
-    experiment,
-    faults,
-    goal,
-    inspect,
-    judge,
-)
-from geodesic_motion_ros.studies.cli import measured_train
+from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect
+from geodesic_motion_ros.studies.cli import bench, benchmark, evaluate, experiment, faults, judge, measured_train
 
 _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.

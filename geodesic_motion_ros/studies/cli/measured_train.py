@@ -24,14 +24,14 @@ def _nothing() -> None:
 
 
 def _peers() -> None:
-    from geodesic_motion_ros.experiments.baselines import require_peers
+    from geodesic_motion_ros.studies.experiments.baselines import require_peers
 
     require_peers()
 
 
 def _of_poses(demonstrations: Demonstrations, held_out: tuple[int, ...], seed: int, skill: Skill) -> dict[str, Any]:
     """Figures of the rows geodesic and people of `evaluate`, for one skill."""
-    from geodesic_motion_ros.experiments.imitation import evaluate
+    from geodesic_motion_ros.studies.experiments.imitation import evaluate
 
     rows = evaluate(
         demonstrations, [held_out], [seed], lambda *_: skill, show_progress=False, sheets=[skill.sheet]
@@ -45,7 +45,7 @@ def _of_joints(
     demonstrations: JointDemonstrations, held_out: tuple[int, ...], seed: int, skill: Skill
 ) -> dict[str, Any]:
     """Figures of the rows geodesic, reconstruction and people of `evaluate`, for one skill."""
-    from geodesic_motion_ros.experiments.joint_imitation import evaluate_joints
+    from geodesic_motion_ros.studies.experiments.joint_imitation import evaluate_joints
 
     report = evaluate_joints(demonstrations, [held_out], [seed], lambda *_: skill, show_progress=False)
     return {

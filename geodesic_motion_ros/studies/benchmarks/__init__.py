@@ -1,0 +1,1 @@
+"""How long the parts of a tick take, beside other libraries."""

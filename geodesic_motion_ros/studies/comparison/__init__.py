@@ -1,0 +1,1 @@
+"""Success among moving spheres, beside other methods."""

@@ -1,0 +1,280 @@
+"""Why the whole arm needs three latent dimensions: circles drawn in several postures, learned in two and in three.
+
+The tool goes round a circle in an upright plane, in families whose elbows are on different sides. Learned as they are,
+with the prior N(0, 1) of the paper, they have to find room beside one another. Then geodesics are asked for from every
+demonstration's code at several shares of its circle to its own code half a circle on, inside the support. What is
+decoded should keep the posture that both ends have; which it has is told by the nearest demonstrated configuration.
+
+Columns of the table, a row for each number of latent dimensions and seed:
+
+error mm        mean distance of the tool in the demonstrations that encoder and decoder give back
+ways, none      geodesics that were asked for, and pairs of ends that the support does not join
+switches        changes from one family to another, over all ways; switching : ways with at least one
+off deg         largest distance of a way's configuration from the nearest demonstrated one, over all joints
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from scipy.spatial import cKDTree
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+from geodesic_motion_ros.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import NEIGHBOURS
+from geodesic_motion_ros.studies.experiments.joint_models import (
+    decoded,
+    models,
+    pullback_metric,
+    supported,
+    told,
+    tool_error,
+)
+from geodesic_motion_ros.studies.experiments.latent_pictures import between_samples, draw_haloed, grid_around
+from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly
+from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
+from geodesic_motion_ros.tables import text_table
+
+#: Swivel angles of the families, and demonstrations of each. Near zero the circle passes a singular posture.
+SWIVELS, SHOWN = np.radians([-60.0, -25.0, 25.0, 60.0]), 3
+SAMPLES = 100
+#: Nodes of the grid along each axis, by the latent dimension; free border as a share of the codes' box.
+SIDES, _BORDER = {2: 100, 3: 40}, 0.1
+#: Shares of a circle where ways begin; they end half a circle on.
+BEGINS = (0.05, 0.2, 0.35, 0.45)
+_HALF = 0.5
+#: The paper's networks and number of kernels, and as many steps as a skill is learned with.
+TRAINING = JointTrainingSettings(
+    sheet="raw", hidden=(200, 100), steps=5000, batch=128, samples=SAMPLES, kernels=500, precision_iterations=60,
+    precision_samples=2,
+)  # fmt: skip
+_COLOURS = (BLUE, ORANGE, GREEN, VERMILION)
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Circles:
+    """Demonstrated configurations (N, T, 7) [rad], equally many of each family, one family after the other."""
+
+    configurations: np.ndarray
+    families: int
+
+    @property
+    def per_family(self) -> int:
+        return len(self.configurations) // self.families
+
+
+@dataclass(frozen=True)
+class CircleWay:
+    """A geodesic (m, d) and the configurations (m, 7) [rad] that it decodes to, the family of its ends, and of each of
+    its points (m,); how far off the data it gets [rad].
+    """
+
+    latent: np.ndarray
+    configurations: np.ndarray
+    family: int
+    nearest: np.ndarray
+    off: float
+
+    @property
+    def switches(self) -> int:
+        """Changes from one family to another on the way."""
+        return int(np.count_nonzero(np.diff(self.nearest)))
+
+
+@dataclass(frozen=True)
+class CircleRow:
+    """One model: codes (N, T, d), its ways, and the pairs of ends that are not joined."""
+
+    dimension: int
+    seed: int
+    error_mm: float
+    codes: np.ndarray
+    ways: tuple[CircleWay, ...]
+    apart: int
+
+    def figures(self) -> dict[str, float | int]:
+        """What the table shows."""
+        return {
+            "dimension": self.dimension, "seed": self.seed, "error_mm": self.error_mm, "ways": len(self.ways),
+            "none": self.apart, "switches": sum(way.switches for way in self.ways),
+            "switching": sum(way.switches > 0 for way in self.ways),
+            "off_deg": float(np.degrees(max((way.off for way in self.ways), default=np.nan))),
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CircleReport:
+    """All rows."""
+
+    shown: Circles
+    rows: tuple[CircleRow, ...]
+
+    def of(self, dimension: int) -> list[CircleRow]:
+        """The rows of one number of latent dimensions."""
+        return [row for row in self.rows if row.dimension == dimension]
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` writes."""
+        return {"rows": [row.figures() for row in self.rows]}
+
+    def table(self) -> str:
+        """The table as plain text."""
+        head = ["latent", "seed", "error mm", "ways", "none", "switches", "switching", "off deg"]
+        return text_table(head, [list(row.figures().values()) for row in self.rows], digits=1)
+
+
+def shown_circles(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0) -> Circles:
+    """As `simulation.joint_teacher` tells the arm, without physics: each circle in every family's swivel angle."""
+    from geodesic_motion_ros.simulation.joint_teacher import CIRCLE_SWIVEL, circle_guidances
+
+    robot, guidances = Robot.panda(), circle_guidances(per_family, seed)
+    curves = [told(robot, each, samples, swivel - CIRCLE_SWIVEL) for swivel in SWIVELS for each in guidances]
+    return Circles(np.stack(curves), len(SWIVELS))
+
+
+def measure_circle(
+    seeds: Sequence[int] = (0, 1, 2),
+    settings: JointTrainingSettings = TRAINING,
+    shown: Circles | None = None,
+    dimensions: Sequence[int] = (2, 3),
+    progress: Progress | None = None,
+    folder: Path = Path("out/experiments/models"),
+) -> CircleReport:
+    """Learn the circles in each number of dimensions, once for every seed, and count.
+
+    Parameters
+    ----------
+    settings : its seed and its latent dimension are replaced. shown : None: `shown_circles`. progress : told what
+        begins. folder : where trained models are kept, see `models`.
+
+    Raises
+    ------
+    ParameterError : no seeds or no dimensions.
+    """
+    if not seeds or not dimensions:
+        raise ParameterError("no seeds or no dimensions: at least one training is needed")
+    robot, shown = Robot.panda(), shown or shown_circles()
+    learned = models(shown.configurations, robot, dimensions, seeds, settings, progress, folder)
+    return CircleReport(shown, tuple(_measured(vae, shown, robot, chosen) for vae, chosen in learned))
+
+
+def _measured(vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointTrainingSettings) -> CircleRow:
+    with torch.no_grad():
+        codes = vae.encoder(torch.tensor(shown.configurations))[0].numpy()
+    dimension = settings.latent_dimension
+    grid = grid_around(codes, SIDES[dimension], _BORDER)
+    graph = MetricGraph.on_grid(
+        pullback_metric(vae, robot, settings), grid, supported(vae, codes, grid.nodes()), NEIGHBOURS[dimension]
+    )
+    ways, apart = circle_ways(graph, codes, shown, partial(decoded, vae))
+    error = 1e3 * tool_error(vae, robot, shown.configurations)
+    return CircleRow(dimension, settings.seed, error, codes, tuple(ways), apart)
+
+
+def circle_ways(
+    graph: MetricGraph, codes: np.ndarray, shown: Circles, decode: Callable[[np.ndarray], np.ndarray]
+) -> tuple[list[CircleWay], int]:
+    """Geodesics from codes (N, T, d) of every demonstration to its own half a circle on, and how many pairs of ends the
+    graph does not join.
+
+    decode : configurations (n, 7) [rad] at latent points (n, d).
+    """
+    fine = between_samples(shown.configurations)
+    tree = cKDTree(fine.reshape(-1, fine.shape[-1]))
+    ways, apart = [], 0
+    samples = shown.configurations.shape[1]
+    for number, code in enumerate(codes):
+        for begin in BEGINS:
+            first, last = (int(share * (samples - 1)) for share in (begin, begin + _HALF))
+            path = graph.path(code[first], code[last])
+            if path is None:
+                apart += 1
+                continue
+            latent = evenly(path)
+            configurations = decode(latent)
+            off, nearest = tree.query(configurations)
+            families = nearest // (fine.shape[1] * shown.per_family)
+            ways.append(CircleWay(latent, configurations, number // shown.per_family, families, float(off.max())))
+    return ways, apart
+
+
+def draw_circle(report: CircleReport, path: Path) -> None:
+    """Of the seed with most switches both latent spaces and its worst path, the joints along it and the arm; of every
+    seed, which family is where.
+    """
+    figure = Figure(figsize=(10.0, 12.4), layout="constrained")
+    grid = figure.add_gridspec(5, 2, height_ratios=(1.25, 1.0, 0.9, 0.55, 0.55))
+    for column, dimension in enumerate((2, 3)):
+        rows = report.of(dimension)
+        space = figure.add_subplot(grid[0, column], **({"projection": "3d"} if dimension == 3 else {}))
+        worst = max(rows, key=lambda row: sum(way.switches for way in row.ways))
+        _draw_codes(space, report.shown, worst)
+        if worst.ways:
+            drawn = max(worst.ways, key=lambda way: way.switches)
+            draw_haloed(space, drawn.latent, "black", "-")
+            space.plot(*drawn.latent[[0, -1]].T, "o", color="black", markeredgecolor="white", zorder=6)
+            _draw_joints(figure.add_subplot(grid[2, column]), drawn, "ef"[column])
+            strip = figure.add_subplot(grid[3 + column, :])
+            strip.imshow(posture_strips([drawn.configurations], [{}], width=300, height=200, postures=6))
+            strip.set_axis_off()
+            strip.set_title(f"{'gh'[column]}  the arm along the path of {'ab'[column]}", loc="left", fontsize=11)
+        title = f"{'ab'[column]}  {dimension} latent dimensions, seed {worst.seed}"
+        space.set_title(title, loc="left", fontsize=11)
+        axes = figure.add_subplot(grid[1, column])
+        _draw_families(axes, rows)
+        switches = sum(way.switches for row in rows for way in row.ways)
+        seeds = "1 seed" if len(rows) == 1 else f"{len(rows)} seeds"
+        axes.set_title(f"{'cd'[column]}  {switches} switches on {_count(rows)} ways, {seeds}", loc="left", fontsize=11)
+    handles = [
+        Line2D([], [], color=colour, linewidth=2.0, label=f"elbow at {np.degrees(swivel):.0f} deg")
+        for colour, swivel in zip(_COLOURS, SWIVELS, strict=True)
+    ]
+    handles.append(Line2D([], [], color="black", linewidth=2.2, label="geodesic that switches most, or the first"))
+    legend_below(figure, handles)
+    write_figure(figure, path)
+
+
+def _count(rows: Sequence[CircleRow]) -> int:
+    return sum(len(row.ways) for row in rows)
+
+
+def _draw_joints(axes: Axes, way: CircleWay, letter: str) -> None:
+    """Joints along a path: where it switches between families they jump."""
+    share = np.linspace(0.0, 1.0, len(way.configurations))
+    axes.plot(share, np.degrees(way.configurations - way.configurations[0]), linewidth=1.2)
+    axes.set(xlabel="share of the path", ylabel="joints from their start [deg]", xlim=(0.0, 1.0))
+    fastest = np.degrees(np.abs(np.diff(way.configurations, axis=0)).max() / (share[1] - share[0]))
+    title = f"{letter}  its seven joints, {way.switches} switches, {fastest:.0f} deg per path at most"
+    axes.set_title(title, loc="left", fontsize=11)
+
+
+def _draw_codes(axes: Axes, shown: Circles, row: CircleRow) -> None:
+    for number, code in enumerate(row.codes):
+        axes.plot(*code.T, color=_COLOURS[number // shown.per_family], linewidth=1.0)
+    for name, number in zip("xyz", range(1, row.dimension + 1), strict=False):
+        getattr(axes, f"set_{name}label")(f"$z_{number}$")
+
+
+def _draw_families(axes: Axes, rows: Sequence[CircleRow]) -> None:
+    ways = sorted((way for row in rows for way in row.ways), key=lambda way: way.family)
+    picture = np.array([way.nearest for way in ways]).reshape(len(ways), -1)
+    axes.imshow(
+        picture, cmap=ListedColormap(_COLOURS), vmin=-0.5, vmax=len(_COLOURS) - 0.5, aspect="auto",
+        interpolation="nearest", extent=(0.0, 1.0, len(ways), 0),
+    )  # fmt: skip
+    axes.set(xlabel="share of the way", ylabel="ways, by the family of their ends")

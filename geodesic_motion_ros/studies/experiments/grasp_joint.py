@@ -1,0 +1,409 @@
+"""Reach to grasp with the whole arm in several families: which ways are left when some of them are blocked?
+
+Two sets of simulated demonstrations (`joint_teacher.reach_to_grasp`):
+
+- *separated*: three families, each with the elbow elsewhere from start to goal; the hand does the same in all;
+- *meeting*: two families that begin alike, open to either side, meet half way, open again, and end alike.
+
+Two rows: *ours*, one skill of each set for every seed, and the paper's to the letter (*literal*), one skill of each set
+with `JointTrainingSettings.paper` and the first seed, planned with `PaperPlanner`.
+
+Spheres are drawn at random in the arm on the families' mean motions (`grasp_joint_scenes`), the same for every skill.
+From every start to whichever goal is the cheapest both planners are asked. Scenes in which a sphere touches the
+arm at its start or at its own family's goal are counted and left out; where that is so from all starts the scene is
+counted and drawn again. The others are distinguished by what the spheres leave of what was demonstrated: something, or
+nothing at all; in the meeting set it may be a hybrid alone that nobody demonstrated, the first half of one family and
+the second of the other.
+
+Energies: of ours on the whole latent box, walls and all, from the start of one family to the goal of each; of the
+literal planner's paths, length squared, with no sphere, with one that is put so that it blocks one family, with all
+families blocked, and from one family to the goal of another.
+
+Clearances are those of the arm's meshes, every 5 ms, by PyBullet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from tqdm import tqdm
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
+from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.studies.experiments.arm_players import Families, LiteralArm, OurArm, Player, settings_table
+from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import (
+    RADIUS,
+    Scene,
+    SceneAnswer,
+    Stage,
+    blocking_spheres,
+)
+from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, whole_box
+from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
+from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
+from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
+from geodesic_motion_ros.tables import Cell, text_table
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+
+#: Families of each set.
+SETS = {"separated": 3, "meeting": 2}
+#: Why a planner was not asked.
+COVERED = "not asked: a sphere touches the arm at the start or at the goal"
+#: Nodes along each side of the box for energies.
+_BOX = (40, 40, 40)
+#: Name and colour of a way that is clear of all spheres, and of one that is not.
+_MARKED = {"clear": ("geodesic", BLUE), "hits": ("geodesic through a sphere", VERMILION)}
+#: Every so many configurations of an answer are drawn from.
+_THINNED = 4
+
+
+@dataclass(frozen=True)
+class GraspJointSettings:
+    """How many demonstrations of each family are shown; `seeds` are of the trainings, one skill of each set for each.
+
+    The demonstrations are the same for all seeds. `places` scenes are drawn of one sphere, for the meeting set as many
+    of two. The literal row is of the first seed.
+    """
+
+    shown: int = 3
+    seeds: tuple[int, ...] = (0, 1, 2)
+    places: int = 24
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
+    literal: PaperSettings = field(default_factory=PaperSettings)
+
+    def __post_init__(self) -> None:
+        if self.shown < 2:
+            raise ParameterError(f"shown is {self.shown}; a family needs at least 2 demonstrations")
+        if self.places < 1:
+            raise ParameterError(f"places is {self.places}; at least one scene is needed")
+        check_seeds(self.seeds)
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Energies (F, F) of the shortest paths from the start of each family (row) to the goal of each (column), and the
+    largest squared length of one edge of each (`LearnedPath`); `edge_limit` is what the planner allows an edge.
+    """
+
+    energy: np.ndarray
+    dearest: np.ndarray
+    edge_limit: float
+
+    @property
+    def within(self) -> np.ndarray:
+        """(F,) from the start of a family to its own goal."""
+        return np.diag(self.energy)
+
+    @property
+    def across(self) -> np.ndarray:
+        """(F (F - 1),) from the start of a family to the goal of another."""
+        return self.energy[~np.eye(len(self.energy), dtype=bool)]
+
+
+@dataclass(frozen=True)
+class SkillReport:
+    """What one skill does.
+
+    Attributes
+    ----------
+    row : who plans, ours or literal; kind : of `SETS`; seed : of the training.
+    answers : to scenes without a sphere, with one, and with two.
+    energies : of the families on our skill, None of the literal row.
+    blocked : paths of the literal planner among spheres that are put to block, by what they block; empty of ours.
+    """
+
+    row: str
+    kind: str
+    seed: int
+    answers: tuple[SceneAnswer, ...]
+    energies: Energies | None = None
+    blocked: tuple[tuple[str, SceneAnswer], ...] = ()
+
+
+@dataclass(frozen=True)
+class GraspJointReport:
+    """What all skills do, and one of each row and set to be drawn.
+
+    made : how they came about. again : of each set, scenes that were drawn again.
+    """
+
+    settings: GraspJointSettings
+    skills: tuple[SkillReport, ...]
+    made: str
+    again: dict[str, int]
+    drawn: dict[tuple[str, str], ReactivePlanner] = field(repr=False)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` writes."""
+        return {
+            "settings": asdict(self.settings),
+            "scenes_drawn_again": self.again,
+            "skills": [
+                {
+                    "row": report.row, "set": report.kind, "seed": report.seed,
+                    "energies": None if report.energies is None else asdict(report.energies),
+                    "scenes": [answer.as_dict() for answer in report.answers],
+                    "blocked": [
+                        answer.as_dict() | {"spheres": name, "energy": _energy(answer)}
+                        for name, answer in report.blocked
+                    ],
+                }
+                for report in self.skills
+            ],
+        }  # fmt: skip
+
+    def table(self) -> str:
+        """The tables as plain text."""
+        return "\n\n".join([self.made, self._scenes(), self._energies(), self._blocked()])
+
+    def _scenes(self) -> str:
+        head = [
+            "row", "set", "seed", "spheres", "scenes", "covered", "something left", "clear", "as shown", "refused",
+            "hits", "least mm", "hybrids alone left", "taken", "nothing left", "refused", "clear", "hits",
+        ]  # fmt: skip
+        rows: list[list[Cell]] = []
+        for report in self.skills:
+            counts = sorted({len(answer.scene.radii) for answer in report.answers})
+            for count in counts:
+                asked = [answer for answer in report.answers if len(answer.scene.radii) == count]
+                rows.append([report.row, report.kind, report.seed, count, *_counted(asked)])
+        again = ", ".join(f"{kind} {count}" for kind, count in self.again.items())
+        note = f"scenes drawn again because a sphere touches the arm at every start or its goal: {again}"
+        return "\n".join([text_table(head, rows, 0, left=(0, 1)), note])
+
+    def _energies(self) -> str:
+        head = [
+            "our energies", "seed", "families", "within, least", "within, most", "across, least", "across, most",
+            "least ratio", "edge within", "edge across", "edge allowed",
+        ]  # fmt: skip
+        rows: list[list[Cell]] = []
+        for report in self.skills:
+            found = report.energies
+            # Families that meet change from one to the other for nothing.
+            if found is None or report.kind != "separated":
+                continue
+            others = ~np.eye(len(found.energy), dtype=bool)
+            rows.append([
+                report.kind, report.seed, len(found.energy), float(found.within.min()), float(found.within.max()),
+                float(found.across.min()), float(found.across.max()),
+                float(found.across.min() / found.within.max()), float(np.diag(found.dearest).max()),
+                float(found.dearest[others].min()), found.edge_limit,
+            ])  # fmt: skip
+        return text_table(head, rows, 4)
+
+    def _blocked(self) -> str:
+        head = ["literal planner", "set", "from family", "energy", "over free", "families passed", "clearance mm"]
+        rows: list[list[Cell]] = []
+        for report in self.skills:
+            free = {answer.scene.start: _energy(answer) for name, answer in report.blocked if name == "free"}
+            for name, answer in report.blocked:
+                start = answer.scene.start
+                spheres = len(answer.scene.radii)
+                rows.append([
+                    name, report.kind, "any" if len(start) > 1 else str(start[0]), _energy(answer),
+                    _energy(answer) / free[start], " then ".join(map(str, answer.passed)),
+                    1e3 * answer.clearance if spheres else None,
+                ])  # fmt: skip
+        return text_table(head, rows, 2, left=(0, 1))
+
+
+def _energy(answer: SceneAnswer) -> float:
+    """Of the literal planner's path, as a curve of constant speed in its metric."""
+    assert answer.played is not None
+    return answer.played.cost**2
+
+
+def _counted(answers: list[SceneAnswer]) -> list[Cell]:
+    """Scenes, those left out, and what is made of the others: the columns of the table from there on."""
+    open_ends = [answer for answer in answers if not answer.scene.covered]
+    some = [answer for answer in open_ends if answer.scene.left]
+    none = [answer for answer in open_ends if not answer.scene.left]
+    clear = [answer for answer in some if answer.kind == "clear"]
+    shown = [answer for answer in clear if answer.passed in answer.scene.left]
+    least = min((answer.clearance for answer in clear), default=math.nan)
+    return [
+        len(answers), len(answers) - len(open_ends), len(some), len(clear), len(shown), _of(some, "refused"),
+        _of(some, "hits"), 1e3 * least if math.isfinite(least) else None,
+        sum(answer.scene.hybrids_alone for answer in some), sum(answer.scene.hybrids_alone for answer in shown),
+        len(none), *(_of(none, kind) for kind in ("refused", "clear", "hits")),
+    ]  # fmt: skip
+
+
+def _of(answers: list[SceneAnswer], kind: str) -> int:
+    return sum(answer.kind == kind for answer in answers)
+
+
+def measure_grasp_joint(
+    settings: GraspJointSettings = GraspJointSettings(),
+    skills: Path = Path("out/experiments/skills"),
+    training: JointTrainingSettings | None = None,
+    literal: JointTrainingSettings | None = None,
+    show_progress: bool = True,
+) -> GraspJointReport:
+    """Show, train and ask.
+
+    Parameters
+    ----------
+    skills : cache of trained skills, see `trained_once`.
+    training, literal : of both rows, their seeds are replaced; None: `BRIEFLY`, and the paper's.
+    """
+    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+
+    ours, literally = training or JointTrainingSettings(**BRIEFLY), literal or JointTrainingSettings.paper()
+    shown = {
+        "separated": reach_to_grasp(settings.shown, 0, families=3, connected=False),
+        "meeting": reach_to_grasp(settings.shown, 0, families=2, connected=True, openings=2),
+    }
+    reports, drawn, made, again = [], {}, [], {}
+    with tqdm(
+        total=len(SETS) * (len(settings.seeds) + 1), desc="grasp-joint", unit="skill", disable=not show_progress
+    ) as bar:
+        for kind, count in SETS.items():
+            families = Families.of(shown[kind], count)
+            first = settings.seeds[0]
+            stage = Stage(families, connected=kind == "meeting", seed=first)
+            scenes, again[kind] = all_scenes(stage, settings.places), stage.again
+            for seed in settings.seeds:
+                skill = trained_once(f"reach_{kind}", shown[kind], replace(ours, seed=seed), skills)
+                planner = ReactivePlanner(skill, settings.planner)
+                drawn.setdefault(("ours", kind), planner)
+                player = OurArm(planner, families)
+                made += [(f"ours, {kind}", player, ours)] if seed == first else []
+                answers = answered(player, stage, scenes)
+                reports.append(SkillReport("ours", kind, seed, answers, family_energies(skill)))
+                bar.update()
+            skill = trained_once(f"reach_{kind}", shown[kind], replace(literally, seed=first), skills)
+            paper = LiteralArm(PaperPlanner(skill, settings.literal), families)
+            made.append((f"literal, {kind}", paper, literally))
+            blocked = among_blocking(paper, stage, drawn["ours", kind])
+            reports.append(SkillReport("literal", kind, first, answered(paper, stage, scenes), blocked=blocked))
+            drawn["literal", kind] = ReactivePlanner(skill, settings.planner)
+            bar.update()
+    return GraspJointReport(settings, tuple(reports), settings_table(made), again, drawn)
+
+
+def all_scenes(stage: Stage, places: int) -> list[Scene]:
+    """Without a sphere, with one in so many places, and of families that meet with two."""
+    scenes = [stage.scene(*ends, np.empty((0, 3))) for ends in stage.ends()]
+    return scenes + [scene for count in ((1, 2) if stage.connected else (1,)) for scene in stage.drawn(places, count)]
+
+
+def answered(player: Player, stage: Stage, scenes: Sequence[Scene]) -> tuple[SceneAnswer, ...]:
+    """What a planner makes of scenes; of those that are covered it is not asked."""
+    return tuple(SceneAnswer(scene, COVERED) if scene.covered else stage.answer(player, scene) for scene in scenes)
+
+
+def among_blocking(player: LiteralArm, stage: Stage, planner: ReactivePlanner) -> tuple[tuple[str, SceneAnswer], ...]:
+    """Paths of the literal planner among `blocking_spheres`, and of families that are apart from one to another's goal.
+
+    planner : whose arm the spheres are put on.
+    """
+    asked = [
+        (name, stage.scene(*ends, np.array(spheres)))
+        for name, spheres in blocking_spheres(planner, stage).items() for ends in stage.ends()
+    ]  # fmt: skip
+    if not stage.connected:
+        asked += [
+            ("free, to another family's goal", stage.scene(start, tuple(set(goals) - {start}), np.empty((0, 3))))
+            for start, goals in stage.ends()
+        ]  # fmt: skip
+    return tuple((name, stage.answer(player, scene)) for name, scene in asked)
+
+
+def family_energies(skill: Skill, shape: tuple[int, ...] | None = _BOX) -> Energies:
+    """Shortest paths between all starts and goals of a skill's families, on its whole latent box; shape : its nodes."""
+    paths, modes = LearnedPaths(whole_box(skill, shape)), skill.canonical.modes
+    ends = np.array([skill.codes[modes == mode][:, [0, -1]].mean(axis=0) for mode in range(int(modes.max()) + 1)])
+    found = [[paths.shortest(start, goal) for goal in ends[:, 1]] for start in ends[:, 0]]
+    energy, dearest = (np.array([[getattr(path, of) for path in row] for row in found]) for of in ("energy", "dearest"))
+    return Energies(energy, dearest, skill.graph(shape).energy_limit)
+
+
+def draw_grasp_joint(report: GraspJointReport, path: Path) -> None:
+    """The first seed: above latent spaces with ways; below the arm on some of them, row by row."""
+    from matplotlib.figure import Figure
+
+    from geodesic_motion_ros.joint_plots import draw_latent_tubes
+
+    first = {(item.row, item.kind): item.answers for item in report.skills if item.seed == report.settings.seeds[0]}
+    ours, literal = _telling(first["ours", "separated"], first["literal", "separated"])
+    hybrid = _hybrid(first["ours", "meeting"])
+    panels = [
+        (("ours", "separated"), ours, "a  Ours: what is blocked is refused"),
+        (("literal", "separated"), literal, "b  Literal, the same scene"),
+        (("ours", "meeting"), [hybrid], "c  Ours, families that meet"),
+    ]
+    rows = [("Ours", _nearest(ours)), ("Literal", _nearest(literal)), ("Ours", hybrid)]
+    strips = [(name, answer) for name, answer in rows if answer.played is not None]
+    figure = Figure(figsize=(13.0, 5.2 + 2.05 * len(strips)), layout="constrained")
+    grid = figure.add_gridspec(1 + len(strips), 3, height_ratios=(4.8, *(2.0 for _ in strips)))
+    named: dict[str, Any] = {}
+    for column, (drawn, answers, title) in enumerate(panels):
+        ways = [
+            Way(answer.played.latent, np.empty((0, 3)), *_MARKED[answer.kind])
+            for answer in answers if answer.played is not None
+        ]  # fmt: skip
+        spheres = [Sphere(centre, RADIUS, centre[None]) for centre in answers[0].scene.centres]
+        handles = draw_latent_tubes(figure, grid[0, column], report.drawn[drawn], ways, spheres, title, zoom=0.85)
+        named |= {str(handle.get_label()): handle for handle in handles}
+    for row, (name, answer) in enumerate(strips, start=1):
+        axes = figure.add_subplot(grid[row, :])
+        axes.imshow(_strip(answer))
+        axes.set_axis_off()
+        axes.set_title(f"{'def'[row - 1]}  {name}, {_caption(answer)}", loc="left", fontsize=11)
+    legend_below(figure, list(named.values()))
+    write_figure(figure, path)
+
+
+def _telling(
+    ours: Sequence[SceneAnswer], literal: Sequence[SceneAnswer]
+) -> tuple[list[SceneAnswer], list[SceneAnswer]]:
+    """Both rows' answers, from all starts, to that place of a sphere which tells them apart best."""
+    families = len([answer for answer in ours if not len(answer.scene.radii)])
+
+    def difference(begin: int) -> int:
+        pairs = zip(ours[begin : begin + families], literal[begin : begin + families], strict=True)
+        apart = [(mine.kind, other.kind) for mine, other in pairs if not mine.scene.covered]
+        kinds = {kind for kind, _ in apart}
+        return apart.count(("refused", "hits")) + len(kinds)
+
+    begin = max(range(families, len(ours), families), key=difference)
+    return list(ours[begin : begin + families]), list(literal[begin : begin + families])
+
+
+def _hybrid(answers: Sequence[SceneAnswer]) -> SceneAnswer:
+    """One that takes a hybrid where nothing else is left; the last where none does."""
+    found = [answer for answer in answers if answer.scene.hybrids_alone and answer.passed in answer.scene.left]
+    return max(found, key=lambda answer: answer.clearance, default=answers[-1])
+
+
+def _nearest(answers: Sequence[SceneAnswer]) -> SceneAnswer:
+    """The one that comes nearest to the spheres."""
+    return min(answers, key=lambda answer: math.inf if answer.played is None else answer.clearance)
+
+
+def _caption(answer: SceneAnswer) -> str:
+    passed = " then ".join(map(str, answer.passed))
+    away = f"{1e3 * abs(answer.clearance):.0f} mm {'clear of' if answer.kind == 'clear' else 'deep in'} the spheres"
+    return f"family {passed}: {away}"
+
+
+def _strip(answer: SceneAnswer) -> np.ndarray:
+    assert answer.played is not None
+    scene = answer.scene
+    spheres = {
+        str(i): (centre, float(radius))
+        for i, (centre, radius) in enumerate(zip(scene.centres, scene.radii, strict=True))
+    }
+    return posture_strips([answer.played.configurations[::_THINNED]], [spheres], width=400, height=270)

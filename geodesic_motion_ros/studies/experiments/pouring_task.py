@@ -1,0 +1,343 @@
+"""Pouring in task space, three bottles to three cups of which three pairs were shown: all nine, an obstacle, a chain.
+
+The simulated teacher carries each of three bottles to a cup of its own, and the three ways cross (`joint_teacher.
+pouring`); what is learned are the poses of the tool. For every seed of the training:
+
+- *pairs*: from each bottle to each cup, on the raw sheet, the paper's, and on the canonical one. What counts is how far
+  a path is from any position that was demonstrated;
+- *clearance*: half way along each path a sphere beside the bottle or under it, 1 cm deep in its way. The planner that
+  takes the tool for a sphere of 4 cm does not know of the bottle in the hand; the other one has spheres along it that
+  hold all of it. Measured is the exact distance of the bottle's two cylinders from the sphere, along the dense path;
+- *chain*: with one bottle to the first cup, on to the second and to the third: three geodesics on the raw sheet, which
+  alone takes an end that was shown for a start. It is played by the arm in PyBullet among the stands.
+
+For the first seed a sphere *moves* through the way while the tool follows it on the raw sheet, and the geodesic is
+drawn at two times. Of the same skill a second picture shows how a sphere reshapes the metric, and many geodesics
+between random points (`reshaped_metric`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+from tqdm import tqdm
+
+from geodesic_motion_ros.demonstrations.curves import interpolate
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.plots import (
+    BLUE,
+    GREY,
+    VERMILION,
+    Way,
+    draw_latent_ways,
+    latent_background,
+    write_figure,
+)
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring
+from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.studies.experiments.held_bottle import (
+    SIDES,
+    SPHERE_RADIUS,
+    bottle_distance,
+    bottle_settings,
+    sphere_beside,
+)
+from geodesic_motion_ros.studies.experiments.pouring_chain import Chain, pour_all_cups
+from geodesic_motion_ros.studies.experiments.pouring_places import PLACES, at_bottle, at_cup, pouring_strip
+from geodesic_motion_ros.studies.experiments.pouring_stream import Stream, draw_moment, past_a_moving_sphere
+from geodesic_motion_ros.studies.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
+from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
+from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.verdict import Verdict
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.manifold.settings import TrainingSettings
+
+TASK = "pouring_places"
+SHEETS = ("raw", "canonical")
+#: Poses between two samples of a path where the bottle's clearance is measured.
+_CHECKS = 10
+
+
+@dataclass(frozen=True)
+class PouringTaskSettings:
+    """How many demonstrations of each pair are shown; `seeds` are of the trainings."""
+
+    shown: int = 3
+    seeds: tuple[int, ...] = (0, 1, 2)
+
+    def __post_init__(self) -> None:
+        if self.shown < 1:
+            raise ParameterError(f"shown is {self.shown}; at least 1 is needed")
+        check_seeds(self.seeds)
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """From one bottle to one cup on one sheet.
+
+    Attributes
+    ----------
+    path : None where the planner refused, for a reason.
+    off : largest distance of the path from any demonstrated position [m].
+    """
+
+    sheet: str
+    seed: int
+    bottle: int
+    cup: int
+    path: PosePath | None
+    reason: str = ""
+    off: float = math.nan
+
+
+@dataclass(frozen=True)
+class Blocked:
+    """A sphere in the bottle's way: the exact clearance of the bottle [m] on the path planned with the bottle, and with
+    the hand alone; NaN where that was refused. `side` is one of those where spheres are.
+    """
+
+    sheet: str
+    seed: int
+    side: int
+    bottle: int
+    cup: int
+    with_bottle: float
+    hand_alone: float
+
+
+@dataclass(frozen=True)
+class PouringTaskReport:
+    """All of it."""
+
+    settings: PouringTaskSettings
+    pairs: tuple[Pair, ...]
+    blocked: tuple[Blocked, ...]
+    chains: tuple[Chain, ...]
+    stream: Stream
+    reshaped: ReshapedMetric = field(repr=False)
+    shown: Demonstrations = field(repr=False)
+    raw: Skill = field(repr=False)
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` writes."""
+        return {
+            "settings": asdict(self.settings),
+            "pairs": [
+                {"sheet": item.sheet, "seed": item.seed, "bottle": item.bottle, "cup": item.cup,
+                 "reached": item.path is not None, "reason": item.reason, "off": item.off}
+                for item in self.pairs
+            ],
+            "blocked": [asdict(item) for item in self.blocked],
+            "chains": [
+                {"seed": item.seed, "parts": len(item.parts), "reason": item.reason, "mouth_off": item.mouth_off,
+                 "behind": item.behind, "clearance": item.clearance}
+                for item in self.chains
+            ],
+            "moving": {"reached": self.stream.reached, "clearance": self.stream.clearance,
+                       "unaware": self.stream.unaware},
+            "reshaped": self.reshaped.as_dict(),
+        }  # fmt: skip
+
+    def table(self) -> str:
+        """The tables as plain text, with what was refused."""
+        pairs: list[list[Cell]] = []
+        for sheet in SHEETS:
+            for seed in self.settings.seeds:
+                of = [item for item in self.pairs if (item.sheet, item.seed) == (sheet, seed)]
+                reached = [item for item in of if item.path is not None]
+                off = {
+                    shown: max((1e3 * item.off for item in reached if (item.bottle == item.cup) == shown), default=None)
+                    for shown in (True, False)
+                }
+                pairs.append([f"{sheet} sheet", seed, f"{len(reached)} of {len(of)}", off[True], off[False]])
+        blocked: list[list[Cell]] = []
+        for sheet in SHEETS:
+            for seed in self.settings.seeds:
+                spheres = [item for item in self.blocked if (item.sheet, item.seed) == (sheet, seed)]
+                known = [1e3 * item.with_bottle for item in spheres if not math.isnan(item.with_bottle)]
+                hand = [1e3 * item.hand_alone for item in spheres if not math.isnan(item.hand_alone)]
+                blocked.append([
+                    f"{sheet} sheet", seed, len(spheres), len(known), sum(value <= 0.0 for value in known),
+                    min(known, default=None), len(hand), sum(value <= 0.0 for value in hand), min(hand, default=None),
+                ])  # fmt: skip
+        chains: list[list[Cell]] = [
+            [item.seed, f"{len(item.parts)} of {len(PLACES)}", 1e3 * max(item.mouth_off, default=math.nan),
+             1e3 * item.behind, 1e3 * item.clearance]
+            for item in self.chains
+        ]  # fmt: skip
+        stream = self.stream
+        refused = [
+            f"{item.sheet} sheet, seed {item.seed}, {item.bottle} to {item.cup}: {item.reason}"
+            for item in self.pairs if item.reason
+        ] + [f"chain, seed {item.seed}: {item.reason}" for item in self.chains if item.reason]  # fmt: skip
+        return "\n".join([
+            text_table(["pairs", "seed", "reached", "off, shown pairs mm", "off, others mm"], pairs, 1), "",
+            text_table(
+                ["sphere in the bottle's way", "seed", "scenes", "answered", "hits", "least mm",
+                 "hand alone: answered", "hits", "least mm"], blocked, 1,
+            ), "",
+            text_table(
+                ["chain, seed", "geodesics", "mouth off the cup mm", "tool behind mm", "arm clear mm"], chains, 1
+            ), "",
+            f"moving sphere: {'reached' if stream.reached else 'NOT reached'}, bottle {1e3 * stream.clearance:.1f} mm "
+            f"clear; {1e3 * stream.unaware:.1f} mm on the way without the sphere",
+            *self.reshaped.lines(), *refused,
+        ])  # fmt: skip
+
+
+def measure_pouring_task(
+    settings: PouringTaskSettings = PouringTaskSettings(),
+    skills: Path = Path("out/experiments/skills"),
+    training: TrainingSettings | None = None,
+    show_progress: bool = True,
+) -> PouringTaskReport:
+    """Show, train, plan and play.
+
+    Parameters
+    ----------
+    skills : cache of trained skills, see `trained_once`. training : seed and sheet are replaced; None: `BRIEFLY`.
+    """
+    from geodesic_motion_ros.manifold.settings import TrainingSettings
+
+    base = training or TrainingSettings(**BRIEFLY)
+    shown = pouring(settings.shown, 0).tool_demonstrations(Robot.panda())
+    pairs: list[Pair] = []
+    blocked: list[Blocked] = []
+    chains: list[Chain] = []
+    streams, raw_skills = [], []
+    for seed in tqdm(settings.seeds, desc="pouring-task", unit="seed", disable=not show_progress):
+        raw, canonical = (
+            trained_once(TASK, shown, replace(base, seed=seed, sheet=sheet, orientation_model=None), skills)
+            for sheet in SHEETS
+        )
+        planners = {
+            sheet: PosePathPlanner(skill, bottle_settings())
+            for sheet, skill in zip(SHEETS, (raw, canonical), strict=True)
+        }
+        for sheet, planner in planners.items():
+            pairs += all_pairs(planner, shown, sheet, seed)
+            blocked += blocked_pairs(planner, PosePathPlanner(planner.skill), sheet, seed)
+        chains.append(pour_all_cups(planners["raw"], seed))
+        if not streams:
+            streams.append(past_a_moving_sphere(ReactivePlanner(raw, replace(bottle_settings(), avoid="tool"))))
+            raw_skills.append(raw)
+    return PouringTaskReport(
+        settings, tuple(pairs), tuple(blocked), tuple(chains), streams[0], reshape_metric(raw_skills[0]), shown,
+        raw_skills[0],
+    )  # fmt: skip
+
+
+def all_pairs(planner: PosePathPlanner, shown: Demonstrations, sheet: str, seed: int) -> list[Pair]:
+    """Every bottle to every cup, nothing in the way."""
+    planner.take_obstacles(Obstacles.none())
+    tree = cKDTree(np.concatenate([item.positions for item in shown]))
+    found = []
+    for bottle in PLACES:
+        for cup in PLACES:
+            path = planner.plan(*at_bottle(bottle), *at_cup(cup))
+            if isinstance(path, Verdict):
+                found.append(Pair(sheet, seed, bottle, cup, None, path.reason))
+                continue
+            off = float(tree.query(path.positions)[0].max())
+            found.append(Pair(sheet, seed, bottle, cup, path, "", off))
+    return found
+
+
+def blocked_pairs(
+    planner: PosePathPlanner, unaware: PosePathPlanner, sheet: str, seed: int, sides: Sequence[int] = range(len(SIDES))
+) -> list[Blocked]:
+    """Spheres in the bottle's way half way of every pair; `unaware` knows nothing of the bottle."""
+    found = []
+    for bottle in PLACES:
+        for cup in PLACES:
+            ends = *at_bottle(bottle), *at_cup(cup)
+            planner.take_obstacles(Obstacles.none())
+            free = planner.plan(*ends)
+            if isinstance(free, Verdict):
+                continue
+            middle = free.resampled(3)
+            for side in sides:
+                centre = sphere_beside(middle.positions[1], middle.quaternions[1], np.array(SIDES[side]))
+                clearances = []
+                for asked in (planner, unaware):
+                    asked.set_obstacles(centre[None], np.array([SPHERE_RADIUS]))
+                    path = asked.plan(*ends)
+                    clearances.append(_clearance(path, centre) if isinstance(path, PosePath) else math.nan)
+                found.append(Blocked(sheet, seed, side, bottle, cup, *clearances))
+    return found
+
+
+def _clearance(path: PosePath, centre: np.ndarray) -> float:
+    """Exact distance [m] of the bottle from a standing sphere along a path, at `_CHECKS` poses between two samples."""
+    samples = np.arange(float(len(path.positions)))
+    at = np.linspace(0.0, samples[-1], _CHECKS * (len(samples) - 1) + 1)
+    positions, quaternions = interpolate(samples, path.positions, path.quaternions, at)
+    return bottle_distance(positions, quaternions, np.broadcast_to(centre, positions.shape), SPHERE_RADIUS)
+
+
+def draw_pouring_task(report: PouringTaskReport, path: Path) -> None:
+    """The first seed: all pairs in the latent space and from above, the moving sphere at two times, and the chain; in a
+    second picture beside the first, NAME_metric.png, the reshaped metric.
+    """
+    from matplotlib.figure import Figure
+
+    seed = report.settings.seeds[0]
+    figure = Figure(figsize=(13.0, 9.6), layout="constrained")
+    grid = figure.add_gridspec(3, 2, height_ratios=(5.2, 2.4, 2.2), width_ratios=(1.0, 1.0))
+    pairs = [item for item in report.pairs if (item.sheet, item.seed) == ("raw", seed) and item.path is not None]
+    names = {True: ("geodesic of a pair that was shown", BLUE), False: ("geodesic of another pair", VERMILION)}
+    ways = [Way(item.path.latent, item.path.positions, *names[item.bottle == item.cup]) for item in pairs]
+    ways.sort(key=lambda way: way.colour == BLUE)
+    axes = figure.add_subplot(grid[0, 0])
+    handles = latent_background(figure, axes, report.raw)
+    handles += draw_latent_ways(axes, ways)
+    axes.set_title(f"a  Raw sheet: {len(pairs)} of {len(PLACES) ** 2} pairs, 3 shown", loc="left", fontsize=11)
+    _from_above(figure.add_subplot(grid[0, 1]), report.shown, ways)
+    for column, (letter, moment) in enumerate(zip("cd", report.stream.moments, strict=True)):
+        panel = figure.add_subplot(grid[1, column])
+        handles += draw_moment(panel, report.shown, report.stream.nominal, moment)
+        title = f"{letter}  Raw sheet, a sphere crosses under the bottle: after {moment.time:.1f} s"
+        panel.set_title(title, loc="left", fontsize=11)
+    chain = next((item for item in report.chains if len(item.joints)), None)
+    if chain is not None:
+        axes = figure.add_subplot(grid[2, :])
+        axes.imshow(pouring_strip(chain.joints, 0))
+        axes.set_axis_off()
+        axes.set_title("e  Raw sheet, three geodesics in a chain: one bottle over all cups", loc="left", fontsize=11)
+    named = {str(handle.get_label()): handle for handle in handles}
+    figure.legend(handles=list(named.values()), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    write_figure(figure, path)
+    draw_reshaped_metric(report.reshaped, path.with_stem(f"{path.stem}_metric"))
+
+
+def _from_above(axes: Any, shown: Demonstrations, ways: Sequence[Way]) -> None:
+    """The tool's ways among the demonstrations; the y axis, from bottles to cups, to the right."""
+    for item in shown:
+        axes.plot(*(100.0 * item.positions[:, 1::-1].T), color=GREY, linewidth=0.7, alpha=0.7)
+    for way in ways:
+        axes.plot(*(100.0 * way.positions[:, 1::-1].T), color=way.colour, linewidth=1.6)
+    # Beside the points, on the sides that no way comes from.
+    for region, places, name, side, aligned in (
+        (BOTTLE_REGION, BOTTLE_PLACES, "bottle", -7, "right"), (CUP_REGION, CUP_PLACES, "cup", 7, "left"),
+    ):  # fmt: skip
+        for number, place in enumerate(100.0 * region.at(np.array(places))):
+            axes.plot(*place[::-1], "o", color="black", markersize=5)
+            axes.annotate(
+                f"{name} {number}", place[::-1], xytext=(side, -3), textcoords="offset points", ha=aligned
+            )
+    axes.set(xlabel="y [cm]", ylabel="x [cm]", aspect="equal")
+    axes.margins(x=0.2, y=0.12)
+    axes.set_title("b  The hand from above: it pours from beside the cups", loc="left", fontsize=11)

@@ -1,0 +1,363 @@
+"""The paper's toy: a J in the plane with orientations that draw a C on the sphere S^2, each shown with both signs.
+
+Position and orientation are learned together on R^2 x S^2 by the networks that learn poses (`manifold.task_space`),
+with von Mises-Fisher densities on S^2. From the first point of a few demonstrations, each to the last one of the next:
+
+geodesic        shortest path on a grid under the pull-back metric, bent by gradient descent
+straight line   between the same points of the latent space: the shortest path there is without the metric
+
+Columns of the table, a row for each learned model (likelihood, seed) and metric:
+
+own sign        share of codes whose nearest code of another demonstration has the same sign: 100 % are two clusters,
+                50 % one
+geodesic, line  mean and largest distance of the decoded curve from the demonstrations, to the nearest demonstrated
+                pose, in mm and degrees
+across / within energy of the shortest path to the goal with the other sign over that to the goal with the same sign
+
+Likelihoods: "single", one density on the doubled data; "mixture", the paper's, half on mu and half on -mu. Metrics:
+"angular", with the angular deviation kappa^(-1/2) and sigma counted ten times; "literal", with kappa itself and sigma
+once, as the paper writes it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from scipy.spatial import cKDTree
+
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.graph.pose_graph import MetricSettings
+from geodesic_motion_ros.manifold.settings import TrainingSettings
+from geodesic_motion_ros.manifold.task_space import TaskSpaceVAE
+from geodesic_motion_ros.manifold.training import train_model
+from geodesic_motion_ros.plots import BLUE, GREY, VERMILION, legend_below, write_figure
+from geodesic_motion_ros.studies.experiments.clusters import share_in_own_group
+from geodesic_motion_ros.studies.experiments.latent_pictures import (
+    DEVIATION_LABEL,
+    MAGNIFICATION_LABEL,
+    Landscape,
+    between_samples,
+    draw_haloed,
+    draw_values,
+    grid_around,
+)
+from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
+from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
+from geodesic_motion_ros.studies.tools.metric import PullbackMetric
+from geodesic_motion_ros.tables import text_table
+
+#: Demonstrations and samples of each.
+SHOWN, SAMPLES = 7, 100
+#: Half the opening of the C, and its radius on the sphere [rad].
+_OPENING, _C_RADIUS = np.radians(55.0), np.radians(40.0)
+#: Nodes of the latent grid along each axis, directions from each, and its free border as a share of the codes' box.
+SIDE, NEIGHBOURS, _BORDER = 100, 16, 0.25
+#: Pairs of ends, one geodesic each.
+PAIRS = 3
+LIKELIHOODS = {"single": "two_cluster", "mixture": "sign_blind"}
+METRICS = {"angular": MetricSettings(), "literal": MetricSettings(sigma_weight=1.0, orientation_scale="kappa")}
+ROWS = (("single", "angular"), ("single", "literal"), ("mixture", "angular"))
+"""Likelihood and metric of the rows."""
+
+#: Learned with less than a skill: two coordinates of position on two of orientation.
+TRAINING = TrainingSettings(sheet="raw", hidden=(64, 32), steps=2000, kernels=150)
+_DESCENT = GeodesicSettings(control_points=15, samples=100, iterations=40)
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class ToyPoses:
+    """Demonstrated poses: positions (N, T, 2) [m] and unit directions (N, T, 3)."""
+
+    positions: np.ndarray
+    directions: np.ndarray
+
+    @property
+    def doubled(self) -> tuple[np.ndarray, np.ndarray]:
+        """All poses once more with the other sign: positions (2 N T, 2) and directions (2 N T, 3)."""
+        positions, directions = self.positions.reshape(-1, 2), self.directions.reshape(-1, 3)
+        return np.concatenate([positions, positions]), np.concatenate([directions, -directions])
+
+    def distances(self, positions: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """How far poses (m, 2), (m, 3) are from the nearest that was shown, of either sign: (m, 2), [m] and [rad].
+
+        Nearest is where |dx|^2 + |dq|^2 is least, as the metric counts them, also between samples.
+        """
+        both = between_samples(np.concatenate([self.positions, self.directions], axis=2)).reshape(-1, 5)
+        shown = np.concatenate([both, both * [1.0, 1.0, -1.0, -1.0, -1.0]])
+        _, nearest = cKDTree(shown).query(np.concatenate([positions, directions], axis=1))
+        off = np.linalg.norm(positions - shown[nearest, :2], axis=1)
+        return np.stack([off, np.arccos(np.clip(np.sum(directions * shown[nearest, 2:], axis=1), -1.0, 1.0))], axis=1)
+
+
+@dataclass(frozen=True)
+class ToyCurve:
+    """A curve (m, 2) in the latent space, decoded, and how far it is from the demonstrations (m, 2), [m] and [rad]."""
+
+    latent: np.ndarray
+    positions: np.ndarray
+    directions: np.ndarray
+    off: np.ndarray
+
+
+@dataclass(frozen=True)
+class ToyRow:
+    """What a model and a metric make of the pairs of ends; distances [m] and [rad], energies [1]."""
+
+    likelihood: str
+    metric: str
+    seed: int
+    own_sign: float
+    geodesics: tuple[ToyCurve, ...]
+    lines: tuple[ToyCurve, ...]
+    within: float
+    across: float
+
+    def off(self, which: str) -> tuple[float, float, float, float]:
+        """Mean and largest distance [mm], and angle [deg], of "geodesics" or "lines"."""
+        all_off = np.concatenate([curve.off for curve in getattr(self, which)]) * [1e3, np.degrees(1.0)]
+        (mean, mean_angle), (most, most_angle) = all_off.mean(axis=0), all_off.max(axis=0)
+        return float(mean), float(most), float(mean_angle), float(most_angle)
+
+
+@dataclass(frozen=True)
+class ToyTaskReport:
+    """All rows, and of the first seed the latent spaces by likelihood."""
+
+    shown: ToyPoses
+    apart: tuple[float, float]
+    rows: tuple[ToyRow, ...]
+    landscapes: dict[str, Landscape]
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `--json` writes; curves and pictures are left out."""
+        rows = [
+            {
+                "likelihood": row.likelihood, "metric": row.metric, "seed": row.seed, "own_sign": row.own_sign,
+                "geodesic_mm_deg": row.off("geodesics"), "line_mm_deg": row.off("lines"),
+                "energy_within": row.within, "energy_across": row.across,
+            }
+            for row in self.rows
+        ]  # fmt: skip
+        return {"rows": rows, "demonstrations_apart_mm_deg": self.apart}
+
+    def table(self) -> str:
+        """The table as plain text."""
+        head = [
+            "likelihood", "metric", "seed", "own sign", "geodesic mm", "most", "deg", "most",
+            "line mm", "most", "deg", "most", "across / within",
+        ]  # fmt: skip
+        lines = [
+            [
+                row.likelihood, row.metric, row.seed, f"{row.own_sign:.0%}",
+                *(f"{value:.1f}" for value in (*row.off("geodesics"), *row.off("lines"))),
+                f"{row.across / row.within:.3g}",
+            ]
+            for row in self.rows
+        ]  # fmt: skip
+        note = "a demonstration is {:.1f} mm and {:.1f} deg from the nearest pose of the others, on average"
+        return text_table(head, lines, left=(0, 1)) + "\n" + note.format(*self.apart)
+
+
+def toy_demonstrations(count: int = SHOWN, samples: int = SAMPLES, seed: int = 0) -> ToyPoses:
+    """A J of 30 cm in the plane, and a C of 40 degrees' radius on the sphere, each drawn a little differently.
+
+    Two slow sines of random size move every demonstration off the letter; the same seed gives the same arrays.
+    """
+    random = np.random.default_rng(seed)
+    share = np.linspace(0.0, 1.0, samples)
+    letter, around = _letter_j(share), _OPENING + share * (2.0 * np.pi - 2.0 * _OPENING)
+    positions, directions = [], []
+    for _ in range(count):
+        waves = np.stack([np.cos(np.pi * k * share + random.uniform(0.0, 2.0 * np.pi)) for k in (1.0, 2.0)])
+        positions.append(letter + waves.T @ random.normal(0.0, 0.004, (2, 2)))
+        radius = _C_RADIUS + waves.T @ random.normal(0.0, 0.02, 2)
+        c = np.stack([np.sin(radius) * np.cos(around), np.sin(radius) * np.sin(around), np.cos(radius)], axis=1)
+        directions.append(c)
+    return ToyPoses(np.stack(positions), np.stack(directions))
+
+
+def _letter_j(share: np.ndarray) -> np.ndarray:
+    """A stem of 20 cm downwards and a hook of 8 cm radius to the left, (T, 2) [m], at shares (T,) of its length."""
+    stem, radius = 0.2, 0.08
+    hook = np.pi * 0.9 * radius
+    along = share * (stem + hook)
+    angle = np.maximum(along - stem, 0.0) / radius
+    down = 0.28 - np.minimum(along, stem) - radius * np.sin(angle)
+    return np.stack([0.16 - radius * (1.0 - np.cos(angle)), down], axis=1)
+
+
+def measure_toy_task(
+    seeds: Sequence[int] = (0, 1, 2),
+    settings: TrainingSettings = TRAINING,
+    shown: ToyPoses | None = None,
+    progress: Progress | None = None,
+) -> ToyTaskReport:
+    """Learn the letters with either likelihood, once for every seed, and measure.
+
+    Parameters
+    ----------
+    settings : its seed and its orientation model are replaced. shown : None: `toy_demonstrations`. progress : told
+        what begins.
+
+    Raises
+    ------
+    ParameterError : no seeds.
+    """
+    if not seeds:
+        raise ParameterError("no seeds: at least one training is needed")
+    shown = shown or toy_demonstrations()
+    count, samples = shown.positions.shape[:2]
+    fractions = np.tile(np.linspace(0.0, 1.0, samples), 2 * count)
+    rows, landscapes = [], {}
+    for seed in seeds:
+        for likelihood, orientation_model in LIKELIHOODS.items():
+            if progress is not None:
+                progress(f"{likelihood}, seed {seed}")
+            chosen = replace(settings, seed=seed, orientation_model=orientation_model)
+            toy = _Toy(shown, train_model(*shown.doubled, fractions, chosen))
+            landscapes.setdefault(likelihood, toy.landscape())
+            rows += [_measured(toy, metric, likelihood, seed) for _, metric in _of(likelihood)]
+    order = {name: number for number, name in enumerate(ROWS)}
+    rows.sort(key=lambda row: (order[row.likelihood, row.metric], row.seed))
+    return ToyTaskReport(shown, _apart(shown), tuple(rows), landscapes)
+
+
+def _of(likelihood: str) -> Iterator[tuple[str, str]]:
+    return (row for row in ROWS if row[0] == likelihood)
+
+
+class _Toy:
+    """A learned toy: its codes and the box that is searched."""
+
+    def __init__(self, shown: ToyPoses, vae: TaskSpaceVAE) -> None:
+        self.shown, self.vae = shown, vae
+        with torch.no_grad():
+            codes = vae.encoder(*map(torch.tensor, shown.doubled))[0].numpy()
+        self.codes = codes.reshape(2 * len(shown.positions), -1, 2)
+        self.grid = grid_around(self.codes, SIDE, _BORDER)
+
+    def metric(self, name: str) -> PullbackMetric:
+        return PullbackMetric(self.vae.decoder, METRICS[name])
+
+    def decoded(self, latent: np.ndarray) -> ToyCurve:
+        with torch.no_grad():
+            positions, directions = (values.numpy() for values in self.vae.decoder.means(torch.tensor(latent)))
+        return ToyCurve(latent, positions, directions, self.shown.distances(positions, directions))
+
+    def landscape(self) -> Landscape:
+        with torch.no_grad():
+            sigma = 1.0 / self.vae.decoder.precisions(torch.tensor(self.grid.nodes())).inverse_sigma.numpy()
+        return Landscape.of(self.grid, self.codes, sigma, self.metric("angular"))
+
+    def own_sign(self) -> float:
+        """Share of codes whose nearest code of another demonstration was shown with the same sign."""
+        numbers, count = np.arange(len(self.codes)), len(self.codes) // 2
+        return share_in_own_group(self.codes, numbers < count, numbers % count)
+
+
+def _measured(toy: _Toy, metric_name: str, likelihood: str, seed: int) -> ToyRow:
+    metric, count = toy.metric(metric_name), len(toy.codes) // 2
+    graph = MetricGraph.on_grid(metric, toy.grid, np.ones(SIDE**2, dtype=bool), NEIGHBOURS)
+    geodesics, lines, within, across = [], [], [], []
+    for number in range(min(PAIRS, count)):
+        start, goal = toy.codes[number, 0], toy.codes[(number + 1) % count, -1]
+        opposite = toy.codes[(number + 1) % count + count, -1]
+        path = graph.path(start, goal)
+        found = continuous_geodesic(metric, start, goal, path, _DESCENT).curve
+        geodesics.append(toy.decoded(evenly(found)))
+        lines.append(toy.decoded(evenly(np.stack([start, goal]))))
+        within.append(latent_length(metric, path) ** 2)
+        across.append(latent_length(metric, graph.path(start, opposite)) ** 2)
+    return ToyRow(
+        likelihood, metric_name, seed, toy.own_sign(), tuple(geodesics), tuple(lines),
+        float(np.mean(within)), float(np.mean(across)),
+    )  # fmt: skip
+
+
+def _apart(shown: ToyPoses) -> tuple[float, float]:
+    """Mean distance [mm] and angle [deg] of each demonstration's poses from the nearest of the others."""
+    off = []
+    for number in range(len(shown.positions)):
+        others = ToyPoses(np.delete(shown.positions, number, axis=0), np.delete(shown.directions, number, axis=0))
+        off.append(others.distances(shown.positions[number], shown.directions[number]))
+    distance, angle = np.concatenate(off).mean(axis=0)
+    return 1e3 * float(distance), math.degrees(angle)
+
+
+def draw_toy_task(report: ToyTaskReport, path: Path) -> None:
+    """The letters with the first seed's curves, its latent space seen three ways, and how far curves leave the data."""
+    figure = Figure(figsize=(10.5, 6.8), layout="constrained")
+    grid = figure.add_gridspec(2, 3)
+    row = next(row for row in report.rows if (row.likelihood, row.metric) == ROWS[0])
+    _draw_plane(figure.add_subplot(grid[0, 0]), report.shown, row)
+    _draw_sphere(figure.add_subplot(grid[0, 1], projection="3d", computed_zorder=False), report.shown, row)
+    _draw_off(figure.add_subplot(grid[0, 2]), row)
+    single, mixture = report.landscapes["single"], report.landscapes["mixture"]
+    count, label = len(report.shown.positions), DEVIATION_LABEL + " of positions [m]"
+    for place, landscape, values, title, told in (
+        (grid[1, 0], single, single.deviation, "d  variance measure: two clusters", label),
+        (grid[1, 1], single, single.magnification, "e  magnification factor", MAGNIFICATION_LABEL),
+        (grid[1, 2], mixture, mixture.deviation, "f  the paper's mixture: one cluster", label),
+    ):
+        axes = figure.add_subplot(place)
+        draw_values(figure, axes, landscape, values, told, count)
+        axes.set_title(title, loc="left", fontsize=11)
+        if landscape is single:
+            _draw_curves(axes, row, lambda curve: curve.latent)
+    handles = [
+        Line2D([], [], color=GREY, label="demonstrations, $q$ (in d to f white)"),
+        Line2D([], [], color=GREY, linestyle=":", label="demonstrations, $-q$"),
+        Line2D([], [], color=BLUE, linewidth=2.2, label="geodesic"),
+        Line2D([], [], color=VERMILION, linewidth=2.2, linestyle="--", label="straight line in the latent space"),
+    ]
+    legend_below(figure, handles)
+    write_figure(figure, path)
+
+
+def _draw_plane(axes: Axes, shown: ToyPoses, row: ToyRow) -> None:
+    for positions in shown.positions:
+        axes.plot(*(100.0 * positions.T), color=GREY, linewidth=0.8)
+    _draw_curves(axes, row, lambda curve: 100.0 * curve.positions)
+    axes.set(xlabel="$x_1$ [cm]", ylabel="$x_2$ [cm]", aspect="equal")
+    axes.margins(0.15)
+    axes.set_title("a  positions in the plane", loc="left", fontsize=11)
+
+
+def _draw_sphere(axes: Axes, shown: ToyPoses, row: ToyRow) -> None:
+    polar, around = np.meshgrid(np.linspace(0.0, np.pi, 40), np.linspace(0.0, 2.0 * np.pi, 60))
+    ball = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)])
+    axes.plot_surface(*ball, color="#e8edf2", alpha=0.35, linewidth=0, zorder=0)
+    for directions in shown.directions:
+        axes.plot(*directions.T, color=GREY, linewidth=0.8, zorder=2)
+        axes.plot(*-directions.T, ":", color=GREY, linewidth=0.8, zorder=1)
+    _draw_curves(axes, row, lambda curve: curve.directions)
+    axes.view_init(50.0, -75.0)
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.45)
+    axes.set_axis_off()
+    axes.set_title("b  orientations on the sphere", loc="left", fontsize=11)
+
+
+def _draw_off(axes: Axes, row: ToyRow) -> None:
+    for curves, colour, style in ((row.geodesics, BLUE, "-"), (row.lines, VERMILION, "--")):
+        for curve in curves:
+            share = np.linspace(0.0, 1.0, len(curve.off))
+            axes.plot(share, 1e3 * curve.off[:, 0], style, color=colour, linewidth=1.6)
+    axes.set(xlabel="share of the way", ylabel="distance of positions from the data [mm]")
+    axes.grid(alpha=0.3)
+    axes.set_title(f"c  off the data: {len(row.lines)} pairs of ends", loc="left", fontsize=11)
+
+
+def _draw_curves(axes: Axes, row: ToyRow, of: Callable[[ToyCurve], np.ndarray]) -> None:
+    for curves, colour, style in ((row.lines, VERMILION, "--"), (row.geodesics, BLUE, "-")):
+        draw_haloed(axes, of(curves[0]), colour, style)

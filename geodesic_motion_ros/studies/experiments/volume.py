@@ -1,0 +1,156 @@
+"""What the volume term does: one joint-space skill learned without and with the change of variables to the body.
+
+Seen at the robot's body the density of a configuration is p(theta | z) / V(theta), V = sqrt(det(J^T J)) of the stacked
+Jacobian of the body points and of the tool's orientation (`manifold.body_layer`). Weighted by `volume_weight` in the
+evidence lower bound, -log V rewards postures in which the joints move the body little. All else is the paper's model
+(`JointTrainingSettings.paper`: raw demonstrations, one lower bound for means and sigma, no likelihood of body points)
+and its planner (`paper/`). Columns of the table, a row per weight:
+
+seconds         of training; nothing where the skill came from the cache
+error_mm, _deg  of the tool in the training demonstrations that encoder and decoder give back
+log_volume      mean log V along the obstacle-free path from the skill's start to its goal; least : its smallest value
+from_mean_mm    mean distance of the tool on that path from the mean demonstration of the nearest family
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+
+from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+from geodesic_motion_ros.demonstrations.modes import cluster_modes
+from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.manifold.joint_training import body_layer
+from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
+from geodesic_motion_ros.studies.experiments.trained import trained_once
+from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
+from geodesic_motion_ros.studies.tools.similarity import compare
+from geodesic_motion_ros.tables import text_table
+
+#: Points of a path at which its volume is evaluated.
+_SAMPLES = 200
+_COLOURS = (BLUE, VERMILION, GREEN, ORANGE)
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class VolumeRow:
+    """What was measured with one weight; `volumes` (samples,) is log V along the path."""
+
+    weight: float
+    seconds: float | None
+    error_mm: float
+    error_deg: float
+    log_volume: float
+    least: float
+    from_mean_mm: float
+    volumes: np.ndarray
+
+
+@dataclass(frozen=True)
+class VolumeReport:
+    """Rows, and log V (N, samples) along the demonstrations."""
+
+    rows: tuple[VolumeRow, ...]
+    shown: np.ndarray
+
+    def table(self) -> str:
+        head = ("volume weight", "seconds", "error mm", "error deg", "log V", "least log V", "from mean mm")
+        return text_table(head, [tuple(asdict(row).values())[:-1] for row in self.rows])
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"rows": [asdict(row) for row in self.rows], "demonstrations": self.shown}
+
+
+def compare_volume(
+    demonstrations: JointDemonstrations,
+    weights: Sequence[float],
+    cache: Path,
+    settings: JointTrainingSettings | None = None,
+    progress: Progress | None = None,
+) -> VolumeReport:
+    """Learn one skill per weight, all else the same, and plan with it.
+
+    settings : None: those of the paper.
+
+    Raises
+    ------
+    ParameterError : no weights, or not on the raw sheet. SkillError : a skill that came out cannot be used.
+    """
+    if not weights:
+        raise ParameterError("no volume weights: give at least one, 0 leaves the term out")
+    robot = Robot.named(demonstrations.robot)
+    base = settings or JointTrainingSettings.paper()
+    if base.sheet != "raw":
+        raise ParameterError("the volume term is compared in the paper's model, on the raw sheet")
+    metric = base.metric
+    shown = np.stack([along_body_arc(item.configurations, robot, metric, _SAMPLES) for item in demonstrations])
+    rows = []
+    for weight in weights:
+        began, trained = time.monotonic(), []
+
+        def told(stage: str, step: int, steps: int, trained: list[str] = trained) -> None:
+            trained.append(stage)
+            if progress is not None:
+                progress(stage, step, steps)
+
+        skill = trained_once("volume", demonstrations, replace(base, volume_weight=weight), cache, told)
+        rows.append(_measured(skill, shown, weight, time.monotonic() - began if trained else None))
+    return VolumeReport(tuple(rows), np.stack([log_volumes(curve, robot, metric) for curve in shown]))
+
+
+def log_volumes(configurations: np.ndarray, robot: Robot, metric: JointMetricSettings) -> np.ndarray:
+    """log V (n,) at configurations (n, eta) [rad], of the layer that the training has."""
+    return body_layer(robot, metric).log_volume(torch.tensor(configurations)).numpy()
+
+
+def draw_volume(report: VolumeReport, path: Path) -> None:
+    """log V along the demonstrations and along the planned paths."""
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    share = np.linspace(0.0, 1.0, report.shown.shape[1])
+    axes.plot(share, report.shown.T, color=GREY, linewidth=0.8, alpha=0.6)
+    axes.plot([], [], color=GREY, label="demonstrations")
+    # The first is drawn broad: paths that coincide are seen as both.
+    widths = (5.0, *[2.0] * (len(report.rows) - 1))
+    for row, colour, width in zip(report.rows, _COLOURS, widths, strict=False):
+        axes.plot(share, row.volumes, color=colour, linewidth=width, label=f"planned, volume weight {row.weight:g}")
+    axes.set_xlabel("share of the path")
+    axes.set_ylabel("log V: how much the joints move the body")
+    axes.legend(frameon=False)
+    write_figure(figure, path)
+
+
+def _measured(skill: Skill, shown: np.ndarray, weight: float, seconds: float | None) -> VolumeRow:
+    """The row of a skill; shown : (N, samples, eta) its demonstrations [rad]."""
+    planner = PaperPlanner(skill)
+    start, goal = (tuple(np.split(pose, [3])) for pose in (skill.start_pose, skill.goal_pose))
+    path = along_body_arc(planner.plan(start, goal).places, planner.robot, skill.metric, _SAMPLES)
+    modes = cluster_modes(shown)
+    means = [shown[modes == mode].mean(axis=0) for mode in np.unique(modes)]
+    tool = tool_curve(path, planner.robot)
+    volumes = log_volumes(path, planner.robot, skill.metric)
+    return VolumeRow(
+        weight,
+        seconds,
+        skill.quality["training_position_error_mm"],
+        skill.quality["training_orientation_error_deg"],
+        float(volumes.mean()),
+        float(volumes.min()),
+        1e3 * min(compare(tool, tool_curve(mean, planner.robot)).dtw for mean in means),
+        volumes,
+    )

@@ -1,0 +1,1 @@
+"""What studies alone use: continuous geodesics, exact collision geometry, similarity of motions."""

@@ -1,0 +1,41 @@
+"""A sphere on its line reshapes the metric where it is, leaves it as it was elsewhere; random geodesics are counted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.latent_view import magnification_factor
+from geodesic_motion_ros.studies.experiments.reshaped_metric import PLACES_ON_LINE, ReshapedMetric, reshape_metric
+
+
+@pytest.fixture(scope="module")
+def report(pouring_pose_skill) -> ReshapedMetric:
+    return reshape_metric(pouring_pose_skill, pairs=4)
+
+
+def test_the_sphere_only_adds_to_the_magnification_factor(report, pouring_pose_skill) -> None:
+    assert [item.place for item in report.snapshots] == list(PLACES_ON_LINE)
+    free = magnification_factor(pouring_pose_skill, len(report.snapshots[0].magnification))
+    for item in report.snapshots:
+        assert np.all(item.magnification >= free - 1e-9)
+    on_the_path = next(item for item in report.snapshots if item.place == 0.0)
+    assert (on_the_path.magnification - free).max() > 3.0
+    # The sphere's centre is a point of the path without it.
+    assert on_the_path.nearest_without == pytest.approx(-0.04, abs=2e-3)
+
+
+def test_ends_stay_and_geodesics_keep_farther_from_a_sphere_on_their_path(report) -> None:
+    for item in report.snapshots:
+        np.testing.assert_allclose(item.geodesic[[0, -1]], report.without[[0, -1]], atol=1e-12)
+    on_the_path = next(item for item in report.snapshots if item.place == 0.0)
+    assert on_the_path.nearest > on_the_path.nearest_without
+
+
+def test_shares_of_random_geodesics_are_shares(report) -> None:
+    assert len(report.geodesics) == 4
+    for item in report.geodesics:
+        assert 0.0 <= item.supported <= 1.0
+        assert 0.0 <= item.line_supported <= 1.0
+    assert report.as_dict()["random_geodesics"]["pairs"] == 4
+    assert "4 geodesics between random supported points" in report.lines()[-1]
