@@ -165,8 +165,8 @@ def fan() -> Demonstrations:
 @pytest.fixture(scope="session")
 def fan_skill(stored, fan: Demonstrations) -> Skill:
     """A skill for a Panda on the raw sheet."""
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
-    from geodesic_motion_ros.manifold.training import train_task_space_skill
+    from geodesic_motion_ros.learning.settings import TrainingSettings
+    from geodesic_motion_ros.learning.training import train_task_space_skill
 
     settings = TrainingSettings(sheet="raw", **SMALL)
     return stored("fan", lambda: train_task_space_skill(fan, settings, name="fan"))
@@ -181,8 +181,8 @@ def varying_fan() -> Demonstrations:
 @pytest.fixture(scope="session")
 def canonical_fan_skill(stored, varying_fan: Demonstrations) -> Skill:
     """A skill for a Panda on the canonical sheet, learned from demonstrations whose starts and goals vary."""
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
-    from geodesic_motion_ros.manifold.training import train_task_space_skill
+    from geodesic_motion_ros.learning.settings import TrainingSettings
+    from geodesic_motion_ros.learning.training import train_task_space_skill
 
     settings = TrainingSettings(**SMALL)
     return stored("canonical_fan", lambda: train_task_space_skill(varying_fan, settings, name="canonical fan"))
@@ -215,8 +215,8 @@ def separated_demonstrations() -> JointDemonstrations:
 @pytest.fixture(scope="session")
 def reach_skill(stored, reach_demonstrations: JointDemonstrations) -> Skill:
     """A joint-space skill of the whole Panda on the canonical sheet, with two families."""
-    from geodesic_motion_ros.manifold.joint_training import train_joint_space_skill
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+    from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings
 
     settings = JointTrainingSettings(batch=128, **SMALL)
     return stored("reach", lambda: train_joint_space_skill(reach_demonstrations, Robot.panda(), settings, name="reach"))

@@ -15,7 +15,7 @@ from geodesic_motion_ros.errors import DemonstrationError
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings
     from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.skill import Skill
 
@@ -56,7 +56,7 @@ class JointTraining:
     @classmethod
     def from_arguments(cls, arguments: argparse.Namespace, shared: tuple[str, ...]) -> JointTraining:
         """Read and check; `shared` are the names of the options that all spaces have."""
-        from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+        from geodesic_motion_ros.learning.settings import JointTrainingSettings
         from geodesic_motion_ros.robot.kinematics import Robot
 
         settings_of = JointTrainingSettings.paper if arguments.paper else JointTrainingSettings
@@ -77,7 +77,7 @@ class JointTraining:
         return self.shown.tool_demonstrations(self.robot)
 
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
-        from geodesic_motion_ros.manifold.joint_training import train_joint_space_skill
+        from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
 
         return train_joint_space_skill(self.shown, self.robot, self.settings, name, progress, provenance)
 

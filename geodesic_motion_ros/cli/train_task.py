@@ -16,7 +16,7 @@ from geodesic_motion_ros.quaternions import angle_between
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
     from geodesic_motion_ros.skill import Skill
 
 # A demonstration that stays within this [m], [rad] of its first pose does not move.
@@ -52,7 +52,7 @@ class TaskTraining:
     @classmethod
     def from_arguments(cls, arguments: argparse.Namespace, shared: tuple[str, ...]) -> TaskTraining:
         """Read and check; `shared` are the names of the options that all spaces have."""
-        from geodesic_motion_ros.manifold.settings import TrainingSettings
+        from geodesic_motion_ros.learning.settings import TrainingSettings
 
         settings_of = TrainingSettings.paper if arguments.paper else TrainingSettings
         metric = replace(settings_of().metric, **given(arguments, "sigma_weight", "orientation_scale"))
@@ -67,7 +67,7 @@ class TaskTraining:
         return self.demonstrations.split(self.held_out)[0] if self.held_out else self.demonstrations
 
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
-        from geodesic_motion_ros.manifold.training import train_task_space_skill
+        from geodesic_motion_ros.learning.training import train_task_space_skill
 
         return train_task_space_skill(self.tool_demonstrations(), self.settings, name, progress, provenance)
 

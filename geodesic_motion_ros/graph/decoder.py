@@ -1,6 +1,6 @@
 """The trained decoder in plain numpy: what the control tick and the graph evaluate.
 
-The networks are learned in torch (`manifold`); their weights are evaluated here, so that running a skill needs no
+The networks are learned in torch (`learning`); their weights are evaluated here, so that running a skill needs no
 torch. Both agree to rounding (tested).
 """
 

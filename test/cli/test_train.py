@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros import cli
-from geodesic_motion_ros.manifold import training
+from geodesic_motion_ros.learning import training
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.cli import main

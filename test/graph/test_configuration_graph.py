@@ -17,7 +17,7 @@ from geodesic_motion_ros.graph.configuration_graph import (
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.manifold.body_layer import BodyLayer
+from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.robot.kinematics import Robot
 
 ROBOT = Robot.panda()

@@ -150,8 +150,8 @@ def test_a_start_in_the_middle_of_the_task_is_met_too(planner):
 def bent(stored) -> tuple[Skill, np.ndarray]:
     """A skill of arcs around a corner, whose inside is shorter, and the mean of what was shown (m, 3)."""
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstration
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
-    from geodesic_motion_ros.manifold.training import train_task_space_skill
+    from geodesic_motion_ros.learning.settings import TrainingSettings
+    from geodesic_motion_ros.learning.training import train_task_space_skill
 
     s = np.linspace(0.0, 0.5 * np.pi, 120)
     items = []
@@ -198,8 +198,8 @@ def test_conditioning_changes_the_way_only_where_the_skill_regresses(canonical_f
 
 
 def test_a_single_demonstration_is_a_skill_that_can_be_carried(stored, varying_fan):
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
-    from geodesic_motion_ros.manifold.training import train_task_space_skill
+    from geodesic_motion_ros.learning.settings import TrainingSettings
+    from geodesic_motion_ros.learning.training import train_task_space_skill
 
     settings = TrainingSettings(
         steps=800, hidden=(64, 32), samples=100, kernels=60, precision_samples=2, precision_iterations=40

@@ -166,7 +166,7 @@ def run(arguments: argparse.Namespace) -> None:
         return
     if settings.held_out:
         with needing("--held-out trains skills, which needs", "pip install 'geodesic_motion_ros[learn]'"):
-            import_module("geodesic_motion_ros.manifold.training")
+            import_module("geodesic_motion_ros.learning.training")
     if arguments.methods is None and left_out:
         print(f"left out: {', '.join(left_out)}")
     folder = settings.results_folder(arguments.out, skill)

@@ -115,7 +115,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _of_poses(demonstrations: Demonstrations, folds: Sequence[Fold], arguments: argparse.Namespace) -> ImitationReport:
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
     from geodesic_motion_ros.studies.experiments.imitation import evaluate
     from geodesic_motion_ros.studies.experiments.trained import trained_once
 
@@ -131,7 +131,7 @@ def _of_poses(demonstrations: Demonstrations, folds: Sequence[Fold], arguments: 
 def _of_joints(
     demonstrations: JointDemonstrations, folds: Sequence[Fold], arguments: argparse.Namespace
 ) -> JointImitationReport:
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings
     from geodesic_motion_ros.studies.experiments.joint_imitation import evaluate_joints
     from geodesic_motion_ros.studies.experiments.trained import trained_once
 

@@ -19,7 +19,7 @@ from geodesic_motion_ros.errors import ParameterError
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
     from geodesic_motion_ros.studies.experiments.trained import Trained
 
 
@@ -166,7 +166,7 @@ def volume(arguments: argparse.Namespace) -> Measured:
     from tqdm import tqdm
 
     from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings
     from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
     from geodesic_motion_ros.studies.experiments.imitation import stage_shown_on
     from geodesic_motion_ros.studies.experiments.volume import compare_volume, draw_volume
@@ -268,7 +268,7 @@ def _save(path: Path, demonstrations: Demonstrations, said: str) -> None:
 
 def _training(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"]) -> TrainingSettings:
     """The defaults, but for --steps."""
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
 
     settings = TrainingSettings(sheet=sheet)
     return settings if arguments.steps is None else replace(settings, steps=arguments.steps)

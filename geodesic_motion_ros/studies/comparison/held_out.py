@@ -33,7 +33,7 @@ from geodesic_motion_ros.studies.experiments.folds import Fold, default_folds
 from geodesic_motion_ros.studies.experiments.trained import trained_on_folds
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings, TrainingSettings
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,7 @@ def shown_demonstrations(arena: Arena) -> Demonstrations | JointDemonstrations:
 
 def training_settings(skill: Skill) -> TrainingSettings | JointTrainingSettings:
     """How a skill was trained; ParameterError where it does not say so."""
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings, TrainingSettings
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 
     of_joints = skill.space == "joint"
     kind, metric = (JointTrainingSettings, JointMetricSettings) if of_joints else (TrainingSettings, MetricSettings)

@@ -31,7 +31,7 @@ from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.tables import Cell, text_table
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings
 
 #: Samples of the families' mean motions.
 _SAMPLES = 200

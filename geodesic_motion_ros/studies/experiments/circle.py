@@ -30,8 +30,8 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
-from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
+from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import NEIGHBOURS

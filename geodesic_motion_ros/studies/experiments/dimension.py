@@ -32,8 +32,8 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
-from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
+from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.joint_models import (

@@ -42,7 +42,7 @@ from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
 from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.latent_view import magnification_factor
-from geodesic_motion_ros.manifold.task_space import DecoderNetwork
+from geodesic_motion_ros.learning.task_space import DecoderNetwork
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure

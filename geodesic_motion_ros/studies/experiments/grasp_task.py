@@ -77,7 +77,7 @@ from geodesic_motion_ros.tables import Cell, text_table
 from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
 
 TASK = "reach"
 ROWS = ("canonical sheet", "raw sheet", "straight line", NEAREST)
@@ -241,7 +241,7 @@ def measure_grasp_task(
     ----------
     skills : cache of trained skills, see `trained_once`. training : seed and sheet are replaced; None: `BRIEFLY`.
     """
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
 
     base = training or TrainingSettings(**BRIEFLY)
     shown = reach_demonstrations(settings.shown)

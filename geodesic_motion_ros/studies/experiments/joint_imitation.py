@@ -195,8 +195,8 @@ def within_demonstrations(skill: Skill, shown: np.ndarray) -> Skill:
 
 
 def _train(demonstrations: JointDemonstrations, seed: int, progress: Progress) -> Skill:
-    from geodesic_motion_ros.manifold.joint_training import train_joint_space_skill
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+    from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings
 
     robot = Robot.named(demonstrations.robot)
     return train_joint_space_skill(demonstrations, robot, JointTrainingSettings(seed=seed), progress=progress)

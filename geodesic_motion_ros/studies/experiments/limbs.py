@@ -55,7 +55,7 @@ from geodesic_motion_ros.tables import Cell, text_table
 from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
 
 TASK = "reach"
 #: Angles of the last joint that are tried for one pose, at most.
@@ -192,7 +192,7 @@ def measure_limbs(
     ----------
     skills : cache of trained skills, see `trained_once`. training : its seed is replaced; None: `BRIEFLY`.
     """
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
 
     shown = reach_to_grasp(settings.shown, 0, families=1).tool_demonstrations(Robot.panda())
     base = training or TrainingSettings(**BRIEFLY)

@@ -42,7 +42,7 @@ from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperS
 from geodesic_motion_ros.tables import Cell, text_table
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings
 
 TASK = "pouring_in_groups"
 PAIRS = len(BOTTLE_PLACES)
@@ -179,7 +179,7 @@ def measure_pouring_joint(
     skills : cache of trained skills, see `trained_once`.
     training, literal : of both rows, their seeds are replaced; None: `BRIEFLY`, and the paper's.
     """
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings
 
     ours, literally = training or JointTrainingSettings(**BRIEFLY), literal or JointTrainingSettings.paper()
     shown, first = pouring(settings.shown, 0), settings.seeds[0]

@@ -63,7 +63,7 @@ from geodesic_motion_ros.tables import Cell, text_table
 from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
 
 TASK = "pouring_places"
 SHEETS = ("raw", "canonical")
@@ -210,7 +210,7 @@ def measure_pouring_task(
     ----------
     skills : cache of trained skills, see `trained_once`. training : seed and sheet are replaced; None: `BRIEFLY`.
     """
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
 
     base = training or TrainingSettings(**BRIEFLY)
     shown = pouring(settings.shown, 0).tool_demonstrations(Robot.panda())

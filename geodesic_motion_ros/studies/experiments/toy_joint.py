@@ -1,6 +1,6 @@
 """The paper's toy of joint space: a planar arm of two joints draws an S, in both postures that each point leaves it.
 
-Configurations are learned by the networks that learn whole arms (`manifold.joint_space`), the metric is seen at the
+Configurations are learned by the networks that learn whole arms (`learning.joint_space`), the metric is seen at the
 arm's body points. From the first configuration of a few demonstrations, each to the last one of the next of the same
 posture:
 
@@ -34,10 +34,10 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.manifold.body_layer import BodyLayer
-from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
-from geodesic_motion_ros.manifold.joint_training import body_layer, train_joint_model
-from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.body_layer import BodyLayer
+from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
+from geodesic_motion_ros.learning.joint_training import body_layer, train_joint_model
+from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.robot.kinematics import FOLDER, Robot

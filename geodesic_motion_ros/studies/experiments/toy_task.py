@@ -1,6 +1,6 @@
 """The paper's toy: a J in the plane with orientations that draw a C on the sphere S^2, each shown with both signs.
 
-Position and orientation are learned together on R^2 x S^2 by the networks that learn poses (`manifold.task_space`),
+Position and orientation are learned together on R^2 x S^2 by the networks that learn poses (`learning.task_space`),
 with von Mises-Fisher densities on S^2. From the first point of a few demonstrations, each to the last one of the next:
 
 geodesic        shortest path on a grid under the pull-back metric, bent by gradient descent
@@ -36,9 +36,9 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.pose_graph import MetricSettings
-from geodesic_motion_ros.manifold.settings import TrainingSettings
-from geodesic_motion_ros.manifold.task_space import TaskSpaceVAE
-from geodesic_motion_ros.manifold.training import train_model
+from geodesic_motion_ros.learning.settings import TrainingSettings
+from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
+from geodesic_motion_ros.learning.training import train_model
 from geodesic_motion_ros.plots import BLUE, GREY, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.studies.experiments.clusters import share_in_own_group
 from geodesic_motion_ros.studies.experiments.latent_pictures import (

@@ -22,7 +22,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.settings import JointTrainingSettings, TrainingSettings
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def trained_on_folds(
     ------
     ParameterError : no folds or no seeds. DemonstrationError : folds that do not fit.
     """
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
+    from geodesic_motion_ros.learning.settings import TrainingSettings
 
     if not folds or not seeds:
         raise ParameterError("nothing to train: give at least one fold and one seed")
@@ -116,10 +116,10 @@ def _trained(
     progress: Callable[[str, int, int], None] | None,
 ) -> Skill:
     if isinstance(shown, JointDemonstrations):
-        from geodesic_motion_ros.manifold.joint_training import train_joint_space_skill
+        from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
 
         return train_joint_space_skill(shown, Robot.named(shown.robot), settings, name=task, progress=progress)
-    from geodesic_motion_ros.manifold.training import train_task_space_skill
+    from geodesic_motion_ros.learning.training import train_task_space_skill
 
     return train_task_space_skill(shown, settings, name=task, progress=progress)
 
@@ -155,11 +155,11 @@ def digest_of(
 
 
 def training_code(module: str = "training") -> bytes:
-    """Digest of the module of `manifold` that trains and of all of this package that it imports: another version
+    """Digest of the module of `learning` that trains and of all of this package that it imports: another version
     learns otherwise.
     """
     package = Path(geodesic_motion_ros.__path__[0])
-    trains = find_spec(f"geodesic_motion_ros.manifold.{module}")
+    trains = find_spec(f"geodesic_motion_ros.learning.{module}")
     assert trains is not None
     assert trains.origin is not None
     waiting, meanings = [Path(trains.origin)], {}

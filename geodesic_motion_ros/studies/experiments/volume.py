@@ -1,7 +1,7 @@
 """What the volume term does: one joint-space skill learned without and with the change of variables to the body.
 
 Seen at the robot's body the density of a configuration is p(theta | z) / V(theta), V = sqrt(det(J^T J)) of the stacked
-Jacobian of the body points and of the tool's orientation (`manifold.body_layer`). Weighted by `volume_weight` in the
+Jacobian of the body points and of the tool's orientation (`learning.body_layer`). Weighted by `volume_weight` in the
 evidence lower bound, -log V rewards postures in which the joints move the body little. All else is the paper's model
 (`JointTrainingSettings.paper`: raw demonstrations, one lower bound for means and sigma, no likelihood of body points)
 and its planner (`paper/`). Columns of the table, a row per weight:
@@ -29,8 +29,8 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.manifold.joint_training import body_layer
-from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.joint_training import body_layer
+from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill

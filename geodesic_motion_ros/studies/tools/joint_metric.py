@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.manifold.body_layer import BodyLayer
-from geodesic_motion_ros.manifold.joint_space import JointDecoderNetwork
+from geodesic_motion_ros.learning.body_layer import BodyLayer
+from geodesic_motion_ros.learning.joint_space import JointDecoderNetwork
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from geodesic_motion_ros.graph.pose_graph import MetricSettings
-from geodesic_motion_ros.manifold.task_space import DecoderNetwork
+from geodesic_motion_ros.learning.task_space import DecoderNetwork
 
 #: A Riemannian metric: latent points (n, d) to symmetric positive definite tensors (n, d, d), differentiable.
 Metric = Callable[[Tensor], Tensor]

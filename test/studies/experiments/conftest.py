@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.manifold.training import train_task_space_skill
+from geodesic_motion_ros.learning.training import train_task_space_skill
 from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
@@ -42,8 +42,8 @@ def reach_poses(reach_demonstrations) -> Demonstrations:
 @pytest.fixture(scope="session")
 def reach_pose_skill(stored, reach_poses: Demonstrations) -> Skill:
     """A skill of task space of the same reaches, on the canonical sheet."""
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
-    from geodesic_motion_ros.manifold.training import train_task_space_skill
+    from geodesic_motion_ros.learning.settings import TrainingSettings
+    from geodesic_motion_ros.learning.training import train_task_space_skill
 
     settings = TrainingSettings(
         steps=800, hidden=(64, 32), samples=80, kernels=100, precision_samples=2, precision_iterations=60
@@ -64,8 +64,8 @@ def pouring_poses() -> Demonstrations:
 @pytest.fixture(scope="session")
 def pouring_pose_skill(stored, pouring_poses: Demonstrations) -> Skill:
     """A skill of task space of those pourings, on the raw sheet."""
-    from geodesic_motion_ros.manifold.settings import TrainingSettings
-    from geodesic_motion_ros.manifold.training import train_task_space_skill
+    from geodesic_motion_ros.learning.settings import TrainingSettings
+    from geodesic_motion_ros.learning.training import train_task_space_skill
 
     settings = TrainingSettings(
         steps=900, batch=128, learning_rate=6e-3, hidden=(64, 32), samples=60, kernels=100, precision_samples=2,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.manifold.settings import TrainingSettings
-from geodesic_motion_ros.manifold.training import train_task_space_skill
+from geodesic_motion_ros.learning.settings import TrainingSettings
+from geodesic_motion_ros.learning.training import train_task_space_skill
 from geodesic_motion_ros.studies.experiments.crossing import (
     crossing_report,
     draw_crossings,

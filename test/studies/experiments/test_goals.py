@@ -10,7 +10,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.manifold.settings import TrainingSettings
+from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, GRASP_HEIGHT
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments import goals

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.manifold.joint_training import train_joint_space_skill
-from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
+from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import swivel_angle
 from geodesic_motion_ros.simulation.joint_teacher import reach_guidances

@@ -10,7 +10,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.manifold.settings import TrainingSettings
+from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, two_mode_demonstrations
 from geodesic_motion_ros.skill import Skill

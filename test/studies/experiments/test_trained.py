@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.errors import DemonstrationError, ParameterError
-from geodesic_motion_ros.manifold.settings import JointTrainingSettings, TrainingSettings
+from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.studies.experiments.trained import meaning, trained_on_folds, trained_once, training_code
 
 IN_NO_TIME = TrainingSettings(steps=60, kernels=20, hidden=(32, 16))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.manifold.body_layer import BodyLayer
+from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.robot.body_points import (
     BodyPoints,
     body_point_jacobians,

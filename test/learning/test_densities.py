@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.manifold.densities import (
+from geodesic_motion_ros.learning.densities import (
     antipodal_log_density,
     divergence_from_normal,
     gaussian_log_density,

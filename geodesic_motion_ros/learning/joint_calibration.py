@@ -20,9 +20,9 @@ from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.joint_transport import JointOffsets
 from geodesic_motion_ros.joint_sheet import JointSheet
-from geodesic_motion_ros.manifold.calibration import CODE_SAMPLES, SUPPORT_PERCENTILE, dearest_energy
-from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
-from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.calibration import CODE_SAMPLES, SUPPORT_PERCENTILE, dearest_energy
+from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
+from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.regression import surest_penalty
 from geodesic_motion_ros.robot.body_points import end_effector_poses

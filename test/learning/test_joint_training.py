@@ -10,14 +10,14 @@ import torch
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.manifold.joint_calibration import calibrated_energy
-from geodesic_motion_ros.manifold.joint_training import (
+from geodesic_motion_ros.learning.joint_calibration import calibrated_energy
+from geodesic_motion_ros.learning.joint_training import (
     body_layer,
     train_joint_model,
     train_joint_space_skill,
     training_configurations,
 )
-from geodesic_motion_ros.manifold.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 
 ROBOT = Robot.panda()

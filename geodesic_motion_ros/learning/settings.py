@@ -12,7 +12,7 @@ from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.graph.pose_graph import MetricSettings
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.task_space import OrientationModel
+    from geodesic_motion_ros.learning.task_space import OrientationModel
 
 #: The paper has no term of the joints alone; so little is none, and keeps every tensor positive [m].
 _NO_JOINT_WEIGHT = 1e-6

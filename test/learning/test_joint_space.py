@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from geodesic_motion_ros.graph.encoder import JointSpaceEncoder
-from geodesic_motion_ros.manifold.joint_space import JointSpaceVAE
-from geodesic_motion_ros.manifold.networks import RadialBasisNetwork
+from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
+from geodesic_motion_ros.learning.networks import RadialBasisNetwork
 
 
 @pytest.fixture(scope="module", params=[2, 3])

@@ -19,12 +19,12 @@ import torch
 from torch import Tensor, nn
 
 from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
-from geodesic_motion_ros.manifold.densities import (
+from geodesic_motion_ros.learning.densities import (
     antipodal_log_density,
     gaussian_log_density,
     von_mises_fisher_log_density,
 )
-from geodesic_motion_ros.manifold.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
+from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
 
 OrientationModel = Literal["two_cluster", "sign_blind"]
 

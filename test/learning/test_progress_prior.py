@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.manifold.progress_prior import PRIOR_REACH, prior_means, prior_variance
+from geodesic_motion_ros.learning.progress_prior import PRIOR_REACH, prior_means, prior_variance
 
 
 @dataclass(frozen=True)

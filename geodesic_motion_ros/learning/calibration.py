@@ -22,8 +22,8 @@ from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.graph.latent_graph import LatentGraph
 from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.graph.transport import Offsets
-from geodesic_motion_ros.manifold.settings import TrainingSettings
-from geodesic_motion_ros.manifold.task_space import TaskSpaceVAE
+from geodesic_motion_ros.learning.settings import TrainingSettings
+from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.regression import surest_penalty
 from geodesic_motion_ros.sheet import CanonicalSheet

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from geodesic_motion_ros.manifold.optimisation import descend, minimise, one_seeded_thread
+from geodesic_motion_ros.learning.optimisation import descend, minimise, one_seeded_thread
 
 TARGET = torch.tensor([1.0, -2.0, 0.5], dtype=torch.double)
 

@@ -10,9 +10,9 @@ from geodesic_motion_ros.demonstrations.modes import blend_weights
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.graph.pose_graph import MetricSettings
-from geodesic_motion_ros.manifold.progress_prior import PRIOR_REACH
-from geodesic_motion_ros.manifold.settings import TrainingSettings
-from geodesic_motion_ros.manifold.training import train_model, train_task_space_skill, training_poses
+from geodesic_motion_ros.learning.progress_prior import PRIOR_REACH
+from geodesic_motion_ros.learning.settings import TrainingSettings
+from geodesic_motion_ros.learning.training import train_model, train_task_space_skill, training_poses
 from geodesic_motion_ros.quaternions import angle_between
 
 TINY = TrainingSettings(

@@ -16,7 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
-from geodesic_motion_ros.manifold.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
+from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
 
 
 class JointEncoderNetwork(nn.Module):

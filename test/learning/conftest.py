@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.manifold.settings import TrainingSettings
-from geodesic_motion_ros.manifold.task_space import DecoderNetwork
-from geodesic_motion_ros.manifold.training import train_task_space_skill
+from geodesic_motion_ros.learning.settings import TrainingSettings
+from geodesic_motion_ros.learning.task_space import DecoderNetwork
+from geodesic_motion_ros.learning.training import train_task_space_skill
 from geodesic_motion_ros.quaternions import rotate_by
 
 #: Small enough to train in seconds, large enough to learn the task below.

@@ -23,18 +23,13 @@ from torch import Tensor
 from geodesic_motion_ros.demonstrations.canonical import along_arc, canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_modes
-from geodesic_motion_ros.manifold.calibration import assemble_skill
-from geodesic_motion_ros.manifold.densities import divergence_from_normal
-from geodesic_motion_ros.manifold.networks import RadialBasisNetwork, kernel_rate, place_centres
-from geodesic_motion_ros.manifold.optimisation import Progress, descend, minimise, one_seeded_thread
-from geodesic_motion_ros.manifold.progress_prior import prior_means, prior_variance
-from geodesic_motion_ros.manifold.settings import TrainingSettings
-from geodesic_motion_ros.manifold.task_space import (
-    FixedPrecisions,
-    Means,
-    Precisions,
-    TaskSpaceVAE,
-)
+from geodesic_motion_ros.learning.calibration import assemble_skill
+from geodesic_motion_ros.learning.densities import divergence_from_normal
+from geodesic_motion_ros.learning.networks import RadialBasisNetwork, kernel_rate, place_centres
+from geodesic_motion_ros.learning.optimisation import Progress, descend, minimise, one_seeded_thread
+from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
+from geodesic_motion_ros.learning.settings import TrainingSettings
+from geodesic_motion_ros.learning.task_space import FixedPrecisions, Means, Precisions, TaskSpaceVAE
 from geodesic_motion_ros.skill import Skill
 
 

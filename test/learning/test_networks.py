@@ -3,12 +3,7 @@ import pytest
 import torch
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.manifold.networks import (
-    MultilayerPerceptron,
-    RadialBasisNetwork,
-    kernel_rate,
-    place_centres,
-)
+from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, kernel_rate, place_centres
 
 
 def test_perceptron_is_linear_tanh_linear():
