@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
-from geodesic_motion_ros.graph.ridge import Ridges
+from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.manifold.mean_path import Ridges
 from geodesic_motion_ros.sheet import DemonstratedEnds
 
 

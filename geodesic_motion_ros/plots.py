@@ -20,9 +20,9 @@ from matplotlib.patches import Circle, Patch
 from matplotlib.ticker import MultipleLocator
 
 from geodesic_motion_ros.errors import PlanningError
-from geodesic_motion_ros.graph.ambient import clearances
-from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.latent_view import magnification_factor
+from geodesic_motion_ros.manifold.ambient_metric import clearances
+from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill

@@ -21,16 +21,16 @@ from safetensors.numpy import save_file
 
 from geodesic_motion_ros.checked_files import PlainDumper, brief
 from geodesic_motion_ros.errors import GeodesicMotionError, SkillError
-from geodesic_motion_ros.graph.configuration_graph import (
+from geodesic_motion_ros.joint_sheet import JointSheet
+from geodesic_motion_ros.manifold.configuration_graph import (
     ConfigurationGraph,
     JointMetricSettings,
     build_configuration_graph,
 )
-from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
-from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
-from geodesic_motion_ros.graph.pose_graph import MetricSettings, PoseGraph, build_pose_graph
-from geodesic_motion_ros.graph.ridge import Ridges
-from geodesic_motion_ros.joint_sheet import JointSheet
+from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
+from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph, build_pose_graph
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.sheet import CanonicalSheet

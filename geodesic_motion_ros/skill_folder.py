@@ -22,12 +22,12 @@ from geodesic_motion_ros.checked_numbers import (
     check_real,
 )
 from geodesic_motion_ros.errors import GeodesicMotionError, SkillError
-from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
-from geodesic_motion_ros.graph.encoder import JointSpaceEncoder, TaskSpaceEncoder
-from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
-from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.joint_sheet import JointSheet
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
+from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder, TaskSpaceEncoder
+from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill_description import DESCRIPTION, LATENT, METADATA, WEIGHTS, check_description

@@ -10,8 +10,8 @@ import pytest
 from PIL import Image
 
 from geodesic_motion_ros import joint_plots
-from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings, build_configuration_graph
-from geodesic_motion_ros.graph.joint_transport import JointOffsets
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings, build_configuration_graph
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, ORANGE, VERMILION, Sphere, Way
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -25,7 +25,7 @@ print(json.dumps(called()))
 """
 
 #: A package of two listed kernels, whose copies of the modules compile in seconds.
-FEW = ("graph.radial_basis", "graph.hyperbolic_tangent")
+FEW = ("manifold.radial_basis", "manifold.hyperbolic_tangent")
 
 
 def test_the_list_has_what_planners_call() -> None:

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.graph.ambient import obstacle_clearances
+from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.obstacles import Obstacles, nearness
 from geodesic_motion_ros.solids import solid_distances, solid_rows
 

@@ -15,11 +15,11 @@ import pytest
 import torch
 
 from geodesic_motion_ros.fitted_spline import fitted_spline
-from geodesic_motion_ros.graph.grid import LatentGrid
-from geodesic_motion_ros.graph.pose_graph import MetricSettings, PoseGraph
-from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
 from geodesic_motion_ros.learning.densities import antipodal_log_density, divergence_from_normal, gaussian_log_density
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork
+from geodesic_motion_ros.manifold.grid import LatentGrid
+from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph
+from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
 from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch

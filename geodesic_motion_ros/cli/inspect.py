@@ -16,7 +16,7 @@ from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.tables import write_json
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.graph.latent_graph import LatentGraph
+    from geodesic_motion_ros.manifold.latent_graph import LatentGraph
     from geodesic_motion_ros.skill import Skill
 
 _DESCRIPTION = """\

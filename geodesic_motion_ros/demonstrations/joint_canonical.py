@@ -1,6 +1,6 @@
 """Canonical form of joint-space demonstrations: where a task begins and ends taken out, the way of doing it left.
 
-With s in [0, 1] the fraction of a demonstration's arc, canonical curves y(s) are those that `graph.joint_transport`
+With s in [0, 1] the fraction of a demonstration's arc, canonical curves y(s) are those that `manifold.joint_transport`
 carries onto the demonstrations: theta(s) = y(s) + D(y(s), s). The arc counts what the metric counts: the mean squared
 motion of the body points, and with a small weight that of the joints.
 
@@ -17,8 +17,8 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.errors import DemonstrationError
-from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.graph.joint_transport import JointOffsets
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot
 

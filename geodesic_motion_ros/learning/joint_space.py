@@ -15,8 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
+from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 
 
 class JointEncoderNetwork(nn.Module):
@@ -37,7 +37,7 @@ class JointEncoderNetwork(nn.Module):
         return mean, log_variance
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Weights by the names that `graph.encoder.JointSpaceEncoder` reads (the mean's rows only)."""
+        """Weights by the names that `manifold.encoder.JointSpaceEncoder` reads (the mean's rows only)."""
         named = layer_arrays(self.perceptron)
         latent_dimension = len(named["b3"]) // 2
         named["W3"], named["b3"] = named["W3"][:latent_dimension], named["b3"][:latent_dimension]

@@ -20,7 +20,6 @@ from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc, c
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_modes
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.learning.densities import divergence_from_normal, gaussian_log_density
 from geodesic_motion_ros.learning.joint_calibration import assemble_joint_skill
@@ -29,6 +28,7 @@ from geodesic_motion_ros.learning.networks import RadialBasisNetwork, kernel_rat
 from geodesic_motion_ros.learning.optimisation import Progress, descend, minimise, one_seeded_thread
 from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import GRID_SHAPES, Skill

@@ -127,7 +127,7 @@ def kernel_rate(centres: np.ndarray, codes: np.ndarray, bandwidth_factor: float)
 
 
 def layer_arrays(perceptron: MultilayerPerceptron) -> dict[str, np.ndarray]:
-    """Weights and biases by the names that `graph.perceptron.Perceptron` reads."""
+    """Weights and biases by the names that `manifold.perceptron.Perceptron` reads."""
     named = {}
     for number, layer in enumerate(perceptron.layers, start=1):
         named[f"W{number}"], named[f"b{number}"] = as_array(layer.weight), as_array(layer.bias)

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.graph.pose_graph import MetricSettings
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.task_space import OrientationModel

@@ -18,13 +18,13 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.learning.densities import (
     antipodal_log_density,
     gaussian_log_density,
     von_mises_fisher_log_density,
 )
 from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
+from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 
 OrientationModel = Literal["two_cluster", "sign_blind"]
 
@@ -87,7 +87,7 @@ class EncoderNetwork(nn.Module):
         return mean, log_variance
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Weights by the names that `graph.encoder.TaskSpaceEncoder` reads (the mean's rows only)."""
+        """Weights by the names that `manifold.encoder.TaskSpaceEncoder` reads (the mean's rows only)."""
         named = layer_arrays(self.perceptron)
         latent_dimension = len(named["b3"]) // 2
         named["W3"], named["b3"] = named["W3"][:latent_dimension], named["b3"][:latent_dimension]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.graph.pose_graph import PoseGraph
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.nodes.demo_pictures import (
     AROUND_RGB,
     FREE_RGB,

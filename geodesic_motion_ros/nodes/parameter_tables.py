@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import get_args
 
-from geodesic_motion_ros.graph.ambient_law import LAWS
+from geodesic_motion_ros.manifold.ambient_law import LAWS
 from geodesic_motion_ros.nodes.parameters import Parameter
 from geodesic_motion_ros.planning.settings import LARGEST_DETOUR, Unseen
 from geodesic_motion_ros.robot.panda import PANDA_READY

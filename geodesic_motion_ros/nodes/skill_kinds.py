@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.arm_view import ArmView
-from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.latent_view import LatentPicture, LatentView
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs

@@ -11,12 +11,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from geodesic_motion_ros.graph.metric_field import MetricField
-from geodesic_motion_ros.graph.node_body import NodeBody
-from geodesic_motion_ros.graph.ridge import Ridges
-from geodesic_motion_ros.graph.shortest_path import cost_field
-from geodesic_motion_ros.graph.transport import blended
-from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
+from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.metric_field import MetricField
+from geodesic_motion_ros.manifold.node_body import NodeBody
+from geodesic_motion_ros.manifold.shortest_path import cost_field
+from geodesic_motion_ros.manifold.transport import blended
+from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill

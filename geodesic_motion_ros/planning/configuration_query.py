@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.errors import RobotError
-from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
-from geodesic_motion_ros.graph.shortest_path import cost_field
-from geodesic_motion_ros.graph.transport import corrections_at
+from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets
+from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
+from geodesic_motion_ros.manifold.shortest_path import cost_field
+from geodesic_motion_ros.manifold.transport import corrections_at
 from geodesic_motion_ros.planning.carried_query import (
     AlongRidges,
     CarriedQuery,

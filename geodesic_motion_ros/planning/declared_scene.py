@@ -33,7 +33,7 @@ import numpy as np
 
 from geodesic_motion_ros.checked_files import brief, opened, read_yaml
 from geodesic_motion_ros.errors import FileError, GeodesicMotionError, SkillError
-from geodesic_motion_ros.graph.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.obstacles import LARGEST_NUMBER, Obstacles
 from geodesic_motion_ros.quaternions import inverse, normalise, rotate, to_rotation
 from geodesic_motion_ros.robot.collision_model import CollisionModel

@@ -24,8 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.joint_reference import interpolated
+from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs

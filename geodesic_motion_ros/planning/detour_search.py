@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from geodesic_motion_ros.graph.heap import TAKEN, WAITING, put, take
+from geodesic_motion_ros.manifold.heap import TAKEN, WAITING, put, take
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at, distance_from_obstacles, place_spheres
 from geodesic_motion_ros.planning.detour_frame import DetourFrame

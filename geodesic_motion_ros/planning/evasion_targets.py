@@ -11,9 +11,9 @@ from itertools import product
 
 import numpy as np
 
-from geodesic_motion_ros.graph.latent_graph import LatentGraph
-from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
-from geodesic_motion_ros.graph.shortest_path import shortest_free_path
+from geodesic_motion_ros.manifold.latent_graph import LatentGraph
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.shortest_path import shortest_free_path
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
 from geodesic_motion_ros.planning.posture import hold_path

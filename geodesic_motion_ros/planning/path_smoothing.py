@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.curves import Pose, arc_length_fractions
 from geodesic_motion_ros.geometry.se3 import carried
-from geodesic_motion_ros.graph.metric_field import evenly
+from geodesic_motion_ros.manifold.metric_field import evenly
 from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
 
 

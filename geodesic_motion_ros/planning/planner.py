@@ -25,11 +25,11 @@ import numpy as np
 from geodesic_motion_ros.arm_certificate import CertifiedTrajectory
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.errors import PlanningError, RobotError
-from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.graph.pose_graph import PoseGraph
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import load_references
+from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.approach import approached, still_approaching

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.geometry.se3 import carried
-from geodesic_motion_ros.graph.node_body import NodeBody
-from geodesic_motion_ros.graph.pose_graph import PoseGraph
-from geodesic_motion_ros.graph.transport import Offsets, corrections_at
+from geodesic_motion_ros.manifold.node_body import NodeBody
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph
+from geodesic_motion_ros.manifold.transport import Offsets, corrections_at
 from geodesic_motion_ros.obstacles import LARGEST_NUMBER
 from geodesic_motion_ros.planning.carried_query import AlongRidges, CarriedQuery, CarriedQueryBuilder, End
 from geodesic_motion_ros.planning.search import demonstrated_cost

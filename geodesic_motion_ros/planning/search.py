@@ -9,13 +9,13 @@ from typing import Protocol
 import numpy as np
 
 from geodesic_motion_ros.deadline import NEVER, Deadline
-from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.latent_graph import LatentGraph
-from geodesic_motion_ros.graph.node_body import NodeBody
-from geodesic_motion_ros.graph.reshaping import Reshaping, first_clear
-from geodesic_motion_ros.graph.search_from_both_ends import load_search_from_both_ends, shortest_path_from_both_ends
-from geodesic_motion_ros.graph.shortest_path import cost_field
-from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
+from geodesic_motion_ros.manifold.bidirectional_astar import load_search_from_both_ends, shortest_path_from_both_ends
+from geodesic_motion_ros.manifold.decoder import rms_sigma
+from geodesic_motion_ros.manifold.latent_graph import LatentGraph
+from geodesic_motion_ros.manifold.node_body import NodeBody
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, first_clear
+from geodesic_motion_ros.manifold.shortest_path import cost_field
+from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.settings import CURVE_SIGMA_FACTOR, ENTRY_STEPS, PlannerSettings
 from geodesic_motion_ros.skill import Skill

@@ -13,7 +13,7 @@ from typing import ClassVar, Literal, NamedTuple, get_args
 import numpy as np
 
 from geodesic_motion_ros.errors import PlanningError
-from geodesic_motion_ros.graph.ambient_law import LAWS, AmbientLaw
+from geodesic_motion_ros.manifold.ambient_law import LAWS, AmbientLaw
 from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
 
 # ------------------------------------------------------------------ clearance of moving obstacles
@@ -148,7 +148,8 @@ class PlannerSettings:
     obstacle_position_error : how far obstacles may be from where their source says that they are: so much larger they
         are taken to be, and by how far the arm was off its path (`planning/tracking.py`).
     ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + body radius), of the soft metric.
-    ambient_law : how it grows towards obstacles: gaussian, completed, or hard: not at all (`graph/ambient.py`).
+    ambient_law : how it grows towards obstacles: gaussian, completed, or hard: not at all
+    (`manifold/ambient_metric.py`).
     ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
     cost_cap : paths that cost more than so many times what a demonstration costs without obstacles count as blocked.
     query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.

@@ -17,15 +17,15 @@ import numpy as np
 from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory, SweptArm
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
-from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.graph.latent_graph import LatentGraph
-from geodesic_motion_ros.graph.metric_field import MetricField
-from geodesic_motion_ros.graph.pose_graph import PoseGraph
-from geodesic_motion_ros.graph.refinement import refined
-from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
+from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.manifold.geodesic_refinement import refined
+from geodesic_motion_ros.manifold.latent_graph import LatentGraph
+from geodesic_motion_ros.manifold.metric_field import MetricField
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance

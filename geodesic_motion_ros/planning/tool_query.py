@@ -14,12 +14,12 @@ import numpy as np
 
 from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.geometry.se3 import carried
-from geodesic_motion_ros.graph.metric_field import MetricField
-from geodesic_motion_ros.graph.node_body import LinkBounds, NodeBody
-from geodesic_motion_ros.graph.pose_graph import PoseGraph
-from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
-from geodesic_motion_ros.graph.transport import blended
-from geodesic_motion_ros.graph.transported_graph import TransportedGraph
+from geodesic_motion_ros.manifold.metric_field import MetricField
+from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph
+from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free_path
+from geodesic_motion_ros.manifold.transport import blended
+from geodesic_motion_ros.manifold.transported_graph import TransportedGraph
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.carried_query import edges_in_scene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.graph.encoder import JointSpaceEncoder
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork
+from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder
 
 
 @pytest.fixture(scope="module", params=[2, 3])

@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.learning.joint_calibration import calibrated_energy
 from geodesic_motion_ros.learning.joint_training import (
     body_layer,
@@ -18,6 +17,7 @@ from geodesic_motion_ros.learning.joint_training import (
     training_configurations,
 )
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 
 ROBOT = Robot.panda()

@@ -4,7 +4,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geodesic_motion_ros.graph.pose_graph import MetricSettings
+from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.studies.tools.metric import (
     AmbientFactor,
     PullbackMetric,

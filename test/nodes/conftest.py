@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.graph.decoder import TaskSpaceDecoder
-from geodesic_motion_ros.graph.pose_graph import MetricSettings
+from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
+from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.skill import Skill
 
 

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from geodesic_motion_ros.demonstrations.curves import arc_length
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.errors import PlanningError
-from geodesic_motion_ros.graph.ambient import obstacle_clearances
-from geodesic_motion_ros.graph.tool_points import tool_points
+from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
+from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.pose_query import Query

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.deadline import Deadline
-from geodesic_motion_ros.graph import search_from_both_ends
+from geodesic_motion_ros.manifold import bidirectional_astar
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, cheapest_path, is_same_path
 from geodesic_motion_ros.studies.benchmarks.engine import mark
@@ -28,7 +28,7 @@ def way(bench: SkillBench, obstacles: Obstacles, *deadline: Deadline):
 
 
 def test_out_of_time_before_a_way_is_found_the_verdict_says_so(bench, monkeypatch) -> None:
-    monkeypatch.setattr(search_from_both_ends, "_BATCHES", 1)
+    monkeypatch.setattr(bidirectional_astar, "_BATCHES", 1)
     blocked = spheres_on_way(bench.problem, 1).at(0)
     whole = way(bench, blocked)
     assert isinstance(whole, LatentPath)
@@ -39,7 +39,7 @@ def test_out_of_time_before_a_way_is_found_the_verdict_says_so(bench, monkeypatc
 
 
 def test_a_free_way_needs_no_time(bench, monkeypatch) -> None:
-    monkeypatch.setattr(search_from_both_ends, "_BATCHES", 1)
+    monkeypatch.setattr(bidirectional_astar, "_BATCHES", 1)
     found = way(bench, Obstacles.none(), PASSED)
     assert isinstance(found, LatentPath)
     assert found.gap == 0.0

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.graph.metric_field import curve_length
-from geodesic_motion_ros.graph.reshaping import Reshaping
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.manifold.metric_field import curve_length
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver

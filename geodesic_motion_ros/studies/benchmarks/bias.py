@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from geodesic_motion_ros.graph.metric_field import MetricField, curve_length, evenly, piecewise
-from geodesic_motion_ros.graph.refinement import refined
-from geodesic_motion_ros.graph.reshaping import Reshaping
-from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
+from geodesic_motion_ros.manifold.geodesic_refinement import refined
+from geodesic_motion_ros.manifold.metric_field import MetricField, curve_length, evenly, piecewise
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
+from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free_path
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.skill import Skill

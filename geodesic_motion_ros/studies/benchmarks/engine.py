@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.deadline import NEVER, Deadline
-from geodesic_motion_ros.graph.grid import Adjacency
-from geodesic_motion_ros.graph.node_body import NodeBody
-from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
-from geodesic_motion_ros.graph.search_from_both_ends import shortest_path_from_both_ends
-from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_path
-from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
+from geodesic_motion_ros.manifold.bidirectional_astar import shortest_path_from_both_ends
+from geodesic_motion_ros.manifold.grid import Adjacency
+from geodesic_motion_ros.manifold.node_body import NodeBody
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
+from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.settings import PlannerSettings
 

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.graph.reshaping import Reshaping, look_at
-from geodesic_motion_ros.graph.shortest_path import shortest_path
+from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.shortest_path import shortest_path
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import search as path_search
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.distance_field import REACH, DistanceField, field_distances
-from geodesic_motion_ros.graph.ambient import CUTOFF
+from geodesic_motion_ros.manifold.ambient_metric import CUTOFF
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.studies.benchmarks.engine import Answer, SearchProblem
 
@@ -47,7 +47,7 @@ class EdgeWeights:
         return weights
 
     def _factors(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
-        """Ambient factors (n, K), as `ambient.ambient_factor`."""
+        """Ambient factors (n, K), as `manifold.ambient_metric.ambient_factor`."""
         body, settings = self._problem.body, self._problem.settings
         shift = np.exp(-0.5 * CUTOFF**2)
         factors = np.ones(body.points.shape[:2])
@@ -62,7 +62,7 @@ class EdgeWeights:
         return factors
 
     def _cloud_factors(self, cloud: DistanceField) -> np.ndarray:
-        """What a cloud adds to the factors (n, K), as `ambient.cloud_factor`; 0 without one."""
+        """What a cloud adds to the factors (n, K), as `manifold.ambient_metric.cloud_factor`; 0 without one."""
         body, settings = self._problem.body, self._problem.settings
         if not cloud.squares.size:
             return np.zeros(())

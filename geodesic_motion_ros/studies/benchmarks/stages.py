@@ -18,9 +18,9 @@ import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.refinement import refined
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
+from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner

@@ -34,7 +34,7 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve, arc_length, arc_length_fractions, interpolate
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.decoder import rms_sigma
+from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.planning.path_smoothing import correct_ends
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings

@@ -21,8 +21,8 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.encoder import TaskSpaceEncoder
-from geodesic_motion_ros.graph.pose_graph import PoseGraph
+from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, supported_box, whole_box
 from geodesic_motion_ros.studies.experiments.trained import Trained

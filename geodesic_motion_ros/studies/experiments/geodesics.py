@@ -34,15 +34,15 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.fitted_spline import fitted_spline
-from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.metric_field import MetricField, packed_tensors
-from geodesic_motion_ros.graph.node_body import NodeBody
-from geodesic_motion_ros.graph.refinement import refined
-from geodesic_motion_ros.graph.reshaping import Reshaping
-from geodesic_motion_ros.graph.shortest_path import cost_field, shortest_free_path
-from geodesic_motion_ros.graph.transport import Offsets
 from geodesic_motion_ros.latent_view import magnification_factor
 from geodesic_motion_ros.learning.task_space import DecoderNetwork
+from geodesic_motion_ros.manifold.decoder import rms_sigma
+from geodesic_motion_ros.manifold.geodesic_refinement import refined
+from geodesic_motion_ros.manifold.metric_field import MetricField, packed_tensors
+from geodesic_motion_ros.manifold.node_body import NodeBody
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
+from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free_path
+from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure

@@ -38,9 +38,9 @@ from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc, c
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.graph.encoder import JointSpaceEncoder
-from geodesic_motion_ros.graph.joint_transport import JointOffsets
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal, ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.quaternions import continuous_signs

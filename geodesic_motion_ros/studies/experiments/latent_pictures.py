@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from geodesic_motion_ros.graph.grid import LatentGrid
+from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.studies.experiments.metric_graph import magnification, metric_tensors
 from geodesic_motion_ros.studies.tools.metric import Metric
 

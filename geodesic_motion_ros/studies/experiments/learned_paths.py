@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.graph.configuration_graph import ConfigurationGraph, build_configuration_graph
-from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.graph.pose_graph import PoseGraph, build_pose_graph
-from geodesic_motion_ros.graph.shortest_path import shortest_free_path
-from geodesic_motion_ros.graph.transport import Offsets
+from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph, build_configuration_graph
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph, build_pose_graph
+from geodesic_motion_ros.manifold.shortest_path import shortest_free_path
+from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 

@@ -25,9 +25,9 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.decoder import rms_sigma
-from geodesic_motion_ros.graph.grid import LatentGrid
 from geodesic_motion_ros.joint_reference import JointReference
+from geodesic_motion_ros.manifold.decoder import rms_sigma
+from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner

@@ -1,7 +1,7 @@
 """A graph of points in the latent space under any Riemannian metric, for experiments with toys and dimensions.
 
-The planner's graphs (`graph.pose_graph`, `graph.configuration_graph`) measure their edges between decoded nodes; this
-one asks the metric tensor, so that it serves every decoder and any number of latent dimensions.
+The planner's graphs (`manifold.pose_graph`, `manifold.configuration_graph`) measure their edges between decoded nodes;
+this one asks the metric tensor, so that it serves every decoder and any number of latent dimensions.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.graph.grid import LatentGrid
+from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.planning.path_smoothing import resample_latent
 from geodesic_motion_ros.studies.tools.metric import Metric, curve_length
 

@@ -29,8 +29,8 @@ from tqdm import tqdm
 from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve, arc_length_fractions, interpolate
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.tool_points import tool_points
 from geodesic_motion_ros.learning.settings import TrainingSettings
+from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, SIDES, draw_passing_query, two_mode_demonstrations

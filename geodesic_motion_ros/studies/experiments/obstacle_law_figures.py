@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from geodesic_motion_ros.graph.ambient import ambient_factor
+from geodesic_motion_ros.manifold.ambient_metric import ambient_factor
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, VERMILION, write_figure
 from geodesic_motion_ros.studies.experiments.obstacle_laws import STRENGTHS, WIDTHS, Kind, LawsReport

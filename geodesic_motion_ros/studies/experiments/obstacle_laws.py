@@ -6,7 +6,8 @@ mean way is free in the next (*one way*), and touches it, whatever else is free,
 scenes are planned in these ways:
 
 ignored         the way without obstacles, as a control
-soft alone      the Gaussian hill of `graph/ambient.py`, the paper's law: nothing is removed, nothing certified. Sheet,
+soft alone      the Gaussian hill of `manifold/ambient_metric.py`, the paper's law: nothing is removed, nothing
+certified. Sheet,
                 graph and the rest are the planner's, not the paper's
 hard alone      nodes in obstacles are removed, references certified; the metric does not grow
 soft and hard   the Gaussian hill, nodes removed, references certified: what the planner does
@@ -41,7 +42,7 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.ambient_law import AmbientLaw
+from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.configuration_query import (
     ConfigurationGoal,

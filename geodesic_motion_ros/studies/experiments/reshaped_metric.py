@@ -22,8 +22,8 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.fitted_spline import fitted_spline
-from geodesic_motion_ros.graph.decoder import rms_sigma
 from geodesic_motion_ros.latent_view import magnification_factor
+from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.plots import BLUE, VERMILION, demonstrations_of, write_figure
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.held_bottle import SPHERE_RADIUS

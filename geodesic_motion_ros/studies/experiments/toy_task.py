@@ -35,10 +35,10 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
 from geodesic_motion_ros.learning.training import train_model
+from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.plots import BLUE, GREY, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.studies.experiments.clusters import share_in_own_group
 from geodesic_motion_ros.studies.experiments.latent_pictures import (

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from geodesic_motion_ros.graph.configuration_graph import build_configuration_graph
-from geodesic_motion_ros.graph.joint_transport import JointOffsets
-from geodesic_motion_ros.graph.latent_graph import LatentGraph
-from geodesic_motion_ros.graph.pose_graph import build_pose_graph
-from geodesic_motion_ros.graph.transport import Offsets
-from geodesic_motion_ros.graph.weighted_graph import WeightedGraph
+from geodesic_motion_ros.manifold.configuration_graph import build_configuration_graph
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets
+from geodesic_motion_ros.manifold.latent_graph import LatentGraph
+from geodesic_motion_ros.manifold.pose_graph import build_pose_graph
+from geodesic_motion_ros.manifold.transport import Offsets
+from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import GRID_SHAPES, Skill
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.fitted_spline import fitted_spline
-from geodesic_motion_ros.graph.latent_graph import refuse_unsupported
+from geodesic_motion_ros.manifold.latent_graph import refuse_unsupported
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import angle_between, continuous_signs, normalise
 from geodesic_motion_ros.robot.body_points import end_effector_poses

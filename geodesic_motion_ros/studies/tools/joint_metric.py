@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.learning.joint_space import JointDecoderNetwork
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,8 @@ class JointPullbackMetric:
     + g^2 (|J_mu|^2 + s^2 |J_sigma|^2), with |J|^2 = J^T J.
 
     J_k is the Jacobian of body point k at mu(z), J_q that of the tool's unit quaternion, s the sigma_weight, h the
-    orientation_weight and g the joint_weight: the metric tensor of `graph.configuration_graph`, without obstacles, for
-    a decoder that can be differentiated.
+    orientation_weight and g the joint_weight: the metric tensor of `manifold.configuration_graph`, without obstacles,
+    for a decoder that can be differentiated.
 
     Attributes
     ----------

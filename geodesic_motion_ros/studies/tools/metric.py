@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from geodesic_motion_ros.graph.pose_graph import MetricSettings
 from geodesic_motion_ros.learning.task_space import DecoderNetwork
+from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 
 #: A Riemannian metric: latent points (n, d) to symmetric positive definite tensors (n, d, d), differentiable.
 Metric = Callable[[Tensor], Tensor]
@@ -24,7 +24,7 @@ Metric = Callable[[Tensor], Tensor]
 class AmbientFactor:
     """m(p) = 1 + strength sum_o exp(-|p - o|^2 / (2 r_o^2)): how obstacles stretch the space around a point.
 
-    The paper's form, for continuous geodesics. (`graph.ambient` cuts the Gaussian off where the tick cannot
+    The paper's form, for continuous geodesics. (`manifold.ambient` cuts the Gaussian off where the tick cannot
     afford it.)
 
     Attributes

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.graph.reshaping import look_at
-from geodesic_motion_ros.graph.shortest_path import edge_weight
+from geodesic_motion_ros.manifold.obstacle_weights import look_at
+from geodesic_motion_ros.manifold.shortest_path import edge_weight
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark, search, search_one_way, search_plainly
 from geodesic_motion_ros.studies.benchmarks.peers import PEERS, EdgeWeights, Networkx, Peer, Scipy, installed
 from geodesic_motion_ros.studies.benchmarks.scenes import NAMES, scenes_of

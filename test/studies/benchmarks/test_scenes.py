@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.graph.reshaping import look_at
+from geodesic_motion_ros.manifold.obstacle_weights import look_at
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, free_path, mark, search
 from geodesic_motion_ros.studies.benchmarks.scenes import NAMES, PERIOD, Scene, scenes_of, spheres_on_way
 

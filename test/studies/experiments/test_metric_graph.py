@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.graph.grid import LatentGrid
+from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.studies.experiments.metric_graph import (
     MetricGraph,
     evenly,

@@ -10,10 +10,10 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.errors import ParameterError
-from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.learning.body_layer import EPSILON
 from geodesic_motion_ros.learning.joint_training import TOOL_AXES
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.robot.body_points import (
     BodyPoints,
     body_point_jacobians,

@@ -7,11 +7,11 @@ import pytest
 import torch
 from torch import nn
 
-from geodesic_motion_ros.graph.configuration_graph import JointMetricSettings, build_configuration_graph
 from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.learning.joint_space import JointDecoderNetwork
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings, build_configuration_graph
 from geodesic_motion_ros.robot.body_points import end_effector_poses, place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric

@@ -1,0 +1,300 @@
+"""The latent space of a joint-space skill, decoded once into a graph of configurations.
+
+The squared length of an edge from theta to theta' is measured where the robot's body is, on K body points p_k, with a
+small joint-space term, without which motion that leaves all body points in place would cost nothing:
+
+    w_e^2 = 1/K [sum_k m_k (|dp_k|^2 + s^2 |J_k dsigma|^2) + h^2 (|dq|^2 + s^2 |J_q dsigma|^2)]
+            + g^2 (|dtheta|^2 + s^2 |dsigma|^2)
+
+with s the sigma_weight, h the orientation_weight of the tool's unit quaternion q, and g the joint_weight. It is the
+chord form of the pull-back metric M = (J_fk J_mu)^T A (J_fk J_mu) + (J_fk J_sigma)^T A (J_fk J_sigma) + ... of
+Beik-Mohammadi et al. (IJRR 2023, section 5), with J_fk the Jacobian of the body points and of q, J_k and J_q those of
+one of them. Sigma's part, which makes the walls between tubes, is summed over several pieces of every edge, so that a
+thin wall between two cheap nodes is not stepped over.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.manifold.decoder import rms_sigma
+from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
+from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets
+from geodesic_motion_ros.manifold.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
+from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.metric_field import NUDGE, MetricField, packed_tensors, pulled_back
+from geodesic_motion_ros.manifold.progress import ProgressMap
+from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
+from geodesic_motion_ros.robot.body_points import (
+    BodyPoints,
+    body_point_jacobians,
+    end_effector_poses,
+    place_body_points,
+    points_along_links,
+    tool_orientation_jacobians,
+)
+from geodesic_motion_ros.robot.kinematics import Robot
+
+
+@dataclass(frozen=True)
+class JointMetricSettings:
+    """What the metric of a joint-space skill sums.
+
+    Attributes
+    ----------
+    sigma_weight : weight of the standard deviations beside the means (the paper: 1).
+    joint_weight : what a radian of a joint counts beside the body points' motion [m].
+    orientation_weight : what the tool's unit quaternion counts beside the motion of one body point [m]; the paper: 1.
+    point_spacing : body points are the joints, the tool, and points between on links that are longer than this [m].
+    """
+
+    sigma_weight: float = 10.0
+    joint_weight: float = 0.05
+    point_spacing: float = 0.2
+    orientation_weight: float = 0.0
+
+    def body_points(self, robot: Robot) -> BodyPoints:
+        """The robot's body points that the metric sees."""
+        return BodyPoints.of(robot, points_along_links(robot, self.point_spacing))
+
+
+@dataclass(frozen=True)
+class ConfigurationGraph(LatentGraph):
+    """The latent graph of a joint-space skill. Sigma and its limit are in radians.
+
+    Attributes
+    ----------
+    configurations : (n, eta) decoded nodes [rad].
+    robot, body : whose body points the metric sees.
+    """
+
+    decoder: JointSpaceDecoder
+    metric: JointMetricSettings
+    robot: Robot
+    body: BodyPoints
+    configurations: np.ndarray
+    # Sigma's part of the squared lengths, which no transport changes: of the joints (m,), of each body point (m, K).
+    _sigma_fixed: np.ndarray
+    _sigma_shares: np.ndarray
+
+    def transported(self, offsets: JointOffsets, conformal: np.ndarray | None = None) -> CarriedConfigurations:
+        """Carry the nodes to a query; `conformal` (n,) >= 1, None for 1, as in `PoseGraph.transported`."""
+        configurations = offsets.carried(self.configurations, self.progress, self.ridge_shares)
+        points = place_body_points(configurations, self.body.frames, self.body.offsets, self.robot.chain)
+        first, second = self.edges.T
+        factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
+        turned, shares = _chord_energies(self.edges, configurations, points, self._sigma_shares, factor)
+        tool = self._orientation_scale * _tool_chords(self.edges, configurations, self.robot)
+        fixed = factor * (self.metric.joint_weight**2 * turned + tool + self._sigma_fixed)
+        return CarriedConfigurations(
+            edges=self.edges,
+            body_points=points,
+            conformal=factor,
+            fixed=fixed,
+            shares=shares,
+            base=np.sqrt(fixed + shares.sum(axis=1)),
+            configurations=configurations,
+        )
+
+    def field(self, ridges: Ridges | None, strength: float) -> MetricField:
+        """The metric between the nodes, with the conformal factor of ridges, None for 1.
+
+        Its tensors are those of the nodes where they are: transport moves neighbours by nearly the same.
+        """
+        return MetricField.of(self.grid, self._number, self._tensors, ridges, strength)
+
+    @property
+    def _orientation_scale(self) -> float:
+        return self.metric.orientation_weight**2 / len(self.body)
+
+    @cached_property
+    def _tensors(self) -> np.ndarray:
+        """Metric tensors of the nodes (n, 1 + K, T), in units of the spacing, as of `MetricField`."""
+        turned, spread = [], []
+        for axis in np.diag(self.grid.spacing):
+            ahead, behind = self.latent + NUDGE * axis, self.latent - NUDGE * axis
+            turned.append(self.decoder.configurations(ahead) - self.decoder.configurations(behind))
+            spread.append(self.decoder.uncertainty(ahead) - self.decoder.uncertainty(behind))
+        slopes = np.stack([*turned, *spread], axis=2) / (2.0 * NUDGE)
+        slopes[:, :, len(turned) :] *= self.metric.sigma_weight
+        jacobians = body_point_jacobians(self.configurations, self.body.frames, self.body.offsets, self.robot.chain)
+        shares = np.stack(
+            [_both_pulled_back(jacobians[:, k] @ slopes) / len(self.body) for k in range(len(self.body))], axis=1
+        )
+        tool = tool_orientation_jacobians(self.configurations, self.robot) @ slopes
+        alone = self.metric.joint_weight**2 * _both_pulled_back(slopes)
+        alone += self._orientation_scale * _both_pulled_back(tool)
+        return packed_tensors(shares, alone)
+
+    def sigma_at(self, latent: np.ndarray) -> np.ndarray:
+        """Sigma (n, eta) [rad] at latent points (n, d)."""
+        return self.decoder.uncertainty(latent)
+
+    def nearest_node(self, configuration: np.ndarray, component: int, sigma_limit: float) -> int | None:
+        """Node of a connected piece closest to a configuration (eta,); None where none is trusted.
+
+        Only nodes with rms sigma below `sigma_limit` [rad] count: near the rim of the support the decoder guesses.
+        """
+        candidates = np.flatnonzero((self.component == component) & (self.sigma < sigma_limit))
+        if len(candidates) == 0:
+            return None
+        distance = np.sum((self.configurations[candidates] - configuration) ** 2, axis=1)
+        return int(candidates[np.argmin(distance)])
+
+
+@dataclass(frozen=True)
+class CarriedConfigurations(WeightedGraph):
+    """Configurations carried to a query.
+
+    Attributes
+    ----------
+    configurations : (n, eta) [rad].
+    """
+
+    configurations: np.ndarray
+
+
+def build_configuration_graph(
+    decoder: JointSpaceDecoder,
+    codes: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    metric: JointMetricSettings,
+    robot: Robot,
+    body: BodyPoints,
+    sigma_limit: float,
+    shape: tuple[int, ...] = (50, 50, 50),
+    neighbours: int = 26,
+    pieces: int = 3,
+    energy_limit: float = math.inf,
+    ridges: Ridges | None = None,
+) -> ConfigurationGraph:
+    """Decode the latent box into a graph; parameters as of `pose_graph.build_pose_graph`, sigma_limit in radians.
+
+    Raises
+    ------
+    SkillError where nothing of the box is supported.
+    """
+    grid = LatentGrid(np.asarray(lower, dtype=float), np.asarray(upper, dtype=float), tuple(shape))
+    lattice = grid.nodes()
+    sigma = decoder.uncertainty(lattice)
+    kept = rms_sigma(sigma) <= sigma_limit
+    refuse_unsupported(kept, sigma_limit, "rad")
+    latent, sigma, number = lattice[kept], sigma[kept], grid.numbering(kept)
+    edges = grid.edges(number, neighbours)
+
+    sigma_chain = _along_edges(decoder, latent, sigma, edges, pieces)
+    edges, sigma_chain = _supported(edges, sigma_chain, sigma_limit)
+    configurations = decoder.configurations(latent)
+    steps = math.sqrt(pieces) * metric.sigma_weight * np.diff(sigma_chain, axis=1)
+    sigma_fixed = metric.joint_weight**2 * np.sum(steps**2, axis=(1, 2))
+    jacobians = body_point_jacobians(configurations, body.frames, body.offsets, robot.chain)
+    sigma_shares = _projected_energies(edges, jacobians, steps)
+    orientation_scale = metric.orientation_weight**2 / len(body)
+    turning = tool_orientation_jacobians(configurations, robot)[:, None]
+    sigma_fixed += orientation_scale * _projected_energies(edges, turning, steps)[:, 0]
+    if math.isfinite(energy_limit):
+        points = place_body_points(configurations, body.frames, body.offsets, robot.chain)
+        turned, shares = _chord_energies(edges, configurations, points, sigma_shares, np.ones(len(edges)))
+        tool = orientation_scale * _tool_chords(edges, configurations, robot)
+        energy = metric.joint_weight**2 * turned + tool + sigma_fixed + shares.sum(axis=1)
+        usable = energy <= energy_limit
+        edges, sigma_fixed, sigma_shares = edges[usable], sigma_fixed[usable], sigma_shares[usable]
+    progress_map = _progress_map(codes, grid, ridges, kept)
+    progress, ridge_shares = progress_map(latent)
+    return ConfigurationGraph(
+        grid=grid,
+        sigma_limit=sigma_limit,
+        energy_limit=energy_limit,
+        latent=latent,
+        sigma=rms_sigma(sigma),
+        progress=progress,
+        ridge_shares=ridge_shares,
+        component=connected_pieces(edges, len(latent)),
+        edges=edges,
+        adjacency=Adjacency.from_edges(edges, len(latent)),
+        progress_map=progress_map,
+        _number=number,
+        decoder=decoder,
+        metric=metric,
+        robot=robot,
+        body=body,
+        configurations=configurations,
+        _sigma_fixed=sigma_fixed,
+        _sigma_shares=sigma_shares,
+    )
+
+
+def _progress_map(codes: np.ndarray, grid: LatentGrid, ridges: Ridges | None, kept: np.ndarray) -> ProgressMap:
+    return ProgressMap.from_codes(codes, grid) if ridges is None else ProgressMap.from_ridges(ridges, grid, kept)
+
+
+def _along_edges(
+    decoder: JointSpaceDecoder, latent: np.ndarray, sigma: np.ndarray, edges: np.ndarray, pieces: int
+) -> np.ndarray:
+    """Sigma [rad] at both ends of every edge and at its inner cuts, (m, pieces + 1, eta); `sigma` (n, eta) of nodes."""
+    first, second = edges.T
+    inner = np.arange(1, pieces)[:, None] / pieces
+    cuts = latent[first, None] + inner * (latent[second] - latent[first])[:, None]
+    between = decoder.uncertainty(cuts.reshape(-1, latent.shape[1])).reshape(*cuts.shape[:2], sigma.shape[1])
+    return np.concatenate([sigma[first, None], between, sigma[second, None]], axis=1)
+
+
+def _supported(edges: np.ndarray, sigma_chain: np.ndarray, sigma_limit: float) -> tuple[np.ndarray, np.ndarray]:
+    usable = np.all(rms_sigma(sigma_chain) <= sigma_limit, axis=1)
+    return edges[usable], sigma_chain[usable]
+
+
+def _tool_chords(edges: np.ndarray, configurations: np.ndarray, robot: Robot) -> np.ndarray:
+    """|dq|^2 (m,) of the tool's unit quaternion between the ends of every edge, whatever its sign."""
+    first, second = end_effector_poses(configurations, robot.chain)[1][edges.T]
+    sign = np.where(np.sum(first * second, axis=1) < 0.0, -1.0, 1.0)
+    return np.sum((second - sign[:, None] * first) ** 2, axis=1)
+
+
+def _both_pulled_back(slopes: np.ndarray) -> np.ndarray:
+    """J^T J + S^T S (n, d, d) of derivatives (n, r, 2 d) of what is decoded, J, and of its sigma, S."""
+    d = slopes.shape[2] // 2
+    return pulled_back(slopes[:, :, :d]) + pulled_back(slopes[:, :, d:])
+
+
+@numba.njit(cache=True, nogil=True)
+def _projected_energies(edges: np.ndarray, jacobians: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """sum_j |J_k steps_j|^2 (m, K) for steps (m, P, eta), J_k the mean of the Jacobians (n, K, r, eta) at both ends."""
+    count, joints = jacobians.shape[1], jacobians.shape[3]
+    energies = np.zeros((len(edges), count))
+    for e in range(len(edges)):
+        u, v = edges[e, 0], edges[e, 1]
+        for k in range(count):
+            for a in range(3):
+                for piece in range(steps.shape[1]):
+                    along = 0.0
+                    for j in range(joints):
+                        along += 0.5 * (jacobians[u, k, a, j] + jacobians[v, k, a, j]) * steps[e, piece, j]
+                    energies[e, k] += along * along
+    return energies
+
+
+@numba.njit(cache=True, nogil=True)
+def _chord_energies(
+    edges: np.ndarray, configurations: np.ndarray, points: np.ndarray, sigma_shares: np.ndarray, conformal: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """|dtheta|^2 (m,) and a_ek = conformal (|dp_k|^2 + sigma's part) / K (m, K) of every edge."""
+    count = points.shape[1]
+    turned, shares = np.zeros(len(edges)), np.empty((len(edges), count))
+    for e in range(len(edges)):
+        u, v = edges[e, 0], edges[e, 1]
+        for j in range(configurations.shape[1]):
+            turned[e] += (configurations[v, j] - configurations[u, j]) ** 2
+        for k in range(count):
+            squared = sigma_shares[e, k]
+            for a in range(3):
+                squared += (points[v, k, a] - points[u, k, a]) ** 2
+            shares[e, k] = conformal[e] * squared / count
+    return turned, shares

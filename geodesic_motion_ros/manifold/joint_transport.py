@@ -1,0 +1,91 @@
+"""Transport in joint space: carrying decoded configurations to a query, so that a path begins and ends where it must.
+
+At progress tau in [0, 1] between start and goal the tool is to move by x = (1 - tau) x0 + tau x1, a translation [m] and
+a rotation vector [rad], and the joints, as far as the tool leaves them free, by e = (1 - tau) d0 + tau d1, where d0, d1
+are the joint offsets of start and goal and x0, x1 what they mean to the tool. A configuration theta is carried by
+
+    D(theta, tau) = J^+ x + (1 - J^+ J) e,       J the tool's Jacobian at theta, J^+ its damped inverse,
+
+plus what the linearisation leaves at both ends, blended linearly, so that these are met exactly. Adding e alone would
+do so too, but in between, where the arm may stand quite differently than at its start, the same joint offsets move the
+tool elsewhere: with elbows swung out by 75 degrees by 30 mm instead of 6 on average.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.manifold.transport import blended, corrections_at
+from geodesic_motion_ros.robot.inverse_kinematics import damped_step, pose_error
+from geodesic_motion_ros.robot.kinematics import Robot, jacobian
+
+
+@dataclass(frozen=True)
+class JointOffsets:
+    """What carries configurations to a query.
+
+    Attributes
+    ----------
+    tool : (2, 6) x0 and x1; joints : (2, eta) d0 and d1 [rad]; rest : (2, eta) what the linearisation leaves [rad].
+    start_progress, goal_progress : progress of the latent points that are carried onto start and goal.
+    corrections : (K, S, eta) corrections of the decoder along K ridges [rad], added before; K may be 0.
+    """
+
+    robot: Robot
+    tool: np.ndarray
+    joints: np.ndarray
+    rest: np.ndarray
+    start_progress: float
+    goal_progress: float
+    corrections: np.ndarray
+
+    @classmethod
+    def between(
+        cls,
+        robot: Robot,
+        shown: np.ndarray,
+        asked: np.ndarray,
+        progress: tuple[float, float] = (0.0, 1.0),
+        corrections: np.ndarray | None = None,
+    ) -> JointOffsets:
+        """From shown ends (2, eta) to asked ones (2, eta) [rad]: start and goal, at these values of progress.
+
+        The shown ends are corrected ones, where there are corrections.
+        """
+        joints = asked - shown
+        tool = np.stack([pose_error(*robot.forward(a), *robot.forward(b)) for a, b in zip(shown, asked, strict=True)])
+        rest = joints - _tool_steps(np.ascontiguousarray(shown), tool, joints, robot.chain)
+        none = np.zeros((0, 2, joints.shape[1]))
+        return cls(robot, tool, joints, rest, *progress, none if corrections is None else corrections)
+
+    @classmethod
+    def none(cls, robot: Robot, ridges: int = 0) -> JointOffsets:
+        """Leaves every configuration of a graph with so many ridges where it is."""
+        joints = len(robot.joint_names)
+        still = np.zeros((2, joints))
+        return cls(robot, np.zeros((2, 6)), still, still, 0.0, 1.0, np.zeros((ridges, 2, joints)))
+
+    def carried(self, configurations: np.ndarray, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        """Configurations (n, eta) carried to the query, at progress (n,) and shares (n, K) of the ridges."""
+        corrected = configurations + corrections_at(self.corrections, progress, shares)
+        return corrected + self.displacements(corrected, progress)
+
+    def displacements(self, configurations: np.ndarray, progress: np.ndarray) -> np.ndarray:
+        """D (n, eta) [rad] of configurations (n, eta) that are corrected already."""
+        tau = blended(progress, self.start_progress, self.goal_progress)[:, None]
+        tool, joints, rest = ((1.0 - tau) * ends[0] + tau * ends[1] for ends in (self.tool, self.joints, self.rest))
+        return _tool_steps(np.ascontiguousarray(configurations), tool, joints, self.robot.chain) + rest
+
+
+@numba.njit(cache=True, nogil=True)
+def _tool_steps(configurations, tool, joints, chain):
+    """J^+ x + (1 - J^+ J) e (n, eta) at configurations (n, eta), for x (n, 6) and e (n, eta)."""
+    steps = np.empty_like(joints)
+    free = np.ones(joints.shape[1])
+    for i in range(len(configurations)):
+        # A negative damping is chosen by how near the arm is to a singular posture.
+        steps[i] = damped_step(jacobian(configurations[i], chain), free, tool[i], joints[i], -1.0)
+    return steps

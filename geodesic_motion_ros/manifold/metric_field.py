@@ -1,0 +1,347 @@
+"""The metric of a latent graph between its nodes: what continuous curves cost.
+
+At a latent point z, in units of the grid's spacing, the squared length of a small step dz is
+
+    dz^T M(z) dz,      M(z) = exp(phi(z)) sum_c w_c(z) (M_c + sum_k (m_k(c) - 1) M_ck) / sum_c w_c(z)
+
+over the corners c of the grid's cell that holds z and are nodes, with their multilinear weights w_c. M_c is the
+pull-back metric at a node, M_ck the share of body point k in it and m_k(c) its ambient factor there. phi = min(a u^2,
+cap) is the exponent of the ridges' conformal factor (`mean_path.py`), which varies within a cell and is taken where z
+is.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.manifold.grid import LatentGrid
+from geodesic_motion_ros.manifold.mean_path import LARGEST_EXPONENT, Ridges
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+
+#: The nearest of a ridge's samples is looked for from the best of every so many.
+_STRIDE = 5
+#: Of coordinates, in steps of the grid.
+_ROUNDING = 1e-9
+#: Derivatives of decoders are differences over this share of a grid step to either side.
+NUDGE = 1e-3
+
+
+class MetricField(NamedTuple):
+    """Metric tensors at n nodes of a grid, and what turns them into those between; compiled kernels read it.
+
+    Attributes
+    ----------
+    lower, spacing : (d,) of the grid; shape : d numbers, its lattice points along each axis. A tuple, not an array:
+        so compiled code knows d, and has no loops of two or three rounds.
+    number : (prod(shape),) of the node at every lattice point, -1 where there is none; strides : (d,) from one to the
+        next along each axis.
+    rows, columns : (T,) places of the upper triangle of a (d, d) tensor, T = d (d + 1) / 2.
+    tensors : (n, 1 + K, T) M_c without obstacles, and of it the shares M_ck of K body points, in units of the spacing.
+    centres, precisions, penalties : (R, S, d), (R, S, d, d), (R,) as of `Ridges`, in units of the spacing; R may be 0.
+    strength, cap : a, and the largest exponent of the conformal factor.
+    """
+
+    lower: np.ndarray
+    spacing: np.ndarray
+    shape: tuple[int, ...]
+    strides: np.ndarray
+    number: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    tensors: np.ndarray
+    centres: np.ndarray
+    precisions: np.ndarray
+    penalties: np.ndarray
+    strength: float
+    cap: float
+
+    @classmethod
+    def of(
+        cls,
+        grid: LatentGrid,
+        number: np.ndarray,
+        tensors: np.ndarray,
+        ridges: Ridges | None = None,
+        strength: float = 1.0,
+        cap: float = LARGEST_EXPONENT,
+    ) -> MetricField:
+        """number : in the grid's shape, as of `LatentGrid.numbering`; tensors : (n, 1 + K, T) of `packed_tensors`."""
+        dimension, spacing = len(grid.shape), grid.spacing
+        shape = tuple(int(count) for count in grid.shape)
+        strides = np.append(np.cumprod(shape[:0:-1])[::-1], 1).astype(np.int64)
+        if ridges is None:
+            centres, precisions = np.empty((0, 1, dimension)), np.empty((0, 1, dimension, dimension))
+            penalties = np.empty(0)
+        else:
+            centres, penalties = np.ascontiguousarray(grid.coordinates(ridges.centres)), ridges.penalties
+            precisions = ridges.precisions * spacing[:, None] * spacing
+        return cls(
+            np.asarray(grid.lower, dtype=float), spacing, shape, strides, np.ascontiguousarray(number).reshape(-1),
+            *np.triu_indices(dimension), tensors, centres, precisions, penalties, float(strength), float(cap),
+        )  # fmt: skip
+
+    def coordinates(self, latent: np.ndarray) -> np.ndarray:
+        """Latent points (m, d) in units of the spacing."""
+        return (latent - self.lower) / self.spacing
+
+    def latent(self, coordinates: np.ndarray) -> np.ndarray:
+        """Latent points of their coordinates (m, d)."""
+        return self.lower + coordinates * self.spacing
+
+
+def pulled_back(slopes: np.ndarray) -> np.ndarray:
+    """J^T J (n, d, d) of derivatives J (n, r, d) of what is decoded by the d latent coordinates."""
+    return slopes.transpose(0, 2, 1) @ slopes
+
+
+def packed_tensors(shares: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """(n, 1 + K, T) for a `MetricField`, of shares (n, K, d, d) and what no obstacle stretches, (n, d, d)."""
+    both = np.concatenate([(rest + shares.sum(axis=1))[:, None], shares], axis=1)
+    rows, columns = np.triu_indices(rest.shape[-1])
+    return np.ascontiguousarray(both[..., rows, columns])
+
+
+def curve_length(field: MetricField, reshaping: Reshaping, curve: np.ndarray, samples: int = 1000) -> float:
+    """Riemannian length of a polyline (m, d) in the latent space among obstacles, by so many pieces of it.
+
+    inf where a piece is outside the grid, or in a cell without a node.
+    """
+    energies, support, _ = piecewise(field, reshaping, evenly(field.coordinates(curve), samples))
+    return float(np.sum(np.sqrt(energies))) if np.all(support > 0.0) else math.inf
+
+
+@numba.njit(cache=True, nogil=True)
+def evenly(points: np.ndarray, pieces: int) -> np.ndarray:
+    """Points (pieces + 1, d) that cut a polyline (m, d) into pieces of the same length."""
+    count, d = points.shape
+    length = np.zeros(count)
+    for i in range(1, count):
+        squared = 0.0
+        for a in range(d):
+            squared += (points[i, a] - points[i - 1, a]) ** 2
+        length[i] = length[i - 1] + math.sqrt(squared)
+    even, at = np.empty((pieces + 1, d)), 1
+    for i in range(pieces + 1):
+        wanted = i / pieces * length[-1]
+        while at < count - 1 and length[at] < wanted:
+            at += 1
+        stretch = length[at] - length[at - 1]
+        share = min(1.0, (wanted - length[at - 1]) / stretch) if stretch > 0.0 else 1.0
+        for a in range(d):
+            even[i, a] = points[at - 1, a] + share * (points[at, a] - points[at - 1, a])
+    return even
+
+
+@numba.njit(cache=True, nogil=True)
+def piecewise(
+    field: MetricField, reshaping: Reshaping, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the pieces of a polyline (m + 1, d), in units of the spacing, by the metric in their middle, (m,) each:
+    squared length, share of the middle's cell that nodes hold, and clearance there [m].
+    """
+    _, _, shape, strides, number, rows, columns, tensors, centres, precisions, penalties, strength, cap = field
+    factors, touched, room, within = reshaping.factors, reshaping.touched, reshaping.clearance, reshaping.within
+    count, d = len(points) - 1, len(shape)
+    energies, support, clearance = np.empty(count), np.empty(count), np.empty(count)
+    tensor, slopes, share, lean = np.empty(len(rows)), np.empty((d, len(rows))), np.empty(d), np.empty((3, d))
+    middle, gradient, curvature = np.empty(d), np.empty(d), np.empty((d, d))
+    nearest = np.empty(len(centres), dtype=np.int64)
+    nearest_samples(points[0], centres, precisions, nearest)
+    look_around(field, reshaping, points)
+    for i in range(count):
+        for a in range(d):
+            middle[a] = 0.5 * (points[i, a] + points[i + 1, a])
+        support[i], clearance[i] = tensor_at(
+            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean, False
+        )
+        exponent = conformal_exponent(
+            middle, centres, precisions, penalties, strength, cap, nearest, gradient, curvature
+        )
+        squared = 0.0
+        for j in range(len(rows)):
+            a, b = rows[j], columns[j]
+            product = (points[i + 1, a] - points[i, a]) * (points[i + 1, b] - points[i, b])
+            squared += (1.0 if a == b else 2.0) * tensor[j] * product
+        energies[i] = math.exp(exponent) * squared
+    return energies, support, clearance
+
+
+@numba.njit(cache=True, nogil=True)
+def look_around(field: MetricField, reshaping: Reshaping, points: np.ndarray) -> None:
+    """Work out what obstacles do to the nodes that `tensor_at` reads in the middles of a polyline's pieces."""
+    shape, strides, number, looked = field.shape, field.strides, field.number, reshaping.looked
+    d, count = len(shape), 0
+    unknown = np.empty((len(points) - 1) << d, dtype=np.int64)
+    for i in range(len(points) - 1):
+        begin = 0
+        for a in range(d):
+            cell = min(max(math.floor(0.5 * (points[i, a] + points[i + 1, a])), 0.0), shape[a] - 2.0)
+            begin += int(cell) * strides[a]
+        for corner in range(1 << d):
+            at = begin
+            for a in range(d):
+                at += strides[a] * (corner >> a & 1)
+            if number[at] >= 0 and not looked[number[at]]:
+                unknown[count] = number[at]
+                count += 1
+    if count > 0:
+        look_at(unknown[:count], reshaping)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def tensor_at(
+    point: np.ndarray,
+    shape: tuple[int, ...],
+    strides: np.ndarray,
+    number: np.ndarray,
+    tensors: np.ndarray,
+    factors: np.ndarray,
+    touched: np.ndarray,
+    clearance: np.ndarray,
+    within: float,
+    tensor: np.ndarray,
+    slopes: np.ndarray,
+    share: np.ndarray,
+    lean: np.ndarray,
+    derived: bool,
+) -> tuple[float, float]:
+    """Fill the tensor (T,) at a point (d,), without the conformal factor; where they are asked for its slopes (d, T).
+
+    factors to within : of a reshaping that has looked at the cell's nodes; share (d,), lean (3, d) : for the kernel's
+    own use. Returns the share of the cell that nodes hold, weighted, and 0 outside the grid; and the clearance [m]
+    there, at most `within`, -inf without any node. For use within compiled loops; one by one as in
+    `obstacle_weights.look`.
+    """
+    d = len(shape)
+    packed = d * (d + 1) // 2
+    begin, total, room, inside = 0, 0.0, 0.0, 1.0
+    for a in range(d):
+        cell = min(max(math.floor(point[a]), 0.0), shape[a] - 2.0)
+        if abs(point[a] - cell - 0.5) > 0.5 + _ROUNDING:
+            inside = 0.0
+        share[a] = min(1.0, max(0.0, point[a] - cell))
+        begin += int(cell) * strides[a]
+        lean[1, a] = 0.0
+    for j in range(packed):
+        tensor[j] = 0.0
+        for a in range(d):
+            slopes[a, j] = 0.0
+    for corner in range(1 << d):
+        at, weight = begin, 1.0
+        for a in range(d):
+            upper = corner >> a & 1
+            at += strides[a] * upper
+            lean[2, a] = share[a] if upper else 1.0 - share[a]
+            weight *= lean[2, a]
+        if number[at] < 0:
+            continue
+        # Unsigned: compiled code need not look for negative indices.
+        node = np.uint32(number[at])
+        total += weight
+        room += weight * min(clearance[node], within)
+        if derived:
+            for a in range(d):
+                lean[0, a] = 1.0 if corner >> a & 1 else -1.0
+                for b in range(d):
+                    if b != a:
+                        lean[0, a] *= lean[2, b]
+                lean[1, a] += lean[0, a]
+        for j in range(packed):
+            value = tensors[node, 0, j]
+            if touched[node]:
+                for k in range(factors.shape[1]):
+                    value += (factors[node, k] - 1.0) * tensors[node, 1 + k, j]
+            tensor[j] += weight * value
+            if derived:
+                for a in range(d):
+                    slopes[a, j] += lean[0, a] * value
+    if total > 0.0:
+        room /= total
+        for j in range(packed):
+            tensor[j] /= total
+            for a in range(d):
+                slopes[a, j] = (slopes[a, j] - tensor[j] * lean[1, a]) / total
+    else:
+        room = -math.inf
+    return inside * total, room
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _squared(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: int, s: int) -> float:
+    """(z - r_k(s))^T C_k(s)^-1 (z - r_k(s))."""
+    squared = 0.0
+    for a in range(len(point)):
+        across = 0.0
+        for b in range(len(point)):
+            across += precisions[k, s, a, b] * (point[b] - centres[k, s, b])
+        squared += (point[a] - centres[k, s, a]) * across
+    return squared
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_samples(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, nearest: np.ndarray) -> None:
+    """Fill in the best (R,) of every few samples of each ridge, for `conformal_exponent` to begin from."""
+    for k in range(len(centres)):
+        best = math.inf
+        for s in range(0, centres.shape[1], _STRIDE):
+            squared = _squared(point, centres, precisions, k, s)
+            if squared < best:
+                best, nearest[k] = squared, s
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _nearest(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: int, s: int) -> tuple[float, int]:
+    """The same at the sample nearest to a point along a ridge, and which it is; found where s is not far from it."""
+    begin, squared = s, _squared(point, centres, precisions, k, s)
+    for step in (1, -1):
+        # Nothing is nearer behind where it became nearer ahead.
+        while s * step >= begin * step and 0 <= s + step < centres.shape[1]:
+            further = _squared(point, centres, precisions, k, s + step)
+            if further >= squared:
+                break
+            squared, s = further, s + step
+    return squared, s
+
+
+@numba.njit(cache=True, nogil=True)
+def nearest_along(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, nearest: np.ndarray) -> None:
+    """Move on along each ridge from samples (R,) to the nearest ones; they are found where they are not far."""
+    for k in range(len(centres)):
+        _, nearest[k] = _nearest(point, centres, precisions, k, nearest[k])
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def conformal_exponent(
+    point: np.ndarray,
+    centres: np.ndarray,
+    precisions: np.ndarray,
+    penalties: np.ndarray,
+    strength: float,
+    cap: float,
+    nearest: np.ndarray,
+    gradient: np.ndarray,
+    curvature: np.ndarray,
+) -> float:
+    """phi at a point (d,); fills its gradient (d,) and curvature (d, d) across the nearest ridge, 0 from the cap on.
+
+    nearest : (R,) samples near the nearest ones, which they become.
+    """
+    gradient[:], curvature[:] = 0.0, 0.0
+    if len(centres) == 0:
+        return 0.0
+    best, ridge = math.inf, 0
+    for k in range(len(centres)):
+        squared, nearest[k] = _nearest(point, centres, precisions, k, nearest[k])
+        if squared + penalties[k] < best:
+            best, ridge = squared + penalties[k], k
+    if strength * best >= cap:
+        return cap
+    for a in range(len(point)):
+        for b in range(len(point)):
+            curvature[a, b] = 2.0 * strength * precisions[ridge, nearest[ridge], a, b]
+            gradient[a] += curvature[a, b] * (point[b] - centres[ridge, nearest[ridge], b])
+    return strength * best

@@ -1,0 +1,254 @@
+"""The latent space of a task-space skill, decoded once into a graph."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from geodesic_motion_ros.geometry.se3 import carried
+from geodesic_motion_ros.manifold.decoder import Decoded, TaskSpaceDecoder, rms_sigma
+from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
+from geodesic_motion_ros.manifold.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
+from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.metric_field import NUDGE, MetricField, packed_tensors, pulled_back
+from geodesic_motion_ros.manifold.progress import ProgressMap
+from geodesic_motion_ros.manifold.tool_points import tool_points
+from geodesic_motion_ros.manifold.transport import Offsets
+from geodesic_motion_ros.manifold.transported_graph import TransportedGraph, chord_energies
+
+
+@dataclass(frozen=True)
+class MetricSettings:
+    """What the pull-back metric sums besides the means.
+
+    M = J_x^T A J_x + sigma_weight^2 J_sigma^T A J_sigma + J_q^T J_q + J_k^T J_k
+
+    Attributes
+    ----------
+    sigma_weight : weight of the position's standard deviation (the paper: 1; measured better: 10).
+    orientation_scale : "spread", k = kappa^(-1/2), an angle like sigma is a length; or "kappa", k = kappa, the
+        paper's literal form, whose numbers drown position and orientation.
+    """
+
+    sigma_weight: float = 10.0
+    orientation_scale: Literal["spread", "kappa"] = "spread"
+
+    def orientation_feature(self, decoded: Decoded) -> np.ndarray:
+        """k of the metric, (n,)."""
+        return decoded.spread if self.orientation_scale == "spread" else decoded.kappa
+
+
+@dataclass(frozen=True)
+class PoseGraph(LatentGraph):
+    """The latent graph of a task-space skill: nodes decoded to poses, with the samples along every edge.
+
+    Attributes
+    ----------
+    decoded : the nodes' poses and uncertainties. Sigma and its limit are in metres.
+    """
+
+    decoder: TaskSpaceDecoder
+    metric: MetricSettings
+    decoded: Decoded
+    # Decoded features at the inner cuts of every edge, (m, pieces - 1, ...).
+    _inner_positions: np.ndarray
+    _inner_quaternions: np.ndarray
+    _inner_progress: np.ndarray
+    _inner_shares: np.ndarray
+    # Obstacle-independent squared lengths that no transport changes: of sigma (stretched) and of kappa (not), (m,).
+    _sigma_energy: np.ndarray
+    _spread_energy: np.ndarray
+
+    def transported(
+        self, offsets: Offsets, points: np.ndarray, conformal: np.ndarray | None = None
+    ) -> TransportedGraph:
+        """Carry nodes and edges to a query, for tool points (K, 3) in the tool frame [m].
+
+        `conformal` (n,) >= 1 multiplies the squared length of an edge by the mean of its ends; None: 1 everywhere. The
+        decoded graph itself stays as it is.
+        """
+        moved = offsets.displacements(self.progress, self.ridge_shares)
+        positions, quaternions = carried(self.decoded.positions, self.decoded.quaternions, moved)
+        body_points = tool_points(positions, quaternions, points)
+        lengths, turns = chord_energies(
+            self.edges, body_points, quaternions, self._inner_positions, self._inner_quaternions,
+            offsets.displacements(self._inner_progress, self._inner_shares), points,
+        )  # fmt: skip
+        first, second = self.edges.T
+        factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
+        fixed = factor * (turns + self._spread_energy)
+        shares = factor[:, None] * (lengths + self._sigma_energy[:, None]) / len(points)
+        return TransportedGraph(
+            edges=self.edges,
+            body_points=body_points,
+            conformal=factor,
+            fixed=fixed,
+            shares=shares,
+            base=np.sqrt(fixed + shares.sum(axis=1)),
+            positions=positions,
+            quaternions=quaternions,
+        )
+
+    def tensors(self, points: np.ndarray) -> np.ndarray:
+        """Metric tensors of the nodes (n, 1 + K, T) for tool points (K, 3) in the tool frame [m], as of `MetricField`:
+        those of `transported`'s edges, in the limit of short ones.
+        """
+        columns = []
+        for axis in np.diag(self.grid.spacing):
+            ahead, behind = (self.decoder.decode(self.latent + side * NUDGE * axis) for side in (1.0, -1.0))
+            sign = np.where(np.sum(ahead.quaternions * behind.quaternions, axis=1) < 0.0, -1.0, 1.0)[:, None]
+            parts = [
+                np.concatenate(
+                    [
+                        tool_points(decoded.positions, decoded.quaternions, points).reshape(len(self.latent), -1),
+                        self.metric.sigma_weight * decoded.sigma,
+                        quaternions,
+                        self.metric.orientation_feature(decoded)[:, None],
+                    ],
+                    axis=1,
+                )
+                for decoded, quaternions in ((ahead, ahead.quaternions), (behind, sign * behind.quaternions))
+            ]
+            columns.append((parts[0] - parts[1]) / (2.0 * NUDGE))
+        slopes, moved = np.stack(columns, axis=2), 3 * len(points)
+        spread = pulled_back(slopes[:, moved : moved + 3])
+        shares = [
+            (pulled_back(slopes[:, 3 * k : 3 * k + 3]) + spread) / len(points) for k in range(len(points))
+        ]
+        return packed_tensors(np.stack(shares, axis=1), pulled_back(slopes[:, moved + 3 :]))
+
+    def field(self, tensors: np.ndarray, ridges: Ridges | None, strength: float) -> MetricField:
+        """The metric between the nodes, with the conformal factor of ridges, None for 1; tensors : of `tensors`.
+
+        They are those of the nodes where they are: transport moves neighbours by nearly the same.
+        """
+        return MetricField.of(self.grid, self._number, tensors, ridges, strength)
+
+    def sigma_at(self, latent: np.ndarray) -> np.ndarray:
+        """Sigma (n, 3) [m] of the position at latent points (n, d)."""
+        return self.decoder.uncertainty(latent)[0]
+
+    def nearest_node(
+        self, position: np.ndarray, quaternion: np.ndarray, component: int, sigma_limit: float
+    ) -> tuple[int, float] | None:
+        """Node of a connected piece closest to a pose by |dx|^2 + |dq|^2, and that misfit; None where none is trusted.
+
+        Only nodes with rms sigma below `sigma_limit` [m] count: near the rim of the support the decoder guesses.
+        """
+        candidates = np.flatnonzero((self.component == component) & (self.sigma < sigma_limit))
+        if len(candidates) == 0:
+            return None
+        offset = np.sum((self.decoded.positions[candidates] - position) ** 2, axis=1)
+        dot = np.abs(self.decoded.quaternions[candidates] @ quaternion)
+        misfit = offset + 2.0 * (1.0 - np.minimum(dot, 1.0))
+        best = int(np.argmin(misfit))
+        return int(candidates[best]), float(misfit[best])
+
+
+def _chain(at_nodes: np.ndarray, edges: np.ndarray, inner: np.ndarray) -> np.ndarray:
+    """Features along every edge from its first end to its second, (m, pieces + 1, ...)."""
+    return np.concatenate([at_nodes[edges[:, 0]][:, None], inner, at_nodes[edges[:, 1]][:, None]], axis=1)
+
+
+def build_pose_graph(
+    decoder: TaskSpaceDecoder,
+    codes: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    metric: MetricSettings,
+    sigma_limit: float,
+    shape: tuple[int, ...] = (100, 100),
+    neighbours: int = 16,
+    pieces: int = 3,
+    one_sheet: bool = True,
+    energy_limit: float = math.inf,
+    clusters: int = 1,
+    ridges: Ridges | None = None,
+) -> PoseGraph:
+    """Decode the latent box into a graph.
+
+    Parameters
+    ----------
+    codes : (N, T, d) the demonstrations' codes, in order of arc length.
+    lower, upper : (d,) corners of the latent box.
+    sigma_limit : nodes and edge samples with a larger rms sigma [m] are pruned; inf keeps the whole box.
+    neighbours, pieces : directions per node, and chords per edge.
+    one_sheet : leave out edges along which the decoded quaternion changes to the other hemisphere: there q and -q, the
+        same orientation, would be joined through orientations nobody showed. False only to measure such crossings.
+    energy_limit : largest obstacle-free squared length of an edge; longer ones cross where nobody moved.
+    clusters : into how many equal groups, one after the other, the codes fall (2 where q and -q have codes of their
+        own). Nodes belong to the group of the nearest code, and no edge joins two groups.
+    ridges : along which progress is measured; None: along the codes.
+
+    Raises
+    ------
+    SkillError where nothing of the box is supported.
+    """
+    grid = LatentGrid(np.asarray(lower, dtype=float), np.asarray(upper, dtype=float), tuple(shape))
+    lattice = grid.nodes()
+    kept = rms_sigma(decoder.uncertainty(lattice)[0]) <= sigma_limit
+    refuse_unsupported(kept, sigma_limit, "m")
+    latent = lattice[kept]
+    number = grid.numbering(kept)
+    edges = grid.edges(number, neighbours)
+    progress_map = ProgressMap.from_codes(codes, grid) if ridges is None else ProgressMap.from_ridges(ridges, grid)
+
+    fractions = np.arange(1, pieces) / pieces
+    start, step = latent[edges[:, 0]], latent[edges[:, 1]] - latent[edges[:, 0]]
+    inner_latent = (start[:, None] + fractions[None, :, None] * step[:, None]).reshape(-1, len(grid.shape))
+    inner = decoder.decode(inner_latent)
+    decoded = decoder.decode(latent)
+
+    def inner_rows(array: np.ndarray) -> np.ndarray:
+        return array.reshape(len(edges), pieces - 1, *array.shape[1:])
+
+    quaternion_chain = _chain(decoded.quaternions, edges, inner_rows(inner.quaternions))
+    usable = np.all(inner_rows(rms_sigma(inner.sigma)) <= sigma_limit, axis=1)
+    if one_sheet:
+        usable &= np.all(np.sum(quaternion_chain[:, 1:] * quaternion_chain[:, :-1], axis=-1) > 0.0, axis=1)
+
+    sigma_chain = _chain(decoded.sigma, edges, inner_rows(inner.sigma))
+    spread_chain = _chain(metric.orientation_feature(decoded), edges, inner_rows(metric.orientation_feature(inner)))
+    sigma_energy = metric.sigma_weight**2 * pieces * np.sum(np.diff(sigma_chain, axis=1) ** 2, axis=(1, 2))
+    spread_energy = pieces * np.sum(np.diff(spread_chain, axis=1) ** 2, axis=1)
+
+    if math.isfinite(energy_limit):
+        lengths, turns = chord_energies(
+            edges, decoded.positions[:, None], decoded.quaternions, inner_rows(inner.positions),
+            inner_rows(inner.quaternions), inner_rows(np.zeros((len(inner_latent), 6))), np.zeros((1, 3)),
+        )  # fmt: skip
+        usable &= lengths[:, 0] + turns + sigma_energy + spread_energy <= energy_limit
+    if clusters > 1:
+        _, nearest = cKDTree(codes.reshape(-1, codes.shape[-1])).query(latent)
+        cluster = nearest // (codes.shape[0] * codes.shape[1] // clusters)
+        usable &= cluster[edges[:, 0]] == cluster[edges[:, 1]]
+    used = edges[usable]
+    progress, ridge_shares = progress_map(latent)
+    inner_progress, inner_shares = (inner_rows(column)[usable] for column in progress_map(inner_latent))
+    return PoseGraph(
+        decoder=decoder,
+        metric=metric,
+        grid=grid,
+        sigma_limit=sigma_limit,
+        energy_limit=energy_limit,
+        latent=latent,
+        decoded=decoded,
+        sigma=rms_sigma(decoded.sigma),
+        progress=progress,
+        ridge_shares=ridge_shares,
+        component=connected_pieces(used, len(latent)),
+        edges=used,
+        adjacency=Adjacency.from_edges(used, len(latent)),
+        progress_map=progress_map,
+        _number=number,
+        _inner_positions=inner_rows(inner.positions)[usable],
+        _inner_quaternions=inner_rows(inner.quaternions)[usable],
+        _inner_progress=inner_progress,
+        _inner_shares=inner_shares,
+        _sigma_energy=sigma_energy[usable],
+        _spread_energy=spread_energy[usable],
+    )

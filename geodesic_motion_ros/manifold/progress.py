@@ -1,0 +1,102 @@
+"""Progress tau(z) of latent points along the demonstrations, tabulated on the grid."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from scipy.ndimage import binary_dilation, distance_transform_edt
+
+from geodesic_motion_ros.manifold.grid import LatentGrid
+from geodesic_motion_ros.manifold.mean_path import Ridges
+
+
+class ProgressMap:
+    """Progress tau(z), 0 at the demonstrations' start and 1 at their end, and the shares of the ridges at z.
+
+    Both are tabulated on the lattice of a grid and interpolated linearly.
+    """
+
+    def __init__(self, progress: np.ndarray, shares: np.ndarray, grid: LatentGrid) -> None:
+        """progress (n,) and shares (n, K), K may be 0, at all the n nodes of the grid."""
+        self._grid, self._shape = grid, np.array(grid.shape)
+        self._table = np.column_stack([progress, shares])
+
+    def __call__(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """tau (n,) and shares (n, K) of latent points (n, d); beyond the grid, those at its rim."""
+        rows = _multilinear(self._table, self._shape, self._grid.coordinates(latent))
+        return rows[:, 0].copy(), rows[:, 1:].copy()
+
+    @classmethod
+    def from_ridges(cls, ridges: Ridges, grid: LatentGrid, kept: np.ndarray | None = None) -> ProgressMap:
+        """The ridges' own progress and shares.
+
+        kept : mask over the grid's nodes: they are worked out there and one node further, and taken over from the
+            nearest of those elsewhere, where no path leads. In three dimensions most of the grid is empty. None: all.
+        """
+        if kept is None:
+            return cls(*ridges.coordinates(grid.nodes()), grid)
+        near = binary_dilation(kept.reshape(grid.shape), np.ones([3] * len(grid.shape)))
+        nearest = distance_transform_edt(~near, return_distances=False, return_indices=True)
+        row = np.zeros(grid.shape, dtype=int)
+        row[near] = np.arange(np.count_nonzero(near))
+        taken = row[tuple(nearest)].reshape(-1)
+        progress, shares = ridges.coordinates(grid.nodes()[near.reshape(-1)])
+        return cls(progress[taken], shares[taken], grid)
+
+    @classmethod
+    def from_codes(cls, codes: np.ndarray, grid: LatentGrid) -> ProgressMap:
+        """Progress of the nearby codes (N, T, d), each demonstration's in order of arc length; no ridges.
+
+        tau(z) = sum w s / sum w, w = exp(-|z - z_i(s)|^2 / (2 h^2)), over the demonstrations' codes z_i(s) with arc
+        length s; h is the typical distance between neighbouring demonstrations.
+        """
+        count, samples, dimension = codes.shape
+        flat = codes.reshape(-1, dimension)
+        share = np.tile(np.linspace(0.0, 1.0, samples), count)
+        rate = 0.5 / _tube_width(codes) ** 2
+        nodes = grid.nodes()
+        progress = np.empty(len(nodes))
+        for begin in range(0, len(nodes), 512):
+            block = nodes[begin : begin + 512]
+            squared = np.sum((block[:, None, :] - flat[None]) ** 2, axis=-1)
+            weight = np.exp(-rate * (squared - squared.min(axis=1, keepdims=True)))
+            progress[begin : begin + 512] = weight @ share / weight.sum(axis=1)
+        return cls(progress, np.empty((len(nodes), 0)), grid)
+
+
+@numba.njit(cache=True, nogil=True)
+def _multilinear(table: np.ndarray, shape: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Rows of a table (prod(shape), K), one for each lattice point, last axis fastest, between them at (n, d): (n, K).
+
+    The sum over the corners of a cell, each with the product over the axes of 1 - f, or f at the upper end.
+    """
+    count, d = at.shape
+    result, fractions = np.zeros((count, table.shape[1])), np.empty(d)
+    for i in range(count):
+        first = 0
+        for a in range(d):
+            place = min(max(at[i, a], 0.0), shape[a] - 1.0)
+            left = min(int(place), shape[a] - 2)
+            fractions[a] = place - left
+            first = first * shape[a] + left
+        for corner in range(1 << d):
+            row, weight, stride = first, 1.0, 1
+            for a in range(d - 1, -1, -1):
+                upper = corner >> a & 1
+                row += upper * stride
+                weight *= fractions[a] if upper else 1.0 - fractions[a]
+                stride *= shape[a]
+            for k in range(table.shape[1]):
+                result[i, k] += weight * table[row, k]
+    return result
+
+
+def _tube_width(codes: np.ndarray) -> float:
+    """Median distance from a code to the nearest code of another demonstration; of its own where there is only one."""
+    if len(codes) == 1:
+        return float(np.median(np.linalg.norm(np.diff(codes[0], axis=0), axis=1))) * 3.0
+    distances = []
+    for i, own in enumerate(codes):
+        others = np.delete(codes, i, axis=0).reshape(-1, codes.shape[-1])
+        distances.append(np.sqrt(np.sum((own[:, None] - others[None]) ** 2, axis=-1).min(axis=1)))
+    return max(float(np.median(distances)), 1e-6)

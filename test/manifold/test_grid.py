@@ -1,0 +1,86 @@
+"""The lattice and its neighbourhood."""
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.manifold import grid as grid_module
+from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid, stencil
+
+
+@pytest.mark.parametrize(("dimension", "neighbours"), [(2, 8), (2, 16), (2, 32), (3, 26), (3, 98), (4, 80)])
+def test_stencil_holds_each_direction_once(dimension, neighbours):
+    half = stencil(dimension, neighbours)
+    both = np.concatenate([half, -half])
+    assert len(np.unique(both, axis=0)) == neighbours
+    directions = both / np.linalg.norm(both, axis=1, keepdims=True)
+    assert len(np.unique(directions.round(9), axis=0)) == neighbours
+
+
+def test_stencil_names_the_possible_numbers():
+    with pytest.raises(PlanningError, match="8, 16, 32"):
+        stencil(2, 12)
+
+
+def test_edges_of_a_full_grid_join_every_pair_in_reach_once():
+    grid = LatentGrid(np.zeros(2), np.ones(2), (5, 4))
+    edges = grid.edges(grid.numbering(np.ones(20, dtype=bool)), 8)
+    nodes = grid.nodes() / grid.spacing
+    steps = np.abs(nodes[edges[:, 0]] - nodes[edges[:, 1]]).round(9)
+    assert np.all(steps.max(axis=1) == 1.0)
+    assert len(np.unique(np.sort(edges, axis=1), axis=0)) == len(edges) == 4 * 4 + 5 * 3 + 2 * 4 * 3
+
+
+def test_pruned_nodes_have_no_edges_and_the_rest_is_renumbered():
+    grid = LatentGrid(np.zeros(2), np.ones(2), (4, 4))
+    kept = np.ones(16, dtype=bool)
+    kept[[5, 10]] = False
+    nodes = grid.nodes()[kept]
+    edges = grid.edges(grid.numbering(kept), 8)
+    assert edges.max() == 13
+    steps = np.abs(nodes[edges[:, 0]] - nodes[edges[:, 1]]) / grid.spacing
+    assert np.all(steps.max(axis=1) < 1.0 + 1e-9)
+
+
+def test_coordinates_invert_nodes():
+    grid = LatentGrid(np.array([-1.0, 2.0, 0.0]), np.array([1.0, 5.0, 0.5]), (3, 4, 5))
+    expected = np.stack(np.unravel_index(np.arange(60), grid.shape), axis=1)
+    np.testing.assert_allclose(grid.coordinates(grid.nodes()), expected, atol=1e-12)
+
+
+def test_adjacency_lists_both_ends_of_every_edge():
+    edges = np.array([[0, 1], [2, 0], [1, 2]])
+    adjacency = Adjacency.from_edges(edges, 4)
+    for node in range(4):
+        slots = slice(adjacency.first[node], adjacency.first[node + 1])
+        for neighbour, edge in zip(adjacency.node[slots], adjacency.edge[slots], strict=True):
+            assert {node, neighbour} == set(edges[edge])
+    assert np.diff(adjacency.first).tolist() == [2, 2, 2, 0]
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "shape", "named"),
+    [
+        ([0.0, 0.0], [1.0, 0.0], (5, 5), "upper must exceed lower"),
+        ([0.0, 0.0], [1.0, 1.0], (5, 1), "at least 2 nodes"),
+        ([0.0, 0.0], [1.0, 1.0], (5, 5, 5), "same number"),
+    ],
+)
+def test_an_impossible_box_is_refused(lower, upper, shape, named):
+    with pytest.raises(PlanningError, match=named):
+        LatentGrid(np.array(lower), np.array(upper), shape)
+
+
+@pytest.mark.parametrize("shape", [(20_000, 20_000, 20_000), (3_000_000, 4_000_000)])
+def test_a_grid_that_memory_does_not_hold_is_refused_before_it_is_made_and_a_smaller_one_proposed(shape):
+    dimension = len(shape)
+    with pytest.raises(PlanningError, match=r"nodes takes about [\d,.]+ GB, and [\d.]+ GB are free: ") as refused:
+        LatentGrid(np.zeros(dimension), np.ones(dimension), shape)
+    proposed = tuple(int(side) for side in str(refused.value).split(": ")[-1].removesuffix(" would fit").split(" x "))
+    assert all(side < asked for side, asked in zip(proposed, shape, strict=True))
+    LatentGrid(np.zeros(dimension), np.ones(dimension), tuple(int(0.9 * side) for side in proposed))
+
+
+def test_where_the_system_does_not_tell_its_memory_nothing_is_refused(monkeypatch, tmp_path):
+    monkeypatch.setattr(grid_module, "_MEMORY", tmp_path / "none")
+    LatentGrid(np.zeros(2), np.ones(2), (10**9, 10**9))
