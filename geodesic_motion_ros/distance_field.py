@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.utils.errors import PlanningError
 
 #: Distances are told up to here [m].
 REACH = 0.3

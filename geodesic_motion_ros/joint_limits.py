@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import RobotError
 
 #: Kept from the ends of a joint's range [rad]: arms refuse references that touch them.
 POSITION_MARGIN = 0.01

@@ -13,14 +13,14 @@ from functools import cached_property
 
 import numpy as np
 
-from geodesic_motion_ros.checked_files import brief
-from geodesic_motion_ros.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_range, check_unit
 from geodesic_motion_ros.convex_hull import beyond_hull
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.mean_path import Ridges
 from geodesic_motion_ros.quaternions import continuous_signs, mean_rotation, rotate_by, rotation_vector_between
 from geodesic_motion_ros.regression import regression_weights
+from geodesic_motion_ros.utils.checked_files import brief
+from geodesic_motion_ros.utils.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_range, check_unit
+from geodesic_motion_ros.utils.errors import SkillError
 
 #: What a turn of one radian counts against a distance where offsets are compared [m].
 METRES_PER_RADIAN = 0.1

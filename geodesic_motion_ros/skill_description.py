@@ -9,8 +9,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from geodesic_motion_ros.checked_files import brief
-from geodesic_motion_ros.errors import SkillError
+from geodesic_motion_ros.utils.checked_files import brief
+from geodesic_motion_ros.utils.errors import SkillError
 
 FORMAT_VERSION = 2
 

@@ -11,17 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.checked_files import opened, read_arrays, read_tensors, read_yaml
-from geodesic_motion_ros.checked_numbers import (
-    ARM_REACH,
-    LARGEST_CODE,
-    LARGEST_TURN,
-    SMALLEST_BOX,
-    check_array,
-    check_pose,
-    check_real,
-)
-from geodesic_motion_ros.errors import GeodesicMotionError, SkillError
 from geodesic_motion_ros.joint_sheet import JointSheet
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
@@ -31,6 +20,17 @@ from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill_description import DESCRIPTION, LATENT, METADATA, WEIGHTS, check_description
+from geodesic_motion_ros.utils.checked_files import opened, read_arrays, read_tensors, read_yaml
+from geodesic_motion_ros.utils.checked_numbers import (
+    ARM_REACH,
+    LARGEST_CODE,
+    LARGEST_TURN,
+    SMALLEST_BOX,
+    check_array,
+    check_pose,
+    check_real,
+)
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, SkillError
 
 #: Arrays of latent.npz, and by the space those of the canonical demonstrations.
 LATENT_ARRAYS = ("codes", "latent_lower", "latent_upper", "start_pose", "goal_pose")

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import yaml
 
-from geodesic_motion_ros.checked_files import read_arrays, read_tensors, read_yaml
 from geodesic_motion_ros.demonstrations.readers import holds_joints, read_demonstrations, read_joint_demonstrations
-from geodesic_motion_ros.errors import DemonstrationError, FileError, SkillError
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.checked_files import read_arrays, read_tensors, read_yaml
+from geodesic_motion_ros.utils.errors import DemonstrationError, FileError, SkillError
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 DESCRIPTION, WEIGHTS, LATENT = "skill.yaml", "weights.safetensors", "latent.npz"

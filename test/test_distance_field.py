@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.distance_field import REACH, DistanceField, field_approach, field_distances
-from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.utils.errors import PlanningError
 
 RADIUS, THICKNESS = 0.015, 0.05
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.joint_sheet import JointSheet
+from geodesic_motion_ros.utils.errors import SkillError
 
 
 @pytest.fixture

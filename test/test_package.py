@@ -147,7 +147,7 @@ def test_executable_prefers_the_interpreter_it_was_installed_with(tmp_path: Path
 
 
 def test_installed_package_finds_its_shared_files(installed: Path, tmp_path: Path) -> None:
-    code = "from geodesic_motion_ros.shared_files import find_shared; print(find_shared('package.xml'))"
+    code = "from geodesic_motion_ros.utils.shared_files import find_shared; print(find_shared('package.xml'))"
     environment = clean_environment(PYTHONPATH=str(site_packages(installed)))
     done = subprocess.run(
         [sys.executable, "-c", code],

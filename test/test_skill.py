@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.errors import SkillError
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ COMMON = """
 import sys, time
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from geodesic_motion_ros.deadline import Deadline
+from geodesic_motion_ros.utils.deadline import Deadline
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner

@@ -15,8 +15,8 @@ from typing import Protocol
 
 from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect, train
 from geodesic_motion_ros.cli.arguments import HelpFormatter
-from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.kernels import compile_kernels
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.

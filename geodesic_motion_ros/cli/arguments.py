@@ -17,7 +17,7 @@ from geodesic_motion_ros.demonstrations.readers import (
     read_demonstrations,
     read_joint_demonstrations,
 )
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.skill import Skill

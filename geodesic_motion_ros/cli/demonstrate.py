@@ -16,7 +16,7 @@ from geodesic_motion_ros.demonstrations.writers import (
     save_demonstrations,
     save_joint_demonstrations,
 )
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.utils.errors import ParameterError
 
 WITH_FAMILIES = ("reach-to-grasp", "reach-to-grasp-separated")
 OF_JOINTS = (*WITH_FAMILIES, "circle", "pouring-joint")

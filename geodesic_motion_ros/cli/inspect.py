@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, pictured, writable
 from geodesic_motion_ros.quaternions import angle_between
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.manifold.latent_graph import LatentGraph

@@ -33,9 +33,9 @@ from geodesic_motion_ros.demonstrations.readers import (
     parse_columns,
     quaternion_order,
 )
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill_description import check_text
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given, read_joint_recording
-from geodesic_motion_ros.errors import DemonstrationError
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations

@@ -18,9 +18,9 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.curves import interpolate, pose_arc_length
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.quaternions import mean_rotation, rotate_by, rotation_vector_between
 from geodesic_motion_ros.sheet import RotationCurves
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 #: Starts and goals may lie this share of the demonstrations' length from their mean; further apart there is no task
 #: that they have in common, only straight lines between places.

@@ -7,7 +7,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from geodesic_motion_ros.errors import DemonstrationError
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 Abscissa = Literal["arc_length", "time"]
 """What samples can be equally spaced in."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.checked_numbers import ARM_REACH, UNIT_NORM_TOLERANCE
 from geodesic_motion_ros.demonstrations.checks import (
     Abscissa,
     check_equal_lengths,
@@ -18,8 +17,9 @@ from geodesic_motion_ros.demonstrations.checks import (
     split_items,
 )
 from geodesic_motion_ros.demonstrations.curves import PoseCurve, arc_length, interpolate
-from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.quaternions import continuous_signs, normalise
+from geodesic_motion_ros.utils.checked_numbers import ARM_REACH, UNIT_NORM_TOLERANCE
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 SHORTEST_PATH = 1e-4
 """A path shorter than this [m] is noise of a hand that stood still: nothing to resample by."""

@@ -16,11 +16,11 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
-from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 #: Starts and goals may lie this far [rad], over all joints, from the mean of their group.
 LARGEST_OFFSET = 1.5

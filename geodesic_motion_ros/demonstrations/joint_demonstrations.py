@@ -22,8 +22,8 @@ from geodesic_motion_ros.demonstrations.checks import (
 )
 from geodesic_motion_ros.demonstrations.curves import arc_length
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.errors import DemonstrationError, RobotError
 from geodesic_motion_ros.quaternions import continuous_signs
+from geodesic_motion_ros.utils.errors import DemonstrationError, RobotError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.robot.kinematics import Robot

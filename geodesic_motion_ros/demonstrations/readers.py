@@ -12,11 +12,11 @@ from typing import IO, TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
-from geodesic_motion_ros.checked_files import array_names, brief, opened, read_array, read_arrays
-from geodesic_motion_ros.checked_numbers import ARM_REACH
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.errors import DemonstrationError, FileError
+from geodesic_motion_ros.utils.checked_files import array_names, brief, opened, read_array, read_arrays
+from geodesic_motion_ros.utils.checked_numbers import ARM_REACH
+from geodesic_motion_ros.utils.errors import DemonstrationError, FileError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.robot.kinematics import Robot

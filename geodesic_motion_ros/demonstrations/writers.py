@@ -11,7 +11,7 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import DEMONSTRATION, TIME
-from geodesic_motion_ros.errors import DemonstrationError
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 JOINT_SUFFIXES = (".npz", ".csv")
 """Kinds of files that demonstrations of joints are written to."""

@@ -17,7 +17,6 @@ from scipy.spatial import cKDTree
 from geodesic_motion_ros.demonstrations.canonical import CanonicalDemonstrations, canonical_form, mean_pose
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
 from geodesic_motion_ros.manifold.decoder import rms_sigma
@@ -28,6 +27,7 @@ from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.regression import surest_penalty
 from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.errors import SkillError
 
 #: Samples of a demonstration whose codes a skill keeps, equally spaced in arc length of the positions.
 CODE_SAMPLES = 100

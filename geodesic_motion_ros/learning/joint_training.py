@@ -19,7 +19,6 @@ from torch import Tensor
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc, canonical_joint_form
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_modes
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.learning.densities import divergence_from_normal, gaussian_log_density
 from geodesic_motion_ros.learning.joint_calibration import assemble_joint_skill
@@ -32,6 +31,7 @@ from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import GRID_SHAPES, Skill
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: How far beside the tool points are watched while learning [m]: a turn by a radian counts so much.
 TOOL_AXES = 0.1

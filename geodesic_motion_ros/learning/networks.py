@@ -10,7 +10,7 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor, nn
 
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.utils.errors import ParameterError
 
 _LLOYD_ITERATIONS = 20
 #: A kernel falls to exp(-2) = 14 % at two bandwidths: weights can still make up for that, hardly for more.

@@ -7,9 +7,9 @@ from collections.abc import Collection
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
+from geodesic_motion_ros.utils.errors import ParameterError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.task_space import OrientationModel

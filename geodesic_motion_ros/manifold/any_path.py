@@ -7,12 +7,12 @@ import math
 import numba
 import numpy as np
 
-from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import TAKEN, put, take
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look
 from geodesic_motion_ros.manifold.search_memory import SearchMemory, begin_at_both_ends, lent_memory, trace
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
+from geodesic_motion_ros.utils.deadline import Deadline
 
 #: So many nodes are about half a millisecond: then the time is looked at.
 _BATCH = 256

@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.manifold.any_path import any_path, load_any_path
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import put, take
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look, look_at
 from geodesic_motion_ros.manifold.search_memory import SearchMemory, begin_at_both_ends, lent_memory, trace
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: Nodes that one side takes before both are compared again.
 _BATCH = 64

@@ -11,10 +11,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from geodesic_motion_ros.checked_numbers import SMALLEST_SCALE
 from geodesic_motion_ros.manifold.perceptron import Perceptron
 from geodesic_motion_ros.manifold.radial_basis import radial_basis
 from geodesic_motion_ros.quaternions import normalise
+from geodesic_motion_ros.utils.checked_numbers import SMALLEST_SCALE
 
 
 @dataclass(frozen=True)

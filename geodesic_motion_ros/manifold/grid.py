@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.utils.errors import PlanningError
 
 #: What a graph takes for each lattice point of its grid [bytes]: 570 to 1970 were measured on the shipped skills, whose
 #: graphs keep a tenth of them or less.

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.progress import ProgressMap
+from geodesic_motion_ros.utils.errors import SkillError
 
 
 @dataclass(frozen=True)

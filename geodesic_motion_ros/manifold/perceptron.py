@@ -7,9 +7,9 @@ from typing import ClassVar, TypeVar
 
 import numpy as np
 
-from geodesic_motion_ros.checked_numbers import LARGEST_WEIGHT, check_range, check_real
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.manifold.hyperbolic_tangent import tanh
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_WEIGHT, check_range, check_real
+from geodesic_motion_ros.utils.errors import SkillError
 
 #: Points evaluated at once.
 _BLOCK = 256

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 import yaml
 
-from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.nodes.demo_options import SCENE, parsed
 from geodesic_motion_ros.nodes.demo_run import (
     DemoError,
@@ -37,7 +36,8 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
+from geodesic_motion_ros.utils.tables import write_json
 
 #: What the demo promises; and the rate [Hz] below which it warns that the machine is busy.
 LARGEST_ERROR_MM, LARGEST_ERROR_DEG, LEAST_RATE = 10.0, 3.0, 99.0

@@ -14,9 +14,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.nodes.messages import pose_message, seconds
 from geodesic_motion_ros.nodes.stream_cycle import PREPARING
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.verdict import VerdictCode
 
 #: How long [s] a planner is looked for, and its verdict on the goal is waited for.

@@ -11,9 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.errors import ParameterError, PlanningError
 from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
@@ -28,6 +26,8 @@ from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.tracking import TrackingMonitor
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.utils.deadline import Deadline
+from geodesic_motion_ros.utils.errors import ParameterError, PlanningError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: From the planner's answer to the arm that plays it, at most [s].

@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.nodes.marker_bytes import SeenMarker
 from geodesic_motion_ros.nodes.messages import (
     FrameLookup,
@@ -31,6 +30,7 @@ from geodesic_motion_ros.quaternions import from_rotation, to_rotation
 from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.solids import solid_rows
+from geodesic_motion_ros.utils.errors import RobotError
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.utils.errors import ParameterError
 
 Value = bool | int | float | str | list[float] | list[str]
 

@@ -24,8 +24,8 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.nodes.usage import answer
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 # A Python thread waits this long [s] for another one to let go of the interpreter. The default, 5 ms, is
 # half a control period.

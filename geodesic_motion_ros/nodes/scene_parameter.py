@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from geodesic_motion_ros.errors import FileError, ParameterError
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.shared_files import SharedFileError
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.errors import FileError, ParameterError
+from geodesic_motion_ros.utils.shared_files import SharedFileError
 
 
 def declared_scene(name: str, skill: Skill | None) -> DeclaredScene | None:

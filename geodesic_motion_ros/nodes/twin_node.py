@@ -28,8 +28,6 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from geodesic_motion_ros.checked_files import brief
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError, RobotError, SkillError
 from geodesic_motion_ros.nodes.clock_offset import ClockOffset
 from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import (
@@ -57,6 +55,8 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.scripted_spheres import NAMED, ScriptedSpheres, spheres_named
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.checked_files import brief
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError, RobotError, SkillError
 
 # After a stall physics makes up for what was lost, for half as long [s] of real time at most, in the next tick half as
 # long as that, and so on until nothing is owed: where steps take longer than what they stand for, the world is late.

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 from rclpy.utilities import remove_ros_args
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import Parameter, short_text
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 def answer(name: str, arguments: Sequence[str] | None) -> int | None:

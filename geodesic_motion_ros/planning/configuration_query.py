@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
@@ -34,6 +33,7 @@ from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.sheet import beyond_demonstrated
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.utils.errors import RobotError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 

@@ -31,16 +31,16 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.checked_files import brief, opened, read_yaml
-from geodesic_motion_ros.errors import FileError, GeodesicMotionError, SkillError
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.obstacles import LARGEST_NUMBER, Obstacles
 from geodesic_motion_ros.quaternions import inverse, normalise, rotate, to_rotation
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.solids import no_solids, solid_distances, solid_rows
+from geodesic_motion_ros.utils.checked_files import brief, opened, read_yaml
+from geodesic_motion_ros.utils.errors import FileError, GeodesicMotionError, SkillError
+from geodesic_motion_ros.utils.shared_files import find_shared
 
 #: Demonstrations that enter a scene by more than this [m] were not recorded in it: decoders are less far off.
 DEMONSTRATION_DEPTH = 0.01

@@ -23,8 +23,6 @@ from numbers import Real
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import CertifiedTrajectory
-from geodesic_motion_ros.deadline import NEVER, Deadline
-from geodesic_motion_ros.errors import PlanningError, RobotError
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import load_references
@@ -56,6 +54,8 @@ from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
+from geodesic_motion_ros.utils.errors import PlanningError, RobotError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: A detour arrives so long after it was asked for [s] where no other worker is given.

@@ -8,7 +8,6 @@ from typing import Protocol
 
 import numpy as np
 
-from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.manifold.bidirectional_astar import load_search_from_both_ends, shortest_path_from_both_ends
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
@@ -19,6 +18,7 @@ from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.settings import CURVE_SIGMA_FACTOR, ENTRY_STEPS, PlannerSettings
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 

@@ -12,9 +12,9 @@ from typing import ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.manifold.ambient_law import LAWS, AmbientLaw
 from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
+from geodesic_motion_ros.utils.errors import PlanningError
 
 # ------------------------------------------------------------------ clearance of moving obstacles
 

@@ -15,7 +15,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory, SweptArm
-from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
@@ -41,6 +40,7 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.

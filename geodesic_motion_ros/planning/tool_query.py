@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.metric_field import MetricField
 from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
@@ -33,6 +32,7 @@ from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.utils.errors import RobotError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 

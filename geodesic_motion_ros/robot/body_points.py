@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.kinematics import CHAIN, MATRIX, Robot, multiply, quaternion_of, unit
+from geodesic_motion_ros.utils.errors import RobotError
 
 INDICES = numba.types.Array(numba.int64, 1, "C", readonly=True)
 

@@ -16,10 +16,10 @@ import numba
 import numpy as np
 import yaml
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.body_points import BodyPoints, link_points, place_body_points
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import FOLDER, VECTOR, Robot, contiguous
+from geodesic_motion_ros.utils.errors import RobotError
 
 POSITIONS = numba.types.Array(numba.float64, 3, "C", readonly=True)
 PAIRS = numba.types.Array(numba.int64, 2, "C", readonly=True)

@@ -15,9 +15,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import RobotError
 
 #: Shapes, and what their dimensions are [m].
 SHAPES = {"sphere": ("radius",), "box": ("sides along x", "y", "z"), "cylinder": ("radius", "height along z")}

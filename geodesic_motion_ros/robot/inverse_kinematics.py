@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.kinematics import CHAIN, MATRIX, VECTOR, Robot, contiguous, forward, jacobian
+from geodesic_motion_ros.utils.errors import RobotError
 
 DAMPING = 0.1
 LOW_MANIPULABILITY = 0.02

@@ -11,9 +11,9 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.panda import PANDA_READY
 from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits
+from geodesic_motion_ros.utils.errors import RobotError
 
 # Written signatures: compiled at the first import, never in the middle of a run. All inputs are read only.
 VECTOR = numba.types.Array(numba.float64, 1, "C", readonly=True)

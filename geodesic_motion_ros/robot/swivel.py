@@ -18,9 +18,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, pose_error
 from geodesic_motion_ros.robot.kinematics import CHAIN, VECTOR, Robot, contiguous, link_frames
+from geodesic_motion_ros.utils.errors import RobotError
 
 JOINTS = 7
 TOLERANCE = 1e-9

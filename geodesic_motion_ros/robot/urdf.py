@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.errors import RobotError
+from geodesic_motion_ros.utils.errors import RobotError
 
 MOVING = ("revolute", "continuous", "prismatic")
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @dataclass(frozen=True)

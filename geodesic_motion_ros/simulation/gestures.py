@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.utils.errors import ParameterError
 
 RATE_HZ = 100.0
 STEPS_PER_SAMPLE = 2  # physics at 200 Hz, so that every sample falls on a step

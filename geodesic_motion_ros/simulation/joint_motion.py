@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error, twist_step
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import RobotError
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.errors import DemonstrationError, RobotError
 from geodesic_motion_ros.quaternions import continuous_signs, from_rotation, rotate_by, slerp
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel
@@ -55,6 +54,7 @@ from geodesic_motion_ros.simulation.teacher import (
     pouring_stands,
 )
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
+from geodesic_motion_ros.utils.errors import DemonstrationError, RobotError
 
 ROBOT_NAME = "panda"
 

@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.utils.errors import ParameterError
 
 Point = tuple[float, float, float]
 

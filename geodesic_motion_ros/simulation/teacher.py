@@ -26,7 +26,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.quaternions import continuous_signs, from_rotation, rotate_by
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.simulation.gestures import (
@@ -49,6 +48,7 @@ from geodesic_motion_ros.simulation.tabletop import (
     fixed_to,
     standing,
 )
+from geodesic_motion_ros.utils.errors import ParameterError
 
 Pose = tuple[np.ndarray, np.ndarray]
 

@@ -30,8 +30,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.quintic import quintic_samples
+from geodesic_motion_ros.utils.errors import RobotError
 
 #: A last velocity [rad/s] up to this is rest: rounding of single precision, as the controller has it.
 REST = float(np.finfo(np.float32).eps)

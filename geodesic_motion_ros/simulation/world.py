@@ -11,7 +11,6 @@ import numpy as np
 import pybullet_data
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.errors import ParameterError, RobotError
 from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -20,6 +19,7 @@ from geodesic_motion_ros.simulation.joint_motion import JointMotion
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
 from geodesic_motion_ros.simulation.target_stream import TargetStream
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
+from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
 PANDA_URDF = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
 SMOOTH_SPHERE = Path(pybullet_data.getDataPath()) / "sphere_smooth.obj"  # of radius one

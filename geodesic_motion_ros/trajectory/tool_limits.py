@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from geodesic_motion_ros.errors import PlanningError
+from geodesic_motion_ros.utils.errors import PlanningError
 
 
 @dataclass(frozen=True)

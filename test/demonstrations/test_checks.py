@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.checks import columns, increasing_times, split_items
-from geodesic_motion_ros.errors import DemonstrationError
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 
 def test_columns_are_a_copy_of_finite_numbers():

@@ -9,11 +9,11 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc, canonical_joint_form
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 ROBOT, METRIC = Robot.panda(), JointMetricSettings()
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 ROBOT = Robot.panda()
 

@@ -9,8 +9,8 @@ from geodesic_motion_ros.demonstrations.readers import (
     read_demonstrations,
     read_joint_demonstrations,
 )
-from geodesic_motion_ros.errors import DemonstrationError, RobotError
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import DemonstrationError, RobotError
 
 HEADER = ["demonstration", "t", "px", "py", "pz", "qw", "qx", "qy", "qz"]
 

@@ -12,8 +12,8 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations, read_joint_demonstrations
 from geodesic_motion_ros.demonstrations.writers import save_demonstrations, save_joint_demonstrations
-from geodesic_motion_ros.errors import DemonstrationError
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 ROBOT = Robot.panda()
 

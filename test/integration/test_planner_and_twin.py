@@ -17,12 +17,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Float64, Header, UInt32
 from visualization_msgs.msg import MarkerArray
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.goal_sender import GoalRefusedError, by_hand, send_goal
 from geodesic_motion_ros.nodes.messages import read_pose
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.stream_cycle import PREPARING
 from geodesic_motion_ros.nodes.twin_node import TwinNode
+from geodesic_motion_ros.utils.errors import ParameterError
 
 # What moves in real time does so evenly where it has the machine to itself.
 pytestmark = pytest.mark.realtime

@@ -18,11 +18,11 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
-from geodesic_motion_ros.errors import ParameterError, SkillError
 from geodesic_motion_ros.nodes import twin_node
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 
 # What moves in real time does so evenly where it has the machine to itself.
 pytestmark = pytest.mark.realtime

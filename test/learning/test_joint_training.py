@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.joint_calibration import calibrated_energy
 from geodesic_motion_ros.learning.joint_training import (
     body_layer,
@@ -19,6 +18,7 @@ from geodesic_motion_ros.learning.joint_training import (
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import ParameterError
 
 ROBOT = Robot.panda()
 IN_NO_TIME = JointTrainingSettings(

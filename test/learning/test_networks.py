@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, kernel_rate, place_centres
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 def test_perceptron_is_linear_tanh_linear():

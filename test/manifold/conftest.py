@@ -10,7 +10,6 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.manifold.bidirectional_astar import ShortestPath, shortest_path_from_both_ends
@@ -20,6 +19,7 @@ from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
 from geodesic_motion_ros.manifold.shortest_path import cost_field, edge_weight, shortest_path
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.solids import solid_rows
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 
 class Scene:

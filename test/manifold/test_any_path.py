@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.manifold.any_path import any_path
 from geodesic_motion_ros.manifold.bidirectional_astar import ShortestPath
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
 from geodesic_motion_ros.manifold.shortest_path import cost_field
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 SHAPE, NEIGHBOURS = (20, 20, 20), 26
 

@@ -7,12 +7,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.manifold import bidirectional_astar as searches
 from geodesic_motion_ros.manifold.bidirectional_astar import shortest_path_from_both_ends
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.obstacle_weights import look_at
 from geodesic_motion_ros.manifold.shortest_path import cost_field
+from geodesic_motion_ros.utils.deadline import Deadline
 
 NO_SPHERES = np.empty((0, 3)), np.empty(0)
 SHAPES = [((25, 25), 8), ((25, 25), 16), ((9, 9, 9), 26), ((5, 5, 5, 5), 80)]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.manifold.configuration_graph import (
     ConfigurationGraph,
@@ -19,6 +18,7 @@ from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import SkillError
 
 ROBOT = Robot.panda()
 

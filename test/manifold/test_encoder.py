@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.quaternions import normalise
+from geodesic_motion_ros.utils.errors import SkillError
 
 
 @pytest.fixture

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.manifold import grid as grid_module
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid, stencil
+from geodesic_motion_ros.utils.errors import PlanningError
 
 
 @pytest.mark.parametrize(("dimension", "neighbours"), [(2, 8), (2, 16), (2, 32), (3, 26), (3, 98), (4, 80)])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.utils.errors import SkillError
 
 
 @pytest.fixture

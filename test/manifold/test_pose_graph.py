@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings, build_pose_graph
 from geodesic_motion_ros.manifold.transport import Offsets
+from geodesic_motion_ros.utils.errors import SkillError
 
 ORIGIN = np.zeros((1, 3))
 

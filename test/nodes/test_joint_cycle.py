@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
@@ -21,6 +20,7 @@ from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.verdict import VerdictCode
 
 PERIOD = 0.01

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import Parameter, markdown_table, yaml_document
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.utils.errors import ParameterError
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 ALL = [(node, parameter) for node, table in TABLES.items() for parameter in table]

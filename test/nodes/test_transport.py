@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from geodesic_motion_ros.shared_files import find_shared
+from geodesic_motion_ros.utils.shared_files import find_shared
 
 CHOSEN = "FASTDDS_BUILTIN_TRANSPORTS"
 #: The files in shared memory that a node of its own has mapped.

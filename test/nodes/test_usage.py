@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes import planner_node, twin_node
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.usage import usage, wants_help
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @pytest.mark.parametrize("node", TABLES)

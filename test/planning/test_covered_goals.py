@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
@@ -19,6 +18,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.deadline import Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 TICK, RADIUS = 0.01, 0.06

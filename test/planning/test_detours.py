@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
@@ -21,6 +20,7 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan, Solver
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.errors import PlanningError
 from geodesic_motion_ros.verdict import VerdictCode
 
 TICK, PATIENCE, REACH = 0.01, 1.0, 0.25

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.demonstrations.curves import arc_length
 from geodesic_motion_ros.distance_field import DistanceField
-from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.obstacles import Obstacles
@@ -21,6 +20,7 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.solids import solid_distances, solid_rows
+from geodesic_motion_ros.utils.errors import PlanningError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 NOTHING = (np.empty((0, 3)), np.empty(0))

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
@@ -21,6 +20,7 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.errors import PlanningError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 PANDA, ARM = Robot.panda(), CollisionModel.panda()

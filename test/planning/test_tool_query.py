@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
@@ -22,6 +21,7 @@ from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 SKILL = Skill.load("panda_pouring")

@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.distance_field import DistanceField
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.manifold.metric_field import curve_length
@@ -18,6 +17,7 @@ from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
 from geodesic_motion_ros.solids import solid_distances, solid_rows
+from geodesic_motion_ros.utils.deadline import Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.body_points import (
     BodyPoints,
     body_point_jacobians,
@@ -19,6 +18,7 @@ from geodesic_motion_ros.robot.body_points import (
 )
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
+from geodesic_motion_ros.utils.errors import RobotError
 
 PANDA_URDF = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
 CRANE = """<robot name="crane">

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.held_objects import MOST_SPHERES, PROTRUSION, HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.utils.errors import RobotError
 
 #: With how far their spheres may stick out [m].
 OBJECTS = [

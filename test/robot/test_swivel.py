@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle, swivel_gradient
+from geodesic_motion_ros.utils.errors import RobotError
 
 ROBOT = Robot.panda()
 REACHING = np.array([-0.5, 0.5, 0.0, -1.75, 0.0, 2.2, 1.0])

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits
+from geodesic_motion_ros.utils.errors import RobotError
 
 ARM = """<robot name="arm">
   <link name="base"/><link name="upper"/><link name="slide"/><link name="tool"/><link name="camera"/>

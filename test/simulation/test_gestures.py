@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.simulation.gestures import (
     DOWN,
     about,
@@ -16,6 +15,7 @@ from geodesic_motion_ros.simulation.gestures import (
     smooth_step,
     style,
 )
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 def test_a_count_below_one_is_refused_by_its_name() -> None:

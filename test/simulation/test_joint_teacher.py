@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.errors import DemonstrationError, ParameterError
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
@@ -16,6 +15,7 @@ from geodesic_motion_ros.simulation import joint_teacher, teacher
 from geodesic_motion_ros.simulation.joint_teacher import Guidance, perform, reach_guidances, reach_to_grasp
 from geodesic_motion_ros.simulation.tabletop import TabletopWorld
 from geodesic_motion_ros.studies.tools.similarity import compare
+from geodesic_motion_ros.utils.errors import DemonstrationError, ParameterError
 
 ROBOT = Robot.panda()
 Shown = tuple[tuple[Guidance, ...], JointDemonstrations]

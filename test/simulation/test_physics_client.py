@@ -8,8 +8,8 @@ import sys
 import pybullet
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 def test_each_client_has_a_world_of_its_own() -> None:

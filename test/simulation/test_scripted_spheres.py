@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import yaml
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.simulation.scripted_spheres import (
     NAMED,
     CircleObstacle,
@@ -16,6 +15,7 @@ from geodesic_motion_ros.simulation.scripted_spheres import (
     crossing,
     spheres_named,
 )
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 def test_a_line_obstacle_waits_moves_and_stays() -> None:

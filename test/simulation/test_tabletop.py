@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.simulation.tabletop import Cylinder, Region, TabletopWorld, fixed_to, standing
+from geodesic_motion_ros.utils.errors import ParameterError
 
 GREY = (0.5, 0.5, 0.5)
 

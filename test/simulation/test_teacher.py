@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.quaternions import angle_between, to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation import teacher
 from geodesic_motion_ros.simulation.tabletop import TabletopWorld
 from geodesic_motion_ros.simulation.teacher import Motion, Performance
+from geodesic_motion_ros.utils.errors import ParameterError
 
 ROBOT = Robot.panda()
 Shown = tuple[tuple[Motion, ...], list[Performance]]

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations
-from geodesic_motion_ros.errors import ParameterError, RobotError
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error, solve
-from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.simulation.camera import VIEWS
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.utils.errors import ParameterError, RobotError
+from geodesic_motion_ros.utils.shared_files import find_shared
 
 Pose = tuple[np.ndarray, np.ndarray]
 #: A quaternion that turns z to -y.

@@ -26,7 +26,7 @@ from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark
 from geodesic_motion_ros.studies.benchmarks.stages import SkillBench
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch, percentiles_ms
 from geodesic_motion_ros.studies.benchmarks.synthetic import synthetic_field, synthetic_grid, synthetic_problem
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.tables import text_table
 
 #: Pieces of the curves that L-BFGS bends, its iterations, and the step of its differences in steps of the grid.
 _PIECES, _ITERATIONS, _NUDGE = 150, 200, 1e-5

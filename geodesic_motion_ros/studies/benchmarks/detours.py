@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
@@ -33,6 +32,7 @@ from geodesic_motion_ros.studies.comparison.families import FREE_END, draw_stand
 from geodesic_motion_ros.studies.comparison.scene import moved_demonstrations
 from geodesic_motion_ros.studies.comparison.ways import Ways
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: Starts and goals, and spheres between two of them, that are drawn until it is said that none fit.

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.deadline import Deadline
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark, search
 from geodesic_motion_ros.studies.benchmarks.scenes import Scene
 from geodesic_motion_ros.studies.benchmarks.stopwatch import no_garbage_collection
+from geodesic_motion_ros.utils.deadline import Deadline
 
 DEADLINE_MS = 10.0
 """A tick that takes no longer than this counts as answered in time."""

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
 from geodesic_motion_ros.manifold.shortest_path import shortest_path
@@ -29,6 +28,7 @@ from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.scenes import RATE
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch, no_garbage_collection
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Speeds [m/s] and radii [m] of the spheres, and the shares of a motion in which they cross it.
 _SPEEDS, _RADII, _SHARES = (0.05, 0.5), (0.03, 0.06), (0.2, 0.9)

@@ -13,7 +13,7 @@ from tqdm import tqdm
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.moving import MovingBench, MovingTicks, NewGoals
 from geodesic_motion_ros.studies.benchmarks.stopwatch import percentiles_ms
-from geodesic_motion_ros.tables import text_table, write_json
+from geodesic_motion_ros.utils.tables import text_table, write_json
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from geodesic_motion_ros.studies.benchmarks.bias import BiasFigures, bias_table
 from geodesic_motion_ros.studies.benchmarks.hurried import DEADLINE_MS, HurriedTicks
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch, percentiles_ms
-from geodesic_motion_ros.tables import text_table, write_json
+from geodesic_motion_ros.utils.tables import text_table, write_json
 
 
 @dataclass(frozen=True)

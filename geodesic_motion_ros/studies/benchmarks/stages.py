@@ -17,7 +17,6 @@ from collections.abc import Callable
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
@@ -31,6 +30,7 @@ from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark
 from geodesic_motion_ros.studies.benchmarks.scenes import PERIOD, RATE, Scene
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch
 from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.verdict import Verdict
 
 #: Smoothing width of the planner's first attempt, in grid steps.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, writable
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.utils.errors import ParameterError
 
 _DESCRIPTION = """\
 Searches two graphs again and again while obstacles move: a large one that is made up (50x50x50 nodes, 26 neighbours,

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, given, name_list, needing, seed, writable
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.utils.errors import ParameterError
 
 _DESCRIPTION = """\
 Plays seeded scenes on a simulated Panda with every method, the same stream of obstacles for each of them, and judges
@@ -140,7 +140,7 @@ def run(arguments: argparse.Namespace) -> None:
         from geodesic_motion_ros.studies.comparison.run import Bench, BenchmarkSettings, kept_benchmark, play_benchmark
         from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
     from geodesic_motion_ros.skill import Skill
-    from geodesic_motion_ros.tables import write_json
+    from geodesic_motion_ros.utils.tables import write_json
 
     methods = chosen(arguments.methods)
     left_out = [f"{name} ({row.missing} is not installed)" for name, row in ROWS.items() if row.missing]

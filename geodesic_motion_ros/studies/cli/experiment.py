@@ -19,9 +19,9 @@ from geodesic_motion_ros.cli.arguments import (
     name_list,
     writable,
 )
-from geodesic_motion_ros.errors import ExperimentError
 from geodesic_motion_ros.studies.cli import experiment_measures as measures
-from geodesic_motion_ros.tables import text_table, write_json
+from geodesic_motion_ros.utils.errors import ExperimentError
+from geodesic_motion_ros.utils.tables import text_table, write_json
 
 _DESCRIPTION = """\
 toy-task   a J in the plane with orientations that draw a C on the sphere: two clusters, walls, geodesic and line

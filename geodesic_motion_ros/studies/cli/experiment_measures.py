@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from geodesic_motion_ros.cli.arguments import evenly_sampled, read_joint_recording, read_recording
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.writers import save_demonstrations
-from geodesic_motion_ros.errors import ParameterError
+from geodesic_motion_ros.utils.errors import ParameterError
 
 if TYPE_CHECKING:
     from tqdm import tqdm

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, needing, writable
-from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.studies.faults.fault import PHASES
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.studies.faults.fault import Row
@@ -124,7 +124,7 @@ def _run_all(arguments: argparse.Namespace, todo: list, rows: list[Row]) -> None
 
 
 def _write(path: Path | None, rows: list[Row]) -> None:
-    from geodesic_motion_ros.tables import write_json
+    from geodesic_motion_ros.utils.tables import write_json
 
     if path is not None:
         write_json(path, {"faults": [row.as_dict() for row in rows]})

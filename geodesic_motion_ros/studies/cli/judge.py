@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
         from geodesic_motion_ros.studies.comparison.motions import judged
         from geodesic_motion_ros.studies.comparison.report import Report
         from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
-    from geodesic_motion_ros.tables import write_json
+    from geodesic_motion_ros.utils.tables import write_json
 
     scenes = SceneFile.read(arguments.scenes)
     writable(arguments.json)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
@@ -22,6 +21,7 @@ from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.guard import Guard, GuardedArm, guard_of, guarded_spheres
 from geodesic_motion_ros.studies.comparison.tool_demonstrations import followed, moved_curves, shown_curves
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,8 +24,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import geodesic_motion_ros
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 REPOSITORY = Path(geodesic_motion_ros.__path__[0]).resolve().parent
 REVISION = "baseline-10"

@@ -30,8 +30,8 @@ from geodesic_motion_ros.studies.comparison.methods.geodesic import Geodesics
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.studies.comparison.scene_table import print_scene_table
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
-from geodesic_motion_ros.tables import text_table
 from geodesic_motion_ros.task_frame import TaskFrame
+from geodesic_motion_ros.utils.tables import text_table
 
 #: 3 cm in radius and 20 cm long, held across the fingers.
 BOTTLE = HeldObject("bottle", "cylinder", (0.03, 0.2), (0.05, 0.0, 0.0), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0))

@@ -8,9 +8,9 @@ from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import Method
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.studies.comparison.methods.detoured_base import BaseName

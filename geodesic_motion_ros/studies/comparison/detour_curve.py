@@ -19,7 +19,7 @@ from geodesic_motion_ros.studies.comparison.methods.geodesic import Geodesics
 from geodesic_motion_ros.studies.comparison.report import wilson
 from geodesic_motion_ros.studies.comparison.scene import draw_scene
 from geodesic_motion_ros.studies.comparison.scene_table import print_scene_table
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.tables import text_table
 
 #: Reaches of detours [m].
 REACHES = (0.0, 0.05, 0.10, 0.15, 0.20, 0.25)

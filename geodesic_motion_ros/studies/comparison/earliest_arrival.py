@@ -24,7 +24,7 @@ from geodesic_motion_ros.studies.comparison.scene import draw_scene
 from geodesic_motion_ros.studies.comparison.scene_table import print_scene_table
 from geodesic_motion_ros.studies.comparison.ways import sphere_centres
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.tables import text_table
 
 #: Scenes count in which the arm stood for longer [s]: no joint moved faster than `SLOW` [rad/s].
 WAITED, SLOW = 0.5, 0.02

@@ -27,7 +27,6 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.joint_reference import PERIOD
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import angle_between
@@ -45,6 +44,7 @@ from geodesic_motion_ros.studies.experiments.moving_spheres import (
 )
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.studies.tools.similarity import compare
+from geodesic_motion_ros.utils.errors import RobotError
 
 #: The goal is reached within so much [m], [rad]; an arm rests whose joints are all slower than this [rad/s], a tool all
 #: of whose spheres are slower than this [m/s].

@@ -33,12 +33,12 @@ from typing import Literal
 
 import numpy as np
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.studies.comparison.guard import Guard
 from geodesic_motion_ros.studies.comparison.ways import Ways
 from geodesic_motion_ros.studies.experiments.moving_spheres import RADII, MovingSphere
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.shared_files import find_shared
 
 Family = Literal["none", "static", "elbow", "crossing", "chasing", "gate", "crowd", "table"]
 Spheres = tuple[MovingSphere, ...]

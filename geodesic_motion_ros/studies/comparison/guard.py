@@ -12,12 +12,12 @@ from typing import Literal, get_args
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.blocked_arm import HAND
+from geodesic_motion_ros.utils.errors import ParameterError
 
 Guard = Literal["arm", "tool"]
 GUARDS: tuple[Guard, ...] = get_args(Guard)

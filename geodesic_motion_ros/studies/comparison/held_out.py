@@ -20,7 +20,6 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.sheet import CanonicalSheet
@@ -31,6 +30,7 @@ from geodesic_motion_ros.studies.comparison.scene import Scene, draw_between, sc
 from geodesic_motion_ros.studies.comparison.tool_demonstrations import recorded_curves
 from geodesic_motion_ros.studies.experiments.folds import Fold, default_folds
 from geodesic_motion_ros.studies.experiments.trained import trained_on_folds
+from geodesic_motion_ros.utils.errors import ParameterError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings

@@ -14,13 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.studies.comparison.execution import Outcome, PlayedMethod, Stage
 from geodesic_motion_ros.studies.comparison.guard import GuardedArm
 from geodesic_motion_ros.studies.comparison.method import TICK, Answer, Method, TracksArm
 from geodesic_motion_ros.studies.comparison.scene import Scene
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: A lag is no longer than this [s]: no controller that is of use is so late.
 LONGEST_LAG = 1.0

@@ -16,7 +16,6 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration
 from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.comparison.execution import Effort, Judge
@@ -25,6 +24,7 @@ from geodesic_motion_ros.studies.comparison.results import Played
 from geodesic_motion_ros.studies.comparison.scene import Scene
 from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
 from geodesic_motion_ros.studies.experiments.moving_spheres import STEP
+from geodesic_motion_ros.utils.errors import ParameterError
 
 ROBOT = "panda"
 #: How far a motion may begin from the scene's start [rad], and how much faster than the arm's limits it may be.

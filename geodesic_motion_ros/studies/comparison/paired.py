@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from geodesic_motion_ros.errors import FileError, GeodesicMotionError, ParameterError
 from geodesic_motion_ros.studies.comparison.families import FAMILIES
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.errors import FileError, GeodesicMotionError, ParameterError
+from geodesic_motion_ros.utils.tables import Cell, text_table
 
 _HEAD = ("family", "scenes", "before", "after", "won", "lost", "moving", "moving after", "standing", "standing after")
 #: What becomes of a scene without a contact.

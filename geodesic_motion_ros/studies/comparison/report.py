@@ -12,7 +12,7 @@ import numpy as np
 from geodesic_motion_ros.studies.comparison.families import FAMILIES, Family
 from geodesic_motion_ros.studies.comparison.guard import Guard
 from geodesic_motion_ros.studies.comparison.results import Played, SceneId
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.tables import text_table
 
 #: Of all intervals; of the normal distribution; draws of the bootstrap.
 LEVEL, _QUANTILE, _DRAWS = 0.95, 1.959964, 1000

@@ -9,7 +9,7 @@ from typing import Any
 
 from geodesic_motion_ros.studies.comparison.execution import Outcome
 from geodesic_motion_ros.studies.comparison.families import Family
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.tables import write_json
 
 #: Of the scenes and of how they are judged: results of another one are not counted.
 PROTOCOL = 2

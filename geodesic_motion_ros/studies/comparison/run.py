@@ -12,7 +12,6 @@ from typing import Any
 
 from tqdm import tqdm
 
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.camera import CameraStage
@@ -26,6 +25,7 @@ from geodesic_motion_ros.studies.comparison.method import Method
 from geodesic_motion_ros.studies.comparison.results import Played, Results, SceneId, results_folder
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene, moved_demonstrations
 from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 
 @dataclass(frozen=True)

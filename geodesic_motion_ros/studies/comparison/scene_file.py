@@ -36,10 +36,7 @@ from typing import get_args
 import numpy as np
 import yaml
 
-from geodesic_motion_ros.checked_files import PlainDumper, brief, opened, read_arrays, read_yaml
-from geodesic_motion_ros.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_real, check_unit
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
-from geodesic_motion_ros.errors import FileError, GeodesicMotionError, ParameterError
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.families import Family, check_families
@@ -47,6 +44,9 @@ from geodesic_motion_ros.studies.comparison.guard import Guard
 from geodesic_motion_ros.studies.comparison.held_out import digest
 from geodesic_motion_ros.studies.comparison.scene import Scene
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.utils.checked_files import PlainDumper, brief, opened, read_arrays, read_yaml
+from geodesic_motion_ros.utils.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_real, check_unit
+from geodesic_motion_ros.utils.errors import FileError, GeodesicMotionError, ParameterError
 
 FORMAT = 1
 #: Of a file [B]: a thousand scenes of a skill of the whole arm take a third of it.

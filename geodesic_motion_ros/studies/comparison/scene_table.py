@@ -6,9 +6,9 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 
 def print_scene_table(

@@ -28,7 +28,7 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.blocked_arm import CHECK_PERIOD, every
 from geodesic_motion_ros.studies.paper.follower import TimedPath, followed
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.tables import Cell, text_table
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import JointTrainingSettings

@@ -15,7 +15,6 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.planning.path_smoothing import correct_ends
 from geodesic_motion_ros.quaternions import (
     continuous_signs,
@@ -25,6 +24,7 @@ from geodesic_motion_ros.quaternions import (
     rotation_vector_between,
     slerp,
 )
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 SAMPLES = 200
 DMP_WEIGHTS = 50

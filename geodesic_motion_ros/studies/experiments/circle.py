@@ -29,7 +29,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
@@ -46,7 +45,8 @@ from geodesic_motion_ros.studies.experiments.joint_models import (
 from geodesic_motion_ros.studies.experiments.latent_pictures import between_samples, draw_haloed, grid_around
 from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly
 from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import text_table
 
 #: Swivel angles of the families, and demonstrations of each. Near zero the circle passes a singular posture.
 SWIVELS, SHOWN = np.radians([-60.0, -25.0, 25.0, 60.0]), 3

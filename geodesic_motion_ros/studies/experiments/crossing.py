@@ -20,13 +20,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, supported_box, whole_box
 from geodesic_motion_ros.studies.experiments.trained import Trained
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import Cell, text_table
 
 #: Graphs that the energy criterion is measured on, without the planner's deletions.
 GRAPHS = ("whole box", "support")

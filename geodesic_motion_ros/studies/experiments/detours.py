@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from geodesic_motion_ros.errors import ExperimentError, ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
@@ -23,7 +22,8 @@ from geodesic_motion_ros.planning.settings import LARGEST_DETOUR, PlannerSetting
 from geodesic_motion_ros.plots import write_figure
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.errors import ExperimentError, ParameterError
+from geodesic_motion_ros.utils.tables import Cell, text_table
 
 #: Between ticks; how long a blocked arm waits before it searches a detour, and an arm is watched that stands [s].
 TICK, PATIENCE, WATCHED = 0.01, 0.3, 1.5

@@ -31,7 +31,6 @@ import torch
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, VERMILION, write_figure
@@ -48,7 +47,8 @@ from geodesic_motion_ros.studies.experiments.joint_models import (
 from geodesic_motion_ros.studies.experiments.latent_pictures import grid_around
 from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import text_table
 
 #: Families, demonstrations of each (the last of each is held out), and samples of each.
 FAMILIES, SHOWN, SAMPLES = 3, 4, 80

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 
-from geodesic_motion_ros.errors import DemonstrationError, ParameterError
+from geodesic_motion_ros.utils.errors import DemonstrationError, ParameterError
 
 Fold = tuple[int, ...]
 """Indices of the demonstrations that are held out."""

@@ -32,7 +32,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.fitted_spline import fitted_spline
 from geodesic_motion_ros.latent_view import magnification_factor
 from geodesic_motion_ros.learning.task_space import DecoderNetwork
@@ -51,7 +50,8 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATIO
 from geodesic_motion_ros.studies.experiments.metric_graph import metric_tensors
 from geodesic_motion_ros.studies.tools.geodesic import continuous_geodesic
 from geodesic_motion_ros.studies.tools.metric import PullbackMetric, curve_length
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import text_table
 
 #: Points at which the length of every curve is measured.
 DENSE = 2000

@@ -28,7 +28,6 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -57,7 +56,8 @@ from geodesic_motion_ros.studies.experiments.requested_ends import (
 )
 from geodesic_motion_ros.studies.experiments.trained import check_seeds, trained_once
 from geodesic_motion_ros.studies.tools.similarity import compare
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.verdict import Verdict
 
 TASK = "pouring_anywhere"

@@ -33,7 +33,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tqdm import tqdm
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
@@ -51,7 +50,8 @@ from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, 
 from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import Cell, text_table
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import JointTrainingSettings

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.joint_sheet import JointSheet
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -21,6 +20,7 @@ from geodesic_motion_ros.studies.experiments.arm_players import Families, Played
 from geodesic_motion_ros.studies.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.studies.experiments.blocked_arm import arm_clearance
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Radius of the spheres [m].
 RADIUS = 0.04

@@ -30,7 +30,6 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -73,7 +72,8 @@ from geodesic_motion_ros.studies.experiments.requested_ends import (
 )
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.studies.tools.similarity import distance_to_closest
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:

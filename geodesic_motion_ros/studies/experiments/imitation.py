@@ -43,13 +43,13 @@ from typing import Literal
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.baselines import require_peers
 from geodesic_motion_ros.studies.experiments.crossing import Crossing, measure_crossings
 from geodesic_motion_ros.studies.experiments.folds import Fold
 from geodesic_motion_ros.studies.experiments.imitation_judge import Judge, people
 from geodesic_motion_ros.studies.experiments.imitation_report import ImitationReport, Measurement
+from geodesic_motion_ros.utils.errors import ParameterError
 
 Progress = Callable[[str, int, int], None]
 """Called as progress(stage, step, steps) while a skill is trained."""

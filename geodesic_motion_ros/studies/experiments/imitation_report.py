@@ -11,7 +11,7 @@ import numpy as np
 
 from geodesic_motion_ros.studies.experiments.crossing import Crossing
 from geodesic_motion_ros.studies.experiments.folds import Fold
-from geodesic_motion_ros.tables import text_table, write_json
+from geodesic_motion_ros.utils.tables import text_table, write_json
 
 Values = dict[str, float]
 """Column -> value of one prediction, NaN where it has no meaning."""

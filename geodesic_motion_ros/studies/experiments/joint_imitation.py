@@ -37,7 +37,6 @@ from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc, canonical_joint_form, without_offsets
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
@@ -50,7 +49,8 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.folds import Fold
 from geodesic_motion_ros.studies.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare, dtw_matching
-from geodesic_motion_ros.tables import text_table, write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import text_table, write_json
 
 TrainJoints = Callable[[JointDemonstrations, int, Progress], Skill]
 """train(demonstrations, seed, progress) -> skill."""

@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
-from geodesic_motion_ros.errors import ExperimentError, ParameterError
 from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
@@ -27,7 +26,8 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import LARGEST_DETOUR
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.errors import ExperimentError, ParameterError
+from geodesic_motion_ros.utils.tables import Cell, text_table
 
 #: Radii are multiples of the first [m]; none is larger than the other.
 STEP, LARGEST = 0.005, 0.12

@@ -29,7 +29,6 @@ from tqdm import tqdm
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
@@ -44,7 +43,8 @@ from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.studies.experiments.trained import trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.errors import SkillError
+from geodesic_motion_ros.utils.tables import text_table
 
 Recording = Demonstrations | JointDemonstrations
 #: Predicts the tool's path of a held-out demonstration, given as configurations (n, eta) or as poses; None: no path.

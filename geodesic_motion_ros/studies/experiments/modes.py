@@ -28,7 +28,6 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve, arc_length_fractions, interpolate
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
@@ -38,7 +37,8 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.avoidance import measured_clearance, placed
 from geodesic_motion_ros.studies.experiments.baselines import mean_demonstration
 from geodesic_motion_ros.studies.experiments.trained import check_seeds, trained_once
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.verdict import Verdict
 
 TASK = "past_a_pillar"

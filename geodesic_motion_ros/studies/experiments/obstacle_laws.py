@@ -41,7 +41,6 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.configuration_query import (
@@ -60,7 +59,8 @@ from geodesic_motion_ros.studies.experiments.blocked_arm import arm_clearance, e
 from geodesic_motion_ros.studies.experiments.obstacle_law_scenes import CHECK_PERIOD, LawScene, draw_scene
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.studies.tools.similarity import dtw_matching
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.verdict import Verdict
 
 Kind = Literal["ignored", "soft alone", "hard alone", "soft and hard", "completed"]

@@ -25,7 +25,6 @@ from scipy.spatial import cKDTree
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.plots import BLUE, Way, write_figure
@@ -39,7 +38,8 @@ from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import passed_in
 from geodesic_motion_ros.studies.experiments.pouring_places import pouring_strip, standing_there
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import Cell, text_table
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import JointTrainingSettings

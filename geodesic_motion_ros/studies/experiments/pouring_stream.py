@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
@@ -21,6 +20,7 @@ from geodesic_motion_ros.simulation.tabletop import fixed_to
 from geodesic_motion_ros.simulation.teacher import bottle_in_hand
 from geodesic_motion_ros.studies.experiments.held_bottle import SIDES, SPHERE_RADIUS, bottle_distance, sphere_beside
 from geodesic_motion_ros.studies.experiments.pouring_places import at_bottle, at_cup
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Speed of the sphere [m/s].
 _SPEED = 0.08

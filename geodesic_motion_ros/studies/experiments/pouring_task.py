@@ -30,7 +30,6 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.curves import interpolate
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
@@ -59,7 +58,8 @@ from geodesic_motion_ros.studies.experiments.pouring_places import PLACES, at_bo
 from geodesic_motion_ros.studies.experiments.pouring_stream import Stream, draw_moment, past_a_moving_sphere
 from geodesic_motion_ros.studies.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from geodesic_motion_ros.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.baselines import SAMPLES, Prediction
 from geodesic_motion_ros.studies.tools.similarity import distance_to_closest
-from geodesic_motion_ros.tables import Cell, text_table
+from geodesic_motion_ros.utils.tables import Cell, text_table
 
 ALONG = "along"
 #: How far outside of what was demonstrated start and goal lie [m].

@@ -27,7 +27,7 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
 from geodesic_motion_ros.studies.paper.literal_search import ambient_factors
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.tables import text_table
 
 #: How far from the middle of the free path the sphere is at each moment, and its radius [m].
 DISTANCES, RADIUS = (0.30, 0.15, 0.05, 0.0), 0.06

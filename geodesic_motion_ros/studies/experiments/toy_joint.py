@@ -32,7 +32,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.joint_training import body_layer, train_joint_model
@@ -54,7 +53,8 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import (
 from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
 from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import text_table
 
 #: Demonstrations of each posture, and samples of each.
 SHOWN, SAMPLES = 5, 100

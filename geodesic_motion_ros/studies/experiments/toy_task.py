@@ -34,7 +34,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
 from geodesic_motion_ros.learning.training import train_model
@@ -53,7 +52,8 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import (
 from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
 from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
 from geodesic_motion_ros.studies.tools.metric import PullbackMetric
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import text_table
 
 #: Demonstrations and samples of each.
 SHOWN, SAMPLES = 7, 100

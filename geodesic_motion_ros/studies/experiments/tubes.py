@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,6 @@ from matplotlib.figure import Figure
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.joint_training import body_layer
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
@@ -38,7 +37,8 @@ from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.studies.experiments.trained import trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import compare
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import text_table
 
 #: Points of a path at which its volume is evaluated.
 _SAMPLES = 200

@@ -13,7 +13,6 @@ from typing import Any, Literal
 import numpy as np
 from tqdm import tqdm
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -26,7 +25,8 @@ from geodesic_motion_ros.studies.experiments.moving_arm import MovingArmScene, M
 from geodesic_motion_ros.studies.experiments.moving_spheres import draw_clearances, moving_figures, play_scenes
 from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.studies.experiments.tubes import TubeWay, tube_way
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import text_table
 
 Part = Literal["tubes", "one way", "all ways", "elbow", "moving"]
 PARTS: tuple[Part, ...] = ("tubes", *KINDS, "moving")

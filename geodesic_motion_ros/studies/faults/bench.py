@@ -17,12 +17,10 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
-from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.nodes.demo_run import Processes, isolated_environment
 from geodesic_motion_ros.nodes.twin_node import start_joints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.faults.asking import Asking
 from geodesic_motion_ros.studies.faults.bench_clock import BenchClock
@@ -31,6 +29,8 @@ from geodesic_motion_ros.studies.faults.fault import MOTION, START, STATE_TIMEOU
 from geodesic_motion_ros.studies.faults.record import Record, Status
 from geodesic_motion_ros.studies.faults.relay import Relay
 from geodesic_motion_ros.studies.faults.standstill import Standstill
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
+from geodesic_motion_ros.utils.shared_files import find_shared
 
 #: Longest time [s] to wait for nodes that start, and for an arm that moves.
 START_PATIENCE, PATIENCE = 60.0, 25.0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.faults.clock_faults import CLOCK_FAULTS
 from geodesic_motion_ros.studies.faults.fault import Fault
 from geodesic_motion_ros.studies.faults.goal_faults import GOAL_FAULTS
@@ -14,6 +13,7 @@ from geodesic_motion_ros.studies.faults.obstacle_faults import OBSTACLE_FAULTS
 from geodesic_motion_ros.studies.faults.process_faults import PROCESS_FAULTS
 from geodesic_motion_ros.studies.faults.start_faults import START_FAULTS
 from geodesic_motion_ros.studies.faults.state_faults import STATE_FAULTS
+from geodesic_motion_ros.utils.errors import ParameterError
 
 FAULTS: tuple[type[Fault], ...] = (
     *STATE_FAULTS,

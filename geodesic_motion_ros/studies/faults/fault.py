@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.studies.faults.bench import Bench

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.quintic import quintic_samples
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.studies.faults.stream_acceleration import StreamAcceleration
+from geodesic_motion_ros.utils.errors import RobotError
 
 #: A reference starts no further than this from what was last commanded: a joint [rad], the tool's orientation [rad],
 #: and its position [m], which an arm half a metre long moves by at such an angle.

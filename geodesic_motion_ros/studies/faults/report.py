@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from geodesic_motion_ros.studies.faults.fault import Figure, Row
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.tables import text_table
 
 _SAID = {True: "yes", False: "NO", None: "skipped"}
 

@@ -14,10 +14,10 @@ import yaml
 
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.nodes.stream_cycle import PREPARING
-from geodesic_motion_ros.shared_files import find_shared
 from geodesic_motion_ros.studies.faults.bench import Bench
 from geodesic_motion_ros.studies.faults.fault import START, Fault, Findings, NotSeenError
 from geodesic_motion_ros.studies.faults.goal_faults import require_unchanged
+from geodesic_motion_ros.utils.shared_files import find_shared
 
 #: The first joint is turned by so much from where anybody has shown a start [rad].
 _TURNED = 1.2

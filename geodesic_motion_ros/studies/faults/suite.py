@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.studies.faults.bench import Bench
 from geodesic_motion_ros.studies.faults.fault import Fault, FaultSkipped, Findings, Row
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 
 @dataclass(frozen=True)

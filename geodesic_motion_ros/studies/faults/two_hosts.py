@@ -18,10 +18,10 @@ from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 
-from geodesic_motion_ros.errors import GeodesicMotionError
 from geodesic_motion_ros.nodes.demo_run import termination_as_interrupt
 from geodesic_motion_ros.studies.faults.bench import Bench
 from geodesic_motion_ros.studies.faults.fault import FaultSkipped, Findings
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 #: Of what a wireless network does to packets.
 _DELAY, _LOSS = "5ms", "1%"

@@ -21,11 +21,11 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import TAKEN, WAITING, put, take
 from geodesic_motion_ros.manifold.shortest_path import cost_field, edge_weight
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: Nodes that are settled between two looks at the time: a fraction of a millisecond.
 _BATCH = 256

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.deadline import NEVER, Deadline
 from geodesic_motion_ros.fitted_spline import fitted_spline
 from geodesic_motion_ros.manifold.latent_graph import refuse_unsupported
 from geodesic_motion_ros.obstacles import Obstacles
@@ -18,6 +17,7 @@ from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
 from geodesic_motion_ros.studies.paper.follower import TimedPath
 from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: Points of a spline that are decoded, and coefficients that it is fitted with.

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.nodes.stolen_time import StolenTime
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.studies.rates.planner_stream import Cloud, PlannerStream, Spheres, no_spheres
-from geodesic_motion_ros.tables import text_table
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import text_table
 
 #: The skills of the paper's planner, with zeta, and grids on which it is seen where they lead.
 PAPER = {"paper_pouring": 1e9, "paper_reach": 1e3}

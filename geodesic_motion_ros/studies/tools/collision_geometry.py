@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
 from geodesic_motion_ros.simulation.world import FINGER_OPENING, PANDA_URDF, add_solid
+from geodesic_motion_ros.utils.errors import RobotError
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ import torch
 from scipy.interpolate import CubicSpline
 from torch import Tensor
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.tools.metric import Metric, curve_energy, curve_length
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.studies.tools.self_collision import joints_between, pairs_that_can_meet, telling_sphere_pairs
+from geodesic_motion_ros.utils.errors import ParameterError
 
 PROTRUSION = 0.03
 """How far [m] spheres may stick out of the planes of a mesh, unless said otherwise."""

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.benchmarks import run
 from geodesic_motion_ros.studies.benchmarks.peers import installed
 from geodesic_motion_ros.studies.benchmarks.report import BenchReport
 from geodesic_motion_ros.studies.benchmarks.run import BenchSettings, measure, measured_alone
 from geodesic_motion_ros.studies.benchmarks.scenes import NAMES
+from geodesic_motion_ros.utils.errors import ParameterError
 
 TINY = BenchSettings(
     shape=(8, 8, 8), skill_shape=(24, 24, 24), ticks=6, peer_ticks=2, scaling_ticks=2, grids=((8, 8), (8, 8, 8)),

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.cli import main
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Processor time [s] that is spent in user mode, in system mode, and so by processes that were waited for.
 SHARES = (1.0, 2.0, 4.0, 8.0)

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison import execution
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.at_revision import main, play_at
 from geodesic_motion_ros.studies.comparison.scene import draw_scene
 from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
+from geodesic_motion_ros.utils.errors import ParameterError
 
 pytestmark = pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -32,6 +31,7 @@ from geodesic_motion_ros.studies.comparison.methods.replay import Replay
 from geodesic_motion_ros.studies.comparison.run import Bench, BenchmarkSettings
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Where nothing is between the camera and a sphere [m], how large spheres are [m], and how the first one moves [m/s].
 IN_VIEW, RADIUS, VELOCITY = PLACE - [0.5, 0.0, 0.0], 0.04, np.array([0.0, 0.3, -0.1])

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
@@ -24,7 +23,8 @@ from geodesic_motion_ros.studies.comparison.report import Report, bootstrap_medi
 from geodesic_motion_ros.studies.comparison.results import Played, Results
 from geodesic_motion_ros.studies.comparison.run import Bench, BenchmarkSettings, kept_benchmark
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 

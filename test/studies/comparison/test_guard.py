@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
@@ -20,6 +19,7 @@ from geodesic_motion_ros.studies.comparison.results import Results
 from geodesic_motion_ros.studies.comparison.run import Bench, BenchmarkSettings
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @pytest.fixture(scope="module")

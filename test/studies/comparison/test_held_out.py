@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.execution import Outcome
@@ -18,6 +17,7 @@ from geodesic_motion_ros.studies.comparison.results import Results
 from geodesic_motion_ros.studies.comparison.run import Bench, BenchmarkSettings, kept_benchmark, play_benchmark
 from geodesic_motion_ros.studies.comparison.tool_demonstrations import shown_curves
 from geodesic_motion_ros.studies.tools.similarity import compare
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Of skills of which only the demonstrations matter.
 TINY = {"steps": 40, "kernels": 60, "samples": 60, "precision_samples": 1, "precision_iterations": 10}

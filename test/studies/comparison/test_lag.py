@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
@@ -17,6 +16,7 @@ from geodesic_motion_ros.studies.comparison.report import Report
 from geodesic_motion_ros.studies.comparison.results import Played
 from geodesic_motion_ros.studies.comparison.run import BenchmarkSettings
 from geodesic_motion_ros.studies.comparison.scene import draw_scene
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: So late is the arm [s]: so many of the postures that the judge keeps, 50 a second.
 LAG, POSTURES = 0.1, 5

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import DemonstrationError, GeodesicMotionError, ParameterError
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.execution import Outcome, Stage
@@ -17,6 +16,7 @@ from geodesic_motion_ros.studies.comparison.motions import judged
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.utils.errors import DemonstrationError, GeodesicMotionError, ParameterError
 
 #: Postures a second that the judge gives, and how far a clearance read off them may be off [m].
 RATE, TOLERANCE = 50.0, 1e-3

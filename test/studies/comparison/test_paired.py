@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.comparison.paired import main, pairs_of, table
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 def report(ends: dict[tuple[str, int], str], **others: Any) -> dict[str, Any]:

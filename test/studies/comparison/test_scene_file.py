@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import FileError, GeodesicMotionError, ParameterError
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.execution import Outcome
@@ -16,6 +15,7 @@ from geodesic_motion_ros.studies.comparison.families import FAMILIES
 from geodesic_motion_ros.studies.comparison.run import Bench, BenchmarkSettings, kept_benchmark
 from geodesic_motion_ros.studies.comparison.scene import draw_scene
 from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
+from geodesic_motion_ros.utils.errors import FileError, GeodesicMotionError, ParameterError
 
 SEED = 3
 

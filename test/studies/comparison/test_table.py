@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration
-from geodesic_motion_ros.errors import SkillError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -27,6 +26,7 @@ from geodesic_motion_ros.studies.comparison.report import Report
 from geodesic_motion_ros.studies.comparison.results import Played
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.studies.comparison.ways import Ways
+from geodesic_motion_ros.utils.errors import SkillError
 
 COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 

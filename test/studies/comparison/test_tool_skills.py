@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle
@@ -24,6 +23,7 @@ from geodesic_motion_ros.studies.comparison.run import BenchmarkSettings, play_b
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.studies.comparison.tool_demonstrations import followed
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @pytest.fixture(scope="module")

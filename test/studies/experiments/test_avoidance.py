@@ -8,7 +8,6 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.studies.experiments.avoidance import (
@@ -19,7 +18,8 @@ from geodesic_motion_ros.studies.experiments.avoidance import (
     placed,
 )
 from geodesic_motion_ros.studies.experiments.trained import Trained
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 
 @pytest.fixture(scope="module")

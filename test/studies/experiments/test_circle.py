@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import swivel_angle
 from geodesic_motion_ros.skill import NEIGHBOURS
@@ -25,6 +24,7 @@ from geodesic_motion_ros.studies.experiments.circle import (
 )
 from geodesic_motion_ros.studies.experiments.latent_pictures import grid_around
 from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.training import train_task_space_skill
 from geodesic_motion_ros.studies.experiments.crossing import (
@@ -15,7 +14,8 @@ from geodesic_motion_ros.studies.experiments.crossing import (
     measure_crossings,
 )
 from geodesic_motion_ros.studies.experiments.trained import Trained
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 
 @pytest.fixture(scope="module")

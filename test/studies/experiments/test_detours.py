@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.detours import DetoursReport, draw_detours, measure_detours
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 
 @pytest.fixture(scope="module")

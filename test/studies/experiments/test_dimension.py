@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.experiments import dimension
 from geodesic_motion_ros.studies.experiments.dimension import (
     TRAINING,
@@ -16,6 +15,7 @@ from geodesic_motion_ros.studies.experiments.dimension import (
     measure_dimension,
     shown_reaches,
 )
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,7 @@
 import pytest
 
-from geodesic_motion_ros.errors import DemonstrationError, ParameterError
 from geodesic_motion_ros.studies.experiments.folds import all_folds, default_folds, parse_folds
+from geodesic_motion_ros.utils.errors import DemonstrationError, ParameterError
 
 
 def test_every_split_is_there_once():

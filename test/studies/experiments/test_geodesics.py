@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.experiments.geodesics import GRAPHS, compare_geodesics, draw_geodesics
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, GRASP_HEIGHT
 from geodesic_motion_ros.skill import Skill
@@ -25,7 +24,8 @@ from geodesic_motion_ros.studies.experiments.goals import (
     measure_goals,
     requested_ends,
 )
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 SETTINGS = GoalsSettings(shown=5, held_out=3, ends=2, seeds=(3,))
 SMALL = TrainingSettings(

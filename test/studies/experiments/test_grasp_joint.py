@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
@@ -28,7 +27,8 @@ from geodesic_motion_ros.studies.experiments.grasp_joint import (
 )
 from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import Stage
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 SMALL = JointTrainingSettings(

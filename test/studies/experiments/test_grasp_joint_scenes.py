@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
@@ -20,6 +19,7 @@ from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import (
     passed_in_turn,
     sphere_on,
 )
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 def test_stays_are_told_from_brushes() -> None:

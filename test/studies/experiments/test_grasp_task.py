@@ -7,7 +7,6 @@ import json
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.crossing import measure_crossings
@@ -23,7 +22,8 @@ from geodesic_motion_ros.studies.experiments.grasp_task import (
     sign_blind_ratios,
 )
 from geodesic_motion_ros.studies.experiments.requested_ends import answers_to
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 SETTINGS = GraspTaskSettings(targets=3, ends=2, seeds=(0,))
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.errors import DemonstrationError, ParameterError
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.training import train_task_space_skill
 from geodesic_motion_ros.studies.experiments.imitation import evaluate
 from geodesic_motion_ros.studies.experiments.imitation_report import COLUMNS, ROWS, ImitationReport
+from geodesic_motion_ros.utils.errors import DemonstrationError, ParameterError
 
 HELD_OUT = (1, 4)
 

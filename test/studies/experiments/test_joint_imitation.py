@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.joint_imitation import (
     COLUMNS,
@@ -17,6 +16,7 @@ from geodesic_motion_ros.studies.experiments.joint_imitation import (
     evaluate_joints,
     within_demonstrations,
 )
+from geodesic_motion_ros.utils.errors import ParameterError
 
 HELD_OUT = (3, 7)
 

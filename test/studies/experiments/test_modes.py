@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.curves import PoseCurve
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, two_mode_demonstrations
@@ -25,7 +24,8 @@ from geodesic_motion_ros.studies.experiments.modes import (
     measure_modes,
     pillar_clearance,
 )
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 SETTINGS = ModesSettings(shown=3, cases=4, seeds=(2,))
 SMALL = TrainingSettings(

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.obstacle_law_figures import draw_laws
@@ -20,6 +19,7 @@ from geodesic_motion_ros.studies.experiments.obstacle_laws import (
     LawsReport,
     compare_laws,
 )
+from geodesic_motion_ros.utils.errors import ParameterError
 
 COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 SOFT, HARD = Law("soft alone", 100.0, 0.5), Law("hard alone")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
@@ -24,7 +23,8 @@ from geodesic_motion_ros.studies.experiments.pouring_joint import (
     pour_all,
 )
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 SMALL = JointTrainingSettings(
     steps=600, hidden=(64, 32), samples=60, kernels=100, batch=128, precision_samples=2, precision_iterations=60

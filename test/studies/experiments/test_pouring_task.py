@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.skill import Skill
@@ -24,7 +23,8 @@ from geodesic_motion_ros.studies.experiments.pouring_task import (
     draw_pouring_task,
 )
 from geodesic_motion_ros.studies.experiments.reshaped_metric import reshape_metric
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.experiments import toy_joint
 from geodesic_motion_ros.studies.experiments.toy_joint import (
     TRAINING,
@@ -18,6 +17,7 @@ from geodesic_motion_ros.studies.experiments.toy_joint import (
     planar_tool,
     toy_configurations,
 )
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 def test_both_postures_hold_the_tool_where_it_is_to_be() -> None:

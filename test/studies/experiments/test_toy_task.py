@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.experiments import toy_task
 from geodesic_motion_ros.studies.experiments.toy_task import (
     TRAINING,
@@ -16,7 +15,8 @@ from geodesic_motion_ros.studies.experiments.toy_task import (
     measure_toy_task,
     toy_demonstrations,
 )
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 
 def test_a_density_keeps_the_signs_apart_and_the_mixture_does_not(tmp_path, monkeypatch) -> None:

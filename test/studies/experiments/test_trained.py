@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import DemonstrationError, ParameterError
 from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.studies.experiments.trained import meaning, trained_on_folds, trained_once, training_code
+from geodesic_motion_ros.utils.errors import DemonstrationError, ParameterError
 
 IN_NO_TIME = TrainingSettings(steps=60, kernels=20, hidden=(32, 16))
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.learning.body_layer import EPSILON
 from geodesic_motion_ros.learning.joint_training import TOOL_AXES
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
@@ -22,6 +21,7 @@ from geodesic_motion_ros.robot.body_points import (
 )
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.volume import compare_volume, draw_volume, log_volumes
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Two latent dimensions: a graph of 100 x 100 nodes stands at once.
 SMALL = JointTrainingSettings.paper(

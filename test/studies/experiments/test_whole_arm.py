@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -27,7 +26,8 @@ from geodesic_motion_ros.studies.experiments.whole_arm import (
     measure_whole_arm,
     switch_strip,
 )
-from geodesic_motion_ros.tables import write_json
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 

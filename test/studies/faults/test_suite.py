@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.faults.catalogue import FAULTS, chosen
 from geodesic_motion_ros.studies.faults.fault import PHASES, Fault, Figure, Findings
 from geodesic_motion_ros.studies.faults.suite import cases
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 class Patient(Fault):

@@ -7,8 +7,8 @@ from dataclasses import asdict
 
 import pytest
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.studies.rates import node_rate, reaction_time
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @pytest.mark.realtime

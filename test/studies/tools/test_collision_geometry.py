@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import RobotError
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.world import FINGER_OPENING, PANDA_URDF, PandaWorld
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
+from geodesic_motion_ros.utils.errors import RobotError
 
 
 @pytest.fixture(scope="module")

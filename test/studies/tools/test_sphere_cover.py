@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from geodesic_motion_ros.errors import ParameterError
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.studies.tools.sphere_cover import (
@@ -18,6 +17,7 @@ from geodesic_motion_ros.studies.tools.sphere_cover import (
     cover,
     file_spheres,
 )
+from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geodesic_motion_ros.errors import SkillError
+from geodesic_motion_ros.utils.errors import SkillError
 
 ARM_REACH = 3.0
 """No arm this package is meant for carries its tool farther than this [m] from its base."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import geodesic_motion_ros
-from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 PACKAGE = "geodesic_motion_ros"
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from geodesic_motion_ros.tables import text_table, write_json
+from geodesic_motion_ros.utils.tables import text_table, write_json
 
 
 def test_columns_stand_under_their_names() -> None:

@@ -21,7 +21,7 @@ import yaml
 from numpy.lib import format as npy
 from safetensors.numpy import load as load_tensors
 
-from geodesic_motion_ros.errors import FileError, GeodesicMotionError
+from geodesic_motion_ros.utils.errors import FileError, GeodesicMotionError
 
 #: An archive may inflate to so many times its size. Real recordings shrink to a half, those of a simulated arm that
 #: stands still for half of the time to a fifth; a bomb grows a thousandfold.

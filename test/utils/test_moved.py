@@ -7,9 +7,9 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.errors import PlanningError
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.utils.errors import PlanningError
 
 
 @pytest.fixture(scope="module")

@@ -18,12 +18,12 @@ import yaml
 from safetensors.numpy import load_file, save_file
 
 from geodesic_motion_ros.demonstrations.readers import holds_joints, read_demonstrations, read_joint_demonstrations
-from geodesic_motion_ros.errors import DemonstrationError, SkillError
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.cli import main
+from geodesic_motion_ros.utils.errors import DemonstrationError, SkillError
 
-MODELS = Path(__file__).resolve().parents[1] / "models"
+MODELS = Path(__file__).resolve().parents[2] / "models"
 DESCRIPTION, WEIGHTS, LATENT = "skill.yaml", "weights.safetensors", "latent.npz"
 
 Spoil = Callable[[Path], object]
@@ -511,7 +511,7 @@ def test_real_recordings_are_read(recordings) -> None:
 CHILD = """
 import json, resource, signal, sys
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations, read_joint_demonstrations
-from geodesic_motion_ros.errors import GeodesicMotionError
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
 from geodesic_motion_ros.skill import Skill
 
 def read(kind, path):

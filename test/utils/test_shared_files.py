@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.errors import GeodesicMotionError
-from geodesic_motion_ros.shared_files import PACKAGE, SharedFileError, find_shared
+from geodesic_motion_ros.utils.errors import GeodesicMotionError
+from geodesic_motion_ros.utils.shared_files import PACKAGE, SharedFileError, find_shared
 
-REPOSITORY = Path(__file__).resolve().parents[1]
+REPOSITORY = Path(__file__).resolve().parents[2]
 MARKER = Path("share", "ament_index", "resource_index", "packages", PACKAGE)
 
 
@@ -82,7 +82,7 @@ def test_paths_that_leave_the_share_folder_are_refused(path: str) -> None:
 
 def test_finding_files_needs_no_ros() -> None:
     code = (
-        "import sys; from geodesic_motion_ros.shared_files import find_shared; find_shared('package.xml'); "
+        "import sys; from geodesic_motion_ros.utils.shared_files import find_shared; find_shared('package.xml'); "
         "print(*(m for m in ('rclpy', 'ament_index_python') if m in sys.modules))"
     )
     done = subprocess.run(

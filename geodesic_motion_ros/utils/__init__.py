@@ -1,0 +1,1 @@
+"""What every floor uses: errors, deadlines, checked files and numbers, tables, shared files."""
