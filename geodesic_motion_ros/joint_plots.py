@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from geodesic_motion_ros.isosurface import isosurface
+from geodesic_motion_ros.geometry.isosurface import isosurface
 from geodesic_motion_ros.manifold.ambient_metric import clearances
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.decoder import rms_sigma

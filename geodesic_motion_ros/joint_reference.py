@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from geodesic_motion_ros.geometry.quintic import quintic_bounds, quintic_samples
 from geodesic_motion_ros.joint_limits import JointLimits
-from geodesic_motion_ros.quintic import quintic_bounds, quintic_samples
 
 #: Time between knots [s].
 PERIOD = 0.02

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from geodesic_motion_ros.distance_field import DistanceField, field_distances
-from geodesic_motion_ros.solids import no_solids, solid_distances, solid_rows, solids_moved
+from geodesic_motion_ros.geometry.distance_field import DistanceField, field_distances
+from geodesic_motion_ros.geometry.shapes import no_solids, solid_distances, solid_rows, solids_moved
 
 #: Nothing that an arm has to do with is farther away or larger [m], has turned further [rad], or is faster [m/s].
 LARGEST_NUMBER = 1000.0
@@ -23,7 +23,7 @@ class Obstacles:
     Attributes
     ----------
     centres, radii, velocities : (o, 3), (o,) [m], (o, 3) [m/s] of spheres.
-    solids, solid_velocities : (b, 16) rows as of `solids.py`, (b, 3) [m/s].
+    solids, solid_velocities : (b, 16) rows as of `geometry/shapes.py`, (b, 3) [m/s].
     cloud : distances from a point cloud, which stands.
     ages, solid_ages : (o,), (b,) [s] each was last detected so long before `time`, and has been expected to move on
         since.

@@ -12,9 +12,9 @@ import math
 import numba
 import numpy as np
 
-from geodesic_motion_ros.distance_field import field_approach
+from geodesic_motion_ros.geometry.distance_field import field_approach
+from geodesic_motion_ros.geometry.shapes import bounding_radii, solid_approach
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.solids import bounding_radii, solid_approach
 
 #: Pairs of spheres are compared over so many intervals between knots at once.
 _BLOCK = 8

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.planning import search
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.skill import Skill
 
 ANSWERS = Path(__file__).parent / "answers"

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.fitted_spline import fitted_spline
+from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.learning.densities import antipodal_log_density, divergence_from_normal, gaussian_log_density
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork
 from geodesic_motion_ros.manifold.grid import LatentGrid

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.geometry.se3 import carried
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.sheet import METRES_PER_RADIAN, RotationCurves, beyond_demonstrated
 from geodesic_motion_ros.utils.errors import SkillError
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, pictured, writable
-from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.utils.tables import write_json
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given, read_recording
-from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 if TYPE_CHECKING:

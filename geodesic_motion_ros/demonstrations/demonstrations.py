@@ -16,8 +16,8 @@ from geodesic_motion_ros.demonstrations.checks import (
     increasing_times,
     split_items,
 )
-from geodesic_motion_ros.demonstrations.curves import PoseCurve, arc_length, interpolate
-from geodesic_motion_ros.quaternions import continuous_signs, normalise
+from geodesic_motion_ros.geometry.curves import PoseCurve, arc_length, interpolate
+from geodesic_motion_ros.geometry.quaternions import continuous_signs, normalise
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH, UNIT_NORM_TOLERANCE
 from geodesic_motion_ros.utils.errors import DemonstrationError
 

@@ -20,9 +20,9 @@ from geodesic_motion_ros.demonstrations.checks import (
     increasing_times,
     split_items,
 )
-from geodesic_motion_ros.demonstrations.curves import arc_length
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.quaternions import continuous_signs
+from geodesic_motion_ros.geometry.curves import arc_length
+from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.utils.errors import DemonstrationError, RobotError
 
 if TYPE_CHECKING:

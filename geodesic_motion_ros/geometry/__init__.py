@@ -1,0 +1,1 @@
+"""Rotations, poses, curves, splines, shapes and distance fields; knows no robot."""

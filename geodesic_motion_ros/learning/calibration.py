@@ -17,13 +17,13 @@ from scipy.spatial import cKDTree
 from geodesic_motion_ros.demonstrations.canonical import CanonicalDemonstrations, canonical_form, mean_pose
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.regression import surest_penalty
 from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill import Skill

@@ -28,9 +28,9 @@ import math
 import numba
 import numpy as np
 
-from geodesic_motion_ros.distance_field import REACH, field_distance, field_distances
+from geodesic_motion_ros.geometry.distance_field import REACH, field_distance, field_distances
+from geodesic_motion_ros.geometry.shapes import solid_distance, solid_distances
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.solids import solid_distance, solid_distances
 
 #: Distance, in Gaussian widths, at which an obstacle's influence has fallen to nothing (from 1.1 % before the shift).
 CUTOFF = 3.0
@@ -103,7 +103,7 @@ def solid_factor(
     width_ratio: float,
     completed: bool = False,
 ) -> float:
-    """What solids (b, 16), rows as of `solids.py`, add to the ambient factor of a body point (x, y, z) [m].
+    """What solids (b, 16), rows as of `geometry/shapes.py`, add to the ambient factor of a body point (x, y, z) [m].
 
     The rest as in `ambient_factor`.
     """

@@ -11,9 +11,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.manifold.perceptron import Perceptron
 from geodesic_motion_ros.manifold.radial_basis import radial_basis
-from geodesic_motion_ros.quaternions import normalise
 from geodesic_motion_ros.utils.checked_numbers import SMALLEST_SCALE
 
 

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from geodesic_motion_ros.distance_field import field_distance
+from geodesic_motion_ros.geometry.distance_field import field_distance
+from geodesic_motion_ros.geometry.shapes import bounding_radii, solid_distance, thicknesses
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.manifold.ambient_metric import CUTOFF, cloud_factor, completion, gaussian, solid_factor
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.solids import bounding_radii, solid_distance, thicknesses
 
 #: Side of a cell of the workspace [m]; larger where there would be more cells along one side than so many.
 _CELL, _MOST_CELLS = 0.06, 64
@@ -31,7 +31,8 @@ class Reshaping(NamedTuple):
 
     Attributes
     ----------
-    centres, radii : (o, 3), (o,) [m] the spheres that any node can feel; solids : (b, 16) the solids (`solids.py`);
+    centres, radii : (o, 3), (o,) [m] the spheres that any node can feel; solids : (b, 16) the solids
+    (`geometry/shapes.py`);
         squares, placing : of the cloud's `DistanceField`.
     strength, width_ratio, completed : of the ambient metric, see `ambient_metric.ambient_factor`; without one strength
     is 0.

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.distance_field import REACH
+from geodesic_motion_ros.geometry.distance_field import REACH
 from geodesic_motion_ros.robot.kinematics import Robot
 
 #: The arm's body extends so far beyond the tool's origin at most [m].

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.nodes.demo_options import SCENE, parsed
 from geodesic_motion_ros.nodes.demo_run import (
     DemoError,
@@ -33,7 +34,6 @@ from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
 from geodesic_motion_ros.nodes.hand_scene import HandScene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.utils.errors import GeodesicMotionError

@@ -27,9 +27,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, UInt32
 from std_srvs.srv import Trigger
 
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.nodes.messages import pose_message, read_point, read_pose, seconds
 from geodesic_motion_ros.nodes.stolen_time import StolenTime
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 # The arm has arrived when it has been this close to the goal for this long.

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.nodes.demo_pictures import (
     AROUND_RGB,
@@ -24,7 +25,6 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, VERMILION, Way, draw_latent, draw_paths
-from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.skill import Skill
 

@@ -11,7 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.horizon import Horizon
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
@@ -25,7 +26,6 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.tracking import TrackingMonitor
 from geodesic_motion_ros.robot.held_objects import HeldObject
-from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.utils.deadline import Deadline
 from geodesic_motion_ros.utils.errors import ParameterError, PlanningError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

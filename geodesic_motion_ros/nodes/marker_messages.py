@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.geometry.quaternions import from_rotation, to_rotation
+from geodesic_motion_ros.geometry.shapes import solid_rows
 from geodesic_motion_ros.nodes.marker_bytes import SeenMarker
 from geodesic_motion_ros.nodes.messages import (
     FrameLookup,
@@ -26,10 +28,8 @@ from geodesic_motion_ros.nodes.messages import (
     seconds,
 )
 from geodesic_motion_ros.nodes.obstacle_tracker import Key
-from geodesic_motion_ros.quaternions import from_rotation, to_rotation
 from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.solids import solid_rows
 from geodesic_motion_ros.utils.errors import RobotError
 
 
@@ -37,8 +37,8 @@ from geodesic_motion_ros.utils.errors import RobotError
 class MarkerUpdate:
     """What one marker asks for: `put`, `delete` or `delete_all`.
 
-    To `put` belong a centre (3,) [m], the radius of a sphere [m], or the row (16,) of a solid (`solids.py`), and a
-    lifetime [s].
+    To `put` belong a centre (3,) [m], the radius of a sphere [m], or the row (16,) of a solid (`geometry/shapes.py`),
+    and a lifetime [s].
     """
 
     action: str
@@ -216,7 +216,7 @@ def sphere_marker(
 
 
 def solid_marker(namespace: str, number: int, solid: np.ndarray, colour: Colour, frame: str, stamp: Time) -> Marker:
-    """A solid (16,) (`solids.py`): a capsule as the CYLINDER around it, others as the CUBE."""
+    """A solid (16,) (`geometry/shapes.py`): a capsule as the CYLINDER around it, others as the CUBE."""
     half_extents, radius = solid[3:6], solid[6]
     kind = Marker.CUBE if np.any(half_extents[:2]) else Marker.CYLINDER
     marker = _marker(namespace, number, kind, colour, frame, stamp)

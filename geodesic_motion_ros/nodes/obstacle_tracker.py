@@ -15,10 +15,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.shapes import no_solids
 from geodesic_motion_ros.nodes.obstacle_motion import SAME_INSTANT, ObstacleMotion
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.solids import no_solids
 
 Key = tuple[str, int]
 
@@ -51,7 +51,8 @@ class ObstacleSet:
     velocities, velocity_errors : (n, 3), (n,) [m/s] by the updates until the newest one of each sphere
         (`obstacle_motion.py`).
     times : (n,) [s] when each sphere was where its newest update says, on the clock that is passed in.
-    solids, solid_velocities, solid_velocity_errors, solid_times : (b, 16) rows as of `solids.py`, (b, 3), (b,), (b,),
+    solids, solid_velocities, solid_velocity_errors, solid_times : (b, 16) rows as of `geometry/shapes.py`, (b, 3),
+    (b,), (b,),
         likewise.
     cloud : distances from the points of the newest cloud, which stands.
     """
@@ -288,7 +289,7 @@ class ObstacleTracker:
         centre, radius : [m]; must be finite and positive (checked where messages are read).
         lifetime : [s] the sphere vanishes by itself this long after its last update; 0 keeps it until
             deleted.
-        solid : (16,) row of a solid around the centre, see `solids.py`; its radius counts, and not `radius`.
+        solid : (16,) row of a solid around the centre, see `geometry/shapes.py`; its radius counts, and not `radius`.
         transit : [s] so long before `now` it was there. However long that is, the obstacle counts: one too many does
             less harm than one of which nothing is known.
         forget_after : as of `hear`.

@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState, PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
-from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.frames import frames_of
 from geodesic_motion_ros.nodes.marker_bytes import marker_in, markers_in

@@ -19,6 +19,7 @@ import numpy as np
 from nav_msgs.srv import GetPlan
 from std_srvs.srv import SetBool, Trigger
 
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.background_service import BackgroundService
 from geodesic_motion_ros.nodes.messages import FrameLookup, MessageRefused, path_message, read_pose
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
@@ -32,7 +33,6 @@ from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.view_thread import ViewThread
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.utils.errors import ParameterError, PlanningError, RobotError, SkillError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

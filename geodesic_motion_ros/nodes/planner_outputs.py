@@ -20,6 +20,7 @@ from sensor_msgs.msg import Image, JointState
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures
 from geodesic_motion_ros.nodes.marker_messages import (
@@ -46,7 +47,6 @@ from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.held_objects import HeldObject
-from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.verdict import VerdictCode
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.arm_view import ArmView
+from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
@@ -22,7 +23,6 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from geodesic_motion_ros.distance_field import field_distances
+from geodesic_motion_ros.geometry.distance_field import field_distances
+from geodesic_motion_ros.geometry.shapes import solid_distances
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.solids import solid_distances
 
 
 def configuration_clearance(

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
@@ -32,7 +33,6 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clear
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.sheet import beyond_demonstrated
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
-from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.utils.errors import RobotError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

@@ -31,13 +31,13 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.quaternions import inverse, normalise, rotate, to_rotation
+from geodesic_motion_ros.geometry.shapes import no_solids, solid_distances, solid_rows
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.obstacles import LARGEST_NUMBER, Obstacles
-from geodesic_motion_ros.quaternions import inverse, normalise, rotate, to_rotation
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.solids import no_solids, solid_distances, solid_rows
 from geodesic_motion_ros.utils.checked_files import brief, opened, read_yaml
 from geodesic_motion_ros.utils.errors import FileError, GeodesicMotionError, SkillError
 from geodesic_motion_ros.utils.shared_files import find_shared
@@ -70,7 +70,7 @@ class DeclaredScene:
 
     Attributes
     ----------
-    names : of the b solids. solids : (b, 16) rows as of `solids.py`.
+    names : of the b solids. solids : (b, 16) rows as of `geometry/shapes.py`.
     kinds : the list of the file that each stands in: `boxes`, `cylinders` (of which the solid is the box around it, its
         axis the box's z), `planes` (a plate behind it), `keep_out`, `workspace`.
     seen : (n, 16) boxes that are no obstacles: empty for ever, or the obstacle source observes them wholly.

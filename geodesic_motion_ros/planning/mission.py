@@ -7,12 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal, ConfigurationQuery
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.tool_query import ToolGoal, ToolQuery
 from geodesic_motion_ros.planning.tracking import Tracking
-from geodesic_motion_ros.task_frame import TaskFrame
 
 Goal = ConfigurationGoal | ToolGoal
 Query = ConfigurationQuery | ToolQuery

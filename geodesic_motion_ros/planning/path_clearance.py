@@ -7,9 +7,9 @@ import math
 import numba
 import numpy as np
 
-from geodesic_motion_ros.distance_field import field_approach
+from geodesic_motion_ros.geometry.distance_field import field_approach
+from geodesic_motion_ros.geometry.shapes import solid_approach
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.solids import solid_approach
 
 
 @numba.njit(cache=True, nogil=True)

@@ -7,10 +7,10 @@ import math
 import numba
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.curves import Pose, arc_length_fractions
+from geodesic_motion_ros.geometry.curves import Pose, arc_length_fractions
+from geodesic_motion_ros.geometry.quaternions import normalise, rotation_vector_between
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.metric_field import evenly
-from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
 
 
 def resample_latent(path: np.ndarray, spacing: float, minimum: int = 40) -> np.ndarray:

@@ -23,6 +23,8 @@ from numbers import Real
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import CertifiedTrajectory
+from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import load_references
@@ -48,12 +50,10 @@ from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.planning.tracking import Tracking
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.utils.errors import PlanningError, RobotError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.curves import PoseCurve
+from geodesic_motion_ros.geometry.curves import PoseCurve
+from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
@@ -23,7 +24,6 @@ from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_l
 from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder, checked_pose
 from geodesic_motion_ros.planning.search import LatentPath, cheapest_path, path_verdict
 from geodesic_motion_ros.planning.settings import MARGIN_MULTIPLES, SMOOTHING_WIDTHS, PlannerSettings
-from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.quaternions import normalise, rotation_vector_between
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
@@ -23,7 +24,6 @@ from geodesic_motion_ros.obstacles import LARGEST_NUMBER
 from geodesic_motion_ros.planning.carried_query import AlongRidges, CarriedQuery, CarriedQueryBuilder, End
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import SAME_TASK_POSE, PlannerSettings
-from geodesic_motion_ros.quaternions import normalise, rotation_vector_between
 from geodesic_motion_ros.sheet import POSE_SCALE, beyond_demonstrated
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

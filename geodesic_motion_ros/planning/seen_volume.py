@@ -21,10 +21,10 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from geodesic_motion_ros.geometry.shapes import no_solids, solid_distance
 from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.solids import no_solids, solid_distance
 
 #: A sphere may be so far [m] from where it passes along the base path. Half the spacing of its samples takes 2.5 mm of
 #: that, the path's bends between the samples of a detour's frame up to as much, and `SEARCH_DEPTH` the rest.
@@ -43,7 +43,7 @@ class SeenVolume(NamedTuple):
     Attributes
     ----------
     everything : there is nothing that is not seen; the rest is empty then.
-    boxes : (b, 16) rows as of `solids.py`.
+    boxes : (b, 16) rows as of `geometry/shapes.py`.
     passed : (S, m, 3) centres of the spheres along the base path [m].
     """
 

@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory, SweptArm
-from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
+from geodesic_motion_ros.geometry.curves import arc_length_fractions
 from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference

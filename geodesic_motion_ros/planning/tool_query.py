@@ -12,7 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.geometry.se3 import carried
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.metric_field import MetricField
 from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
@@ -26,12 +28,10 @@ from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_l
 from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder
 from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
-from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.utils.errors import RobotError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

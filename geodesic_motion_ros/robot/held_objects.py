@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from geodesic_motion_ros.quaternions import to_rotation
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import RobotError
 

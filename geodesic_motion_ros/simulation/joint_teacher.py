@@ -29,7 +29,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.quaternions import continuous_signs, from_rotation, rotate_by, slerp
+from geodesic_motion_ros.geometry.quaternions import continuous_signs, from_rotation, rotate_by, slerp
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel
 from geodesic_motion_ros.simulation.gestures import (

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.utils.errors import ParameterError
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geodesic_motion_ros.quaternions import rotate_by
+from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error
 
 FASTEST_LINEAR = 2.0

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.quaternions import continuous_signs, from_rotation, rotate_by
+from geodesic_motion_ros.geometry.quaternions import continuous_signs, from_rotation, rotate_by
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.simulation.gestures import (
     DOWN,

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.quintic import quintic_samples
+from geodesic_motion_ros.geometry.quintic import quintic_samples
 from geodesic_motion_ros.utils.errors import RobotError
 
 #: A last velocity [rad/s] up to this is rest: rounding of single precision, as the controller has it.

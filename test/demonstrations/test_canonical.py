@@ -7,7 +7,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.canonical import along_arc, canonical_form, mean_pose, offsets_between
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.quaternions import angle_between, normalise, rotate_by
+from geodesic_motion_ros.geometry.quaternions import angle_between, normalise, rotate_by
 
 SAMPLES, ROTATION_LENGTH = 80, 0.1
 

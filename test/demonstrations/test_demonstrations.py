@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.quaternions import angle_between, slerp
+from geodesic_motion_ros.geometry.quaternions import angle_between, slerp
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])

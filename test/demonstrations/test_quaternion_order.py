@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_last, share_down, tilts
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations, read_joint_demonstrations
-from geodesic_motion_ros.quaternions import to_rotation
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
 
 

@@ -18,9 +18,9 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.task_frame import TaskFrame
 
 # What moves in real time does so evenly where it has the machine to itself.
 pytestmark = pytest.mark.realtime

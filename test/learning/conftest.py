@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import DecoderNetwork
 from geodesic_motion_ros.learning.training import train_task_space_skill
-from geodesic_motion_ros.quaternions import rotate_by
 
 #: Small enough to train in seconds, large enough to learn the task below.
 QUICK = TrainingSettings(

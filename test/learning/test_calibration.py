@@ -5,11 +5,11 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.canonical import canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.learning.calibration import calibrated_energy_per_edge, canonical_sheet
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.pose_graph import build_pose_graph
 from geodesic_motion_ros.manifold.transport import Offsets
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.utils.errors import SkillError
 

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 import torch
 
+from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.learning.densities import antipodal_log_density, von_mises_fisher_log_density
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork
 from geodesic_motion_ros.learning.task_space import FixedPrecisions, Precisions, TaskSpaceVAE
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
-from geodesic_motion_ros.quaternions import normalise
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ import torch
 from geodesic_motion_ros.demonstrations.canonical import canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.modes import blend_weights
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.learning.progress_prior import PRIOR_REACH
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.training import train_model, train_task_space_skill, training_poses
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.utils.errors import ParameterError
 
 TINY = TrainingSettings(

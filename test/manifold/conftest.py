@@ -10,7 +10,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.shapes import solid_rows
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.manifold.bidirectional_astar import ShortestPath, shortest_path_from_both_ends
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
@@ -18,7 +19,6 @@ from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
 from geodesic_motion_ros.manifold.shortest_path import cost_field, edge_weight, shortest_path
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.solids import solid_rows
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 

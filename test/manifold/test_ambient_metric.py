@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.shapes import solid_rows
 from geodesic_motion_ros.manifold.ambient_metric import (
     CUTOFF,
     ambient_factor,
@@ -17,7 +18,6 @@ from geodesic_motion_ros.manifold.ambient_metric import (
     solid_factor,
 )
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.solids import solid_rows
 
 POINT_RADII = np.array([0.03, 0.0])
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
-from geodesic_motion_ros.quaternions import normalise
 from geodesic_motion_ros.utils.errors import SkillError
 
 

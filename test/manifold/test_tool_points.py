@@ -1,7 +1,7 @@
 import numpy as np
 
+from geodesic_motion_ros.geometry.quaternions import normalise, to_rotation
 from geodesic_motion_ros.manifold.tool_points import tool_points
-from geodesic_motion_ros.quaternions import normalise, to_rotation
 
 
 def test_tool_points_are_rotated_with_the_tool():

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import angle_between, normalise, rotate_by
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.transport import Offsets, blended, corrections_at
-from geodesic_motion_ros.quaternions import angle_between, normalise, rotate_by
 
 
 def some_offsets(seed: int = 0, ridges: int = 2, samples: int = 7) -> Offsets:

@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.distance_field import REACH
+from geodesic_motion_ros.geometry.distance_field import REACH
 from geodesic_motion_ros.nodes.cloud_thread import CloudThread, points_near
 from geodesic_motion_ros.robot.kinematics import Robot
 

@@ -21,10 +21,10 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.nodes import messages as m
 from geodesic_motion_ros.nodes.frames import BufferedFrames, frames_of, no_tf2
 from geodesic_motion_ros.nodes.marker_messages import read_marker
-from geodesic_motion_ros.quaternions import to_rotation
 
 BASE, CAMERA = "panda_link0", "camera"
 EARLY, LATE = Time(sec=10), Time(sec=11, nanosec=500_000_000)

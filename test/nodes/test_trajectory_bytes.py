@@ -11,8 +11,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from geodesic_motion_ros.geometry.quintic import quintic_samples
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
-from geodesic_motion_ros.quintic import quintic_samples
 
 
 def motion(knots: int, joints: int, seed: int = 0) -> tuple[np.ndarray, ...]:

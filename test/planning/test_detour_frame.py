@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode
 from geodesic_motion_ros.planning.settings import DETOUR_METRES_PER_RADIAN, DETOUR_NARROWEST_SPREAD
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill

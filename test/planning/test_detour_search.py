@@ -12,7 +12,9 @@ import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.geometry.shapes import solid_rows
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
@@ -26,11 +28,9 @@ from geodesic_motion_ros.planning.detour_search import (
 )
 from geodesic_motion_ros.planning.posture import hold_displaced
 from geodesic_motion_ros.planning.settings import DETOUR_FELT_CLEARANCE, DETOUR_LARGEST_JOINT_STEP
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.solids import solid_rows
 
 PANDA, ARM = Robot.panda(), CollisionModel.panda()
 MARGIN, REACH = 0.005, 0.22

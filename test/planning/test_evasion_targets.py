@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.manifold.shortest_path import shortest_free_path
 from geodesic_motion_ros.obstacles import Obstacles
@@ -14,7 +15,6 @@ from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, path_to_target
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -7,13 +7,13 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.quaternions import angle_between, normalise, slerp
+from geodesic_motion_ros.geometry.shapes import solid_rows
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_clearance import curve_clearances, rotation_allowance, segment_distance
-from geodesic_motion_ros.quaternions import angle_between, normalise, slerp
-from geodesic_motion_ros.solids import solid_rows
 
 
 @pytest.mark.parametrize("seed", range(50))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import angle_between, normalise, slerp
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent, smooth_poses
-from geodesic_motion_ros.quaternions import angle_between, normalise, slerp
 
 
 def staircase(count: int = 12) -> np.ndarray:

@@ -9,17 +9,17 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.demonstrations.curves import arc_length
-from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.geometry.curves import arc_length
+from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.pose_query import Query
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.solids import solid_distances, solid_rows
 from geodesic_motion_ros.utils.errors import PlanningError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.canonical import canonical_form
-from geodesic_motion_ros.demonstrations.curves import arc_length
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.geometry.curves import arc_length
+from geodesic_motion_ros.geometry.quaternions import angle_between, rotate_by
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.pose_query import Pose, QueryBuilder
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import angle_between, rotate_by
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.verdict import VerdictCode
 

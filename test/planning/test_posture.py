@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
-from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from geodesic_motion_ros.geometry.quaternions import from_rotation
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.seen_volume import BASE_ALLOWANCE, SeenVolume, first_unseen, seen_depth
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import from_rotation
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -9,14 +9,14 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.distance_field import DistanceField
+from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.manifold.metric_field import curve_length
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
-from geodesic_motion_ros.solids import solid_distances, solid_rows
 from geodesic_motion_ros.utils.deadline import Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.quaternions import to_rotation
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.held_objects import MOST_SPHERES, PROTRUSION, HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geodesic_motion_ros.quaternions import rotate_by, rotation_vector_between
+from geodesic_motion_ros.geometry.quaternions import rotate_by, rotation_vector_between
 from geodesic_motion_ros.robot.inverse_kinematics import differential_step, pose_error, solve, twist_step
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import RobotError

@@ -8,7 +8,7 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from geodesic_motion_ros.quaternions import rotation_vector_between, to_rotation
+from geodesic_motion_ros.geometry.quaternions import rotation_vector_between, to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
 from geodesic_motion_ros.utils.errors import RobotError

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
 from geodesic_motion_ros.simulation import joint_teacher, teacher

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.quaternions import rotate_by
+from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.simulation.tabletop import Cylinder, Region, TabletopWorld, fixed_to, standing
 from geodesic_motion_ros.utils.errors import ParameterError
 

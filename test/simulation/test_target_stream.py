@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.quaternions import angle_between, rotate_by
+from geodesic_motion_ros.geometry.quaternions import angle_between, rotate_by
 from geodesic_motion_ros.simulation.target_stream import TargetStream
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])

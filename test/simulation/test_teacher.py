@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.quaternions import angle_between, to_rotation
+from geodesic_motion_ros.geometry.quaternions import angle_between, to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation import teacher
 from geodesic_motion_ros.simulation.tabletop import TabletopWorld

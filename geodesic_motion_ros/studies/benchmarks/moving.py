@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
 from geodesic_motion_ros.manifold.shortest_path import shortest_path
@@ -24,7 +25,6 @@ from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning import search as path_search
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.scenes import RATE
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch, no_garbage_collection

@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.distance_field import REACH, DistanceField, field_distances
+from geodesic_motion_ros.geometry.distance_field import REACH, DistanceField, field_distances
 from geodesic_motion_ros.manifold.ambient_metric import CUTOFF
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.studies.benchmarks.engine import Answer, SearchProblem

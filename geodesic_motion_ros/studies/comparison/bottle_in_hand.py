@@ -16,12 +16,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.quaternions import inverse, rotate
+from geodesic_motion_ros.geometry.shapes import cylinder_distances
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import inverse, rotate
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.simulation.world import PandaWorld
-from geodesic_motion_ros.solids import cylinder_distances
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.execution import Outcome, PlayedMethod, Stage
 from geodesic_motion_ros.studies.comparison.families import Family
@@ -30,7 +31,6 @@ from geodesic_motion_ros.studies.comparison.methods.geodesic import Geodesics
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene
 from geodesic_motion_ros.studies.comparison.scene_table import print_scene_table
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
-from geodesic_motion_ros.task_frame import TaskFrame
 from geodesic_motion_ros.utils.tables import text_table
 
 #: 3 cm in radius and 20 cm long, held across the fingers.

@@ -11,8 +11,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.curves import PoseCurve
-from geodesic_motion_ros.quaternions import continuous_signs
+from geodesic_motion_ros.geometry.curves import PoseCurve
+from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill

@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.curves import Pose
+from geodesic_motion_ros.geometry.curves import Pose
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints

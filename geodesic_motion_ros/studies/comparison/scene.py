@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
+from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.studies.comparison.arena import Arena

@@ -36,7 +36,7 @@ from typing import get_args
 import numpy as np
 import yaml
 
-from geodesic_motion_ros.demonstrations.curves import PoseCurve
+from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.families import Family, check_families

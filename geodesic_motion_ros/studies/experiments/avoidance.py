@@ -31,13 +31,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve, arc_length, arc_length_fractions, interpolate
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.geometry.curves import Pose, PoseCurve, arc_length, arc_length_fractions, interpolate
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.planning.path_smoothing import correct_ends
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.studies.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.studies.experiments.trained import Trained
 from geodesic_motion_ros.utils.errors import ParameterError

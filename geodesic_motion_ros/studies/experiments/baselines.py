@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.planning.path_smoothing import correct_ends
-from geodesic_motion_ros.quaternions import (
+from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
+from geodesic_motion_ros.geometry.quaternions import (
     continuous_signs,
     mean_rotation,
     normalise,
@@ -24,6 +23,7 @@ from geodesic_motion_ros.quaternions import (
     rotation_vector_between,
     slerp,
 )
+from geodesic_motion_ros.planning.path_smoothing import correct_ends
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 SAMPLES = 200

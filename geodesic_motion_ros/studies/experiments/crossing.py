@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.demonstrations.curves import PoseCurve
+from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.skill import Skill

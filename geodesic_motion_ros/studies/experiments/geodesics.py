@@ -32,7 +32,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.fitted_spline import fitted_spline
+from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.latent_view import magnification_factor
 from geodesic_motion_ros.learning.task_space import DecoderNetwork
 from geodesic_motion_ros.manifold.decoder import rms_sigma

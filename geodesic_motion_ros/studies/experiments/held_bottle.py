@@ -7,11 +7,11 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
+from geodesic_motion_ros.geometry.quaternions import to_rotation
+from geodesic_motion_ros.geometry.shapes import cylinder_distances
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.simulation.tabletop import fixed_to
 from geodesic_motion_ros.simulation.teacher import bottle_in_hand
-from geodesic_motion_ros.solids import cylinder_distances
 
 #: Distance of the spheres along the bottle [m].
 _SPACING = 0.03

@@ -11,14 +11,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.demonstrations.canonical import offsets_between
-from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
+from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.baselines import PREDICTORS, Prediction

@@ -33,16 +33,16 @@ import numpy as np
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
-from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc, canonical_joint_form, without_offsets
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
+from geodesic_motion_ros.geometry.curves import PoseCurve
+from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal, ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill

@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from geodesic_motion_ros.demonstrations.curves import arc_length_fractions
+from geodesic_motion_ros.geometry.curves import arc_length_fractions
 from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance

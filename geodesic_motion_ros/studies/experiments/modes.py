@@ -26,8 +26,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
-from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve, arc_length_fractions, interpolate
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.geometry.curves import Pose, PoseCurve, arc_length_fractions, interpolate
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner

@@ -9,10 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.curves import interpolate, pose_arc_length
+from geodesic_motion_ros.geometry.curves import interpolate, pose_arc_length
+from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE, smooth_step
 from geodesic_motion_ros.simulation.joint_teacher import CUP_PLACES
 from geodesic_motion_ros.simulation.tabletop import Cylinder, TabletopWorld

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
-from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.simulation.tabletop import fixed_to

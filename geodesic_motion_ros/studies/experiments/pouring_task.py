@@ -28,8 +28,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
-from geodesic_motion_ros.demonstrations.curves import interpolate
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.geometry.curves import interpolate
 from geodesic_motion_ros.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner

@@ -16,11 +16,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.curves import Pose, PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.baselines import SAMPLES, Prediction

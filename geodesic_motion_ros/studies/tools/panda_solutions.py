@@ -20,7 +20,7 @@ import math
 import numba
 import numpy as np
 
-from geodesic_motion_ros.quaternions import to_rotation
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.robot.kinematics import MATRIX, VECTOR, Robot
 
 #: Lengths of Franka's Denavit-Hartenberg table [m].

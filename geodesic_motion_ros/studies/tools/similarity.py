@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from geodesic_motion_ros.demonstrations.curves import PoseCurve
-from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.geometry.curves import PoseCurve
+from geodesic_motion_ros.geometry.quaternions import angle_between
 
 COMPARED_POINTS = 200
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.learning.training import train_task_space_skill
-from geodesic_motion_ros.quaternions import rotate_by
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
 

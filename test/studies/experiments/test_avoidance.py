@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.geometry.curves import PoseCurve
+from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.quaternions import continuous_signs
 from geodesic_motion_ros.studies.experiments.avoidance import (
     AvoidanceSettings,
     draw_avoidance,

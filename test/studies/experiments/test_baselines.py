@@ -5,7 +5,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations
-from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.studies.experiments.baselines import PREDICTORS, PeersMissingError, nearest, require_peers
 from geodesic_motion_ros.studies.tools.similarity import compare
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.crossing import measure_crossings
 from geodesic_motion_ros.studies.experiments.grasp_task import (

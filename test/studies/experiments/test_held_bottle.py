@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.manifold.tool_points import tool_points
-from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.simulation.tabletop import fixed_to
 from geodesic_motion_ros.simulation.teacher import bottle_in_hand
 from geodesic_motion_ros.studies.experiments.held_bottle import (

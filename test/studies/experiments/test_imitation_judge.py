@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
-from geodesic_motion_ros.quaternions import angle_between
 from geodesic_motion_ros.studies.experiments.imitation_judge import (
     EVERY_END,
     Judge,

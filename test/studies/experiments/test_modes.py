@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.curves import PoseCurve
+from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, two_mode_demonstrations

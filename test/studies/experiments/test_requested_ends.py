@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.convex_hull import beyond_hull
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.geometry.convex_hull import beyond_hull
 from geodesic_motion_ros.studies.experiments.requested_ends import (
     ALONG,
     NEAREST,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.fitted_spline import fitted_spline
+from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.studies.paper.paper_planner import COEFFICIENTS, PaperPlanner
 

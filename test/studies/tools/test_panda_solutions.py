@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geodesic_motion_ros.quaternions import angle_between
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.tools.panda_solutions import panda_solutions
 

@@ -3,9 +3,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.curves import PoseCurve
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations
-from geodesic_motion_ros.quaternions import rotate_by, slerp
+from geodesic_motion_ros.geometry.curves import PoseCurve
+from geodesic_motion_ros.geometry.quaternions import rotate_by, slerp
 from geodesic_motion_ros.studies.tools.similarity import compare, distance_to_closest, dtw_matching
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])

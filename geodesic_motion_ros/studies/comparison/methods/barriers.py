@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.quaternions import to_rotation
 from geodesic_motion_ros.robot.body_points import body_point_jacobians, place_body_points
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import TICK, Answer
@@ -152,8 +152,8 @@ def _sphere_barrier(arena: Arena, gain: float, kept_off: float, pairs: int) -> A
 
 
 def from_solids(points: np.ndarray, solids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signed distances (n, b) [m] of points (n, 3) from solids (b, 16), as of `solids.py`, and unit normals (n, b, 3)
-    away from these: towards the nearest face from inside.
+    """Signed distances (n, b) [m] of points (n, 3) from solids (b, 16), as of `geometry/shapes.py`, and unit normals
+    (n, b, 3) away from these: towards the nearest face from inside.
     """
     rotations = solids[:, 7:].reshape(-1, 3, 3)
     local = np.einsum("bji,nbj->nbi", rotations, points[:, None] - solids[:, :3])

@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.distance_field import REACH, DistanceField, field_approach, field_distances
+from geodesic_motion_ros.geometry.distance_field import REACH, DistanceField, field_approach, field_distances
 from geodesic_motion_ros.utils.errors import PlanningError
 
 RADIUS, THICKNESS = 0.015, 0.05

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.curves import PoseCurve, arc_length, arc_length_fractions, interpolate
-from geodesic_motion_ros.quaternions import angle_between, slerp
+from geodesic_motion_ros.geometry.curves import PoseCurve, arc_length, arc_length_fractions, interpolate
+from geodesic_motion_ros.geometry.quaternions import angle_between, slerp
 
 QUARTER_TURN = np.array([np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)])
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.solids import (
+from geodesic_motion_ros.geometry.shapes import (
     bounding_radii,
     no_solids,
     solid_approach,

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.isosurface import isosurface
+from geodesic_motion_ros.geometry.isosurface import isosurface
 
 CENTRE = np.array([9.3, 10.1, 8.7])
 

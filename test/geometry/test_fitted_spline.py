@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from geodesic_motion_ros.fitted_spline import fitted_spline
+from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 
 AT = np.linspace(0.0, 1.0, 500)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.quaternions import angle_between, rotate_by, rotation_vector_between
+from geodesic_motion_ros.geometry.quaternions import angle_between, rotate_by, rotation_vector_between
 
 Pose = tuple[np.ndarray, np.ndarray]
 """A position (3,) [m] and a unit quaternion (4,), scalar first."""

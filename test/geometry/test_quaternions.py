@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros import quaternions as quat
+from geodesic_motion_ros.geometry import quaternions as quat
 
 RANDOM = np.random.default_rng(0)
 FIRST, SECOND = quat.normalise(RANDOM.normal(size=(2, 200, 4)))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.quintic import quintic_bounds, quintic_samples
+from geodesic_motion_ros.geometry.quintic import quintic_bounds, quintic_samples
 
 
 def knots_of(seed: int, count: int = 8, joints: int = 3) -> tuple[np.ndarray, ...]:

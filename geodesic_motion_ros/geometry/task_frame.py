@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from geodesic_motion_ros.quaternions import inverse, multiply, rotate
+from geodesic_motion_ros.geometry.quaternions import inverse, multiply, rotate
 
 
 @dataclass(frozen=True)

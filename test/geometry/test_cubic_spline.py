@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from geodesic_motion_ros.cubic_spline import spline_bends, spline_samples
+from geodesic_motion_ros.geometry.cubic_spline import spline_bends, spline_samples
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 100])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.convex_hull import beyond_hull
+from geodesic_motion_ros.geometry.convex_hull import beyond_hull
 
 #: Errors, over the distance to the farthest corner, that the squared error in which the search ends allows.
 ROUNDING = 1e-7
