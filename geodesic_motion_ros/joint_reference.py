@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.geometry.quintic import quintic_bounds, quintic_samples
-from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.robot.limits import JointLimits
 
 #: Time between knots [s].
 PERIOD = 0.02

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.robot.limits import JointLimits
 
 #: Squared rate that stands for no limit: paths that do not move have none.
 _UNLIMITED = 1e6

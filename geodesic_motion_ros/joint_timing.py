@@ -14,9 +14,9 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.cubic_spline import spline_bends, spline_samples
 from geodesic_motion_ros.geometry.quintic import quintic_samples
-from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated, knot_times
 from geodesic_motion_ros.joint_time_law import SmoothLaw, averaging_width, fastest_rates
+from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.utils.errors import PlanningError
 

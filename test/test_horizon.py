@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.horizon import Horizon
-from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.limits import JointLimits
 
 ROBOT = Robot.panda()
 LIMITS = JointLimits.of(ROBOT, 0.3, 0.2)

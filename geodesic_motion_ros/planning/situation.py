@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, CertifiedTrajectory, SweptArm, SweptSpheres
-from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.obstacles import Obstacles
@@ -23,6 +22,7 @@ from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan
+from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

@@ -16,7 +16,6 @@ import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory, SweptArm
 from geodesic_motion_ros.geometry.curves import arc_length_fractions
-from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
@@ -38,6 +37,7 @@ from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline

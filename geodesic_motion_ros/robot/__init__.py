@@ -1,0 +1,1 @@
+"""A robot of any URDF: kinematics, limits, collision model; knows no scene."""

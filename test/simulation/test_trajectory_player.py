@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.interpolate import BPoly
 
 from geodesic_motion_ros.geometry.quintic import quintic_samples
-from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import joined
 from geodesic_motion_ros.joint_timing import timed_joint_reference
+from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.utils.errors import RobotError
 

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.guard import Guard, GuardedArm, guard_of, guarded_spheres

@@ -11,11 +11,11 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import deserialize_message
 from trajectory_msgs.msg import JointTrajectory
 
-from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.nodes.messages import MessageRefused, read_joint_trajectory, read_pose, seconds
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.planning.settings import TOOL_LIMITS
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.faults.bench_clock import BenchClock
 from geodesic_motion_ros.studies.faults.command_ear import Command, CommandEar

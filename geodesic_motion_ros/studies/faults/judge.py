@@ -13,7 +13,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.geometry.quintic import quintic_samples
-from geodesic_motion_ros.joint_limits import JointLimits
+from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.studies.faults.stream_acceleration import StreamAcceleration
 from geodesic_motion_ros.utils.errors import RobotError

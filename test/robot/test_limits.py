@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.joint_limits import JointLimits
 from geodesic_motion_ros.robot.kinematics import FOLDER, Robot
+from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.utils.errors import RobotError
 
 ROBOT = Robot.panda()
