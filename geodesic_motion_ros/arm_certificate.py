@@ -20,13 +20,13 @@ import numpy as np
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.geometry.quintic import quintic_bounds
 from geodesic_motion_ros.joint_reference import PERIOD, JointReference, joined, kept_knots
-from geodesic_motion_ros.obstacles import Obstacles, nearness
+from geodesic_motion_ros.obstacles.obstacles import Obstacles, nearness
+from geodesic_motion_ros.obstacles.swept_spheres import clearances_in_motion, clearances_until, self_clearances
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.seen_volume import SeenVolume, first_unseen
 from geodesic_motion_ros.robot.body_points import end_effector_poses, lever_bounds, place_body_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
-from geodesic_motion_ros.swept_spheres import clearances_in_motion, clearances_until, self_clearances
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from geodesic_motion_ros.latent_view import FOOTPRINT, LatentPicture
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.skill import Skill
 

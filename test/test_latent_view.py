@@ -8,7 +8,7 @@ import pytest
 from geodesic_motion_ros.latent_view import LatentView, magnification_factor
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.quaternions import normalise
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.robot.inverse_kinematics import solve

@@ -30,7 +30,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena

@@ -15,7 +15,7 @@ import sys, time
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from geodesic_motion_ros.utils.deadline import Deadline
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses

@@ -30,7 +30,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import REACH, field_distance, field_distances
 from geodesic_motion_ros.geometry.shapes import solid_distance, solid_distances
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 #: Distance, in Gaussian widths, at which an obstacle's influence has fallen to nothing (from 1.1 % before the shift).
 CUTOFF = 3.0

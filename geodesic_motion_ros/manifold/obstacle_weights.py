@@ -18,7 +18,7 @@ from geodesic_motion_ros.geometry.shapes import bounding_radii, solid_distance, 
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.manifold.ambient_metric import CUTOFF, cloud_factor, completion, gaussian, solid_factor
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 #: Side of a cell of the workspace [m]; larger where there would be more cells along one side than so many.
 _CELL, _MOST_CELLS = 0.06, 64

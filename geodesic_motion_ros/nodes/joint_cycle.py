@@ -18,7 +18,7 @@ from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
 from geodesic_motion_ros.nodes.preparation import Preparation
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.guarded_arm import PreparedHold
 from geodesic_motion_ros.planning.mission import PreparedGoal

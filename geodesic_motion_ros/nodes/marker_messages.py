@@ -27,7 +27,7 @@ from geodesic_motion_ros.nodes.messages import (
     frame_of,
     seconds,
 )
-from geodesic_motion_ros.nodes.obstacle_tracker import Key
+from geodesic_motion_ros.obstacles.tracker import Key
 from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import RobotError

@@ -34,11 +34,11 @@ from geodesic_motion_ros.nodes.messages import (
 from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
 from geodesic_motion_ros.nodes.obstacle_load import Load, ObstacleLoad
 from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
-from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.plausible_joints import PlausibleJoints
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.stream_cycle import NO_CLOCK, CycleInputs
+from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

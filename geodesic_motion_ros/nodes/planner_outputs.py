@@ -39,12 +39,12 @@ from geodesic_motion_ros.nodes.messages import (
     path_message,
 )
 from geodesic_motion_ros.nodes.obstacle_load import Load, advice
-from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.publishers import publishers_of, subscribers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
+from geodesic_motion_ros.obstacles.tracker import ObstacleSet
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.verdict import VerdictCode

@@ -6,7 +6,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import field_distances
 from geodesic_motion_ros.geometry.shapes import solid_distances
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import field_distance
 from geodesic_motion_ros.geometry.shapes import solid_distance
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.seen_volume import SeenVolume, is_inside
 from geodesic_motion_ros.robot.body_points import joint_terms, mounted, place_joints
 from geodesic_motion_ros.robot.collision_model import CollisionModel

@@ -34,7 +34,7 @@ import numpy as np
 from geodesic_motion_ros.geometry.quaternions import inverse, normalise, rotate, to_rotation
 from geodesic_motion_ros.geometry.shapes import no_solids, solid_distances, solid_rows
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
-from geodesic_motion_ros.obstacles import LARGEST_NUMBER, Obstacles
+from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER, Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill

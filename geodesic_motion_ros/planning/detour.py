@@ -15,7 +15,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.curves import arc_length_fractions
 from geodesic_motion_ros.joint_reference import interpolated
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.detour_band import Band, drawn_tight

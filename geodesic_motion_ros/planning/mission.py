@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal, ConfigurationQuery
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.tool_query import ToolGoal, ToolQuery

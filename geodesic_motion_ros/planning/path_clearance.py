@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import field_approach
 from geodesic_motion_ros.geometry.shapes import solid_approach
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 
 @numba.njit(cache=True, nogil=True)

@@ -18,7 +18,7 @@ from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.tool_points import tool_points
-from geodesic_motion_ros.obstacles import Obstacles, nearness
+from geodesic_motion_ros.obstacles.obstacles import Obstacles, nearness
 from geodesic_motion_ros.planning.path_clearance import curve_clearances, rotation_allowance
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent, smooth_poses
 from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder, checked_pose

@@ -16,7 +16,7 @@ import numpy as np
 from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, CertifiedTrajectory, SweptArm, SweptSpheres
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_stop import stopping_reference
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath

@@ -24,7 +24,7 @@ from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.manifold.metric_field import MetricField
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene

@@ -18,7 +18,7 @@ from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
 from geodesic_motion_ros.manifold.shortest_path import cost_field, edge_weight, shortest_path
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 

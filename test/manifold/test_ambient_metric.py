@@ -17,7 +17,7 @@ from geodesic_motion_ros.manifold.ambient_metric import (
     obstacle_clearances,
     solid_factor,
 )
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 POINT_RADII = np.array([0.03, 0.0])
 

@@ -13,7 +13,7 @@ from geodesic_motion_ros.manifold.metric_field import MetricField, curve_length,
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 MARGIN = 0.005
 SHAPES = [((31, 31), 8), ((15, 15, 15), 26), ((8, 8, 8, 8), 80)]

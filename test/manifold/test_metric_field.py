@@ -18,7 +18,7 @@ from geodesic_motion_ros.manifold.metric_field import (
 )
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 SHAPES = [(12, 10), (7, 8, 6), (5, 4, 5, 4)]
 

@@ -13,7 +13,7 @@ from geodesic_motion_ros.geometry.shapes import solid_rows
 from geodesic_motion_ros.manifold.ambient_metric import ambient_factor, cloud_factor, obstacle_clearances, solid_factor
 from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, first_clear, look_at
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 

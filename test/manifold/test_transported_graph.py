@@ -13,7 +13,7 @@ from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.manifold.transport import Offsets
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 POINTS = {
     "one": np.zeros((1, 3)),

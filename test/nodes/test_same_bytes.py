@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
-from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, StreamCycle
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
+from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill import Skill
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, demonstrated_spheres

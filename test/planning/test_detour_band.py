@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
 from geodesic_motion_ros.planning.detour_band import Band, band_cost, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DetourFrame

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.geometry.shapes import solid_rows
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
 from geodesic_motion_ros.planning.detour_frame import DetourFrame

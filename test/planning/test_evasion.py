@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.evasion import FailedEvasion, evaded, is_searched, still_evading
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings

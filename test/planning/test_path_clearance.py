@@ -12,7 +12,7 @@ from geodesic_motion_ros.geometry.quaternions import angle_between, normalise, s
 from geodesic_motion_ros.geometry.shapes import solid_rows
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.manifold.tool_points import tool_points
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_clearance import curve_clearances, rotation_allowance, segment_distance
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.manifold import bidirectional_astar
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, cheapest_path, is_same_path
 from geodesic_motion_ros.studies.benchmarks.engine import mark
 from geodesic_motion_ros.studies.benchmarks.scenes import spheres_on_way

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import search_memory
 from geodesic_motion_ros.planning.search_memory import SearchMemory
 from geodesic_motion_ros.planning.settings import ATTEMPTS, Attempt

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.geometry.quaternions import from_rotation
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.seen_volume import BASE_ALLOWANCE, SeenVolume, first_unseen, seen_depth

@@ -19,7 +19,7 @@ from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.metric_field import MetricField, curve_length, evenly, piecewise
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free_path
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark

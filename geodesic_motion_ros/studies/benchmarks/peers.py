@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.geometry.distance_field import REACH, DistanceField, field_distances
 from geodesic_motion_ros.manifold.ambient_metric import CUTOFF
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.studies.benchmarks.engine import Answer, SearchProblem
 
 

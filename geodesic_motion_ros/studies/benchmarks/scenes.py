@@ -22,7 +22,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.manifold.ambient_metric import CUTOFF
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, free_path, mark, search
 
 NAMES = (

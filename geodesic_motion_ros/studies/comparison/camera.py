@@ -10,7 +10,7 @@ later. In a frame
 - one that has vanished is deleted with the `MISSED`th frame in which the place where it was last detected is in view.
 
 A sphere that is hidden or lost is neither published nor deleted, as with markers that have ids. What becomes of it is
-up to the tracker (`nodes/obstacle_tracker.py`), which also works out the velocities.
+up to the tracker (`obstacles/tracker.py`), which also works out the velocities.
 
 Noise and losses are drawn for every sphere of the scene in every frame, detected or not, by the scene alone: they are
 the same for every method. The judge goes by the true spheres.
@@ -24,8 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.path_clearance import segment_distance
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel

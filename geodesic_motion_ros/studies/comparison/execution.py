@@ -29,7 +29,7 @@ import numpy as np
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.joint_reference import PERIOD
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.studies.comparison.guard import GuardedArm
 from geodesic_motion_ros.studies.comparison.method import Answer, Method

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.studies.comparison.execution import Outcome, PlayedMethod, Stage
 from geodesic_motion_ros.studies.comparison.guard import GuardedArm

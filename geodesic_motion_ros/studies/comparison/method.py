@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.curves import Pose
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.studies.comparison.scene import Scene
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration
 from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.comparison.execution import Effort, Judge
 from geodesic_motion_ros.studies.comparison.guard import GuardedArm

@@ -18,7 +18,7 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier, SweptArm
 from geodesic_motion_ros.joint_reference import JointReference, joined
 from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.joint_timing import timed_joint_reference
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import Answer

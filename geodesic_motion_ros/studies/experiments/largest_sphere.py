@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.geometry.curves import arc_length_fractions
 from geodesic_motion_ros.joint_reference import interpolated
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner

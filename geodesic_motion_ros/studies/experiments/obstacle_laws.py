@@ -42,7 +42,7 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.configuration_query import (
     ConfigurationGoal,
     ConfigurationQuery,

@@ -11,7 +11,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.curves import interpolate, pose_arc_length
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE, smooth_step
 from geodesic_motion_ros.simulation.joint_teacher import CUP_PLACES

@@ -11,7 +11,7 @@ from matplotlib.patches import Circle, Polygon
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.quaternions import to_rotation
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 from geodesic_motion_ros.robot.body_points import end_effector_poses

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.plots import VERMILION, write_figure
 from geodesic_motion_ros.robot.body_points import BodyPoints, end_effector_poses, place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot

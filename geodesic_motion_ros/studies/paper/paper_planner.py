@@ -10,7 +10,7 @@ import numpy as np
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs, normalise
 from geodesic_motion_ros.manifold.latent_graph import refuse_unsupported
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill

@@ -10,7 +10,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration
 from geodesic_motion_ros.geometry.shapes import solid_distances
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.studies.comparison.arena import Arena

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena

@@ -18,8 +18,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes.marker_messages import read_marker, sphere_marker
 from geodesic_motion_ros.nodes.messages import MessageRefused, read_joint_positions, seconds
-from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleTracker
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.faults import (
     asking,

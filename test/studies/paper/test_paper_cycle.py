@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.nodes.obstacle_tracker import ObstacleSet
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
+from geodesic_motion_ros.obstacles.tracker import ObstacleSet
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.paper.follower import STIFFNESS
 from geodesic_motion_ros.studies.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle

@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from geodesic_motion_ros.joint_reference import interpolated
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
 from geodesic_motion_ros.planning.settings import PlannerSettings

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import normalise
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.inverse_kinematics import differential_step
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import TICK, Answer

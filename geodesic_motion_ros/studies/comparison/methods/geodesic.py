@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import to_rotation
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.velocity_history import VelocityHistory
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -20,7 +21,6 @@ from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import Answer
 from geodesic_motion_ros.studies.comparison.scene import Scene
 from geodesic_motion_ros.studies.experiments.blocked_arm import HAND
-from geodesic_motion_ros.velocity_history import VelocityHistory
 
 Part = Literal["whole", "demonstrated", "hard", "soft"]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.replanning import LATENCY, MARGIN, PREDICTION, RETRY, Replanning, meeting
 from geodesic_motion_ros.studies.comparison.scene import Scene

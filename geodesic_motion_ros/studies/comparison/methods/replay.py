@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from geodesic_motion_ros.joint_reference import PERIOD
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import Answer
 from geodesic_motion_ros.studies.comparison.scene import Scene

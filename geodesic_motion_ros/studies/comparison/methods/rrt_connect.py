@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.robot.collision_model import self_clearance
 from geodesic_motion_ros.studies.comparison.arena import Arena

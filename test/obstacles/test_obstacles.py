@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
-from geodesic_motion_ros.obstacles import Obstacles, nearness
+from geodesic_motion_ros.obstacles.obstacles import Obstacles, nearness
 
 
 def scene(seed: int = 0) -> Obstacles:

@@ -18,7 +18,7 @@ INTERVAL, MEMORY = 0.1, 2.0
 #: The velocity of an obstacle is expected to change by up to so many times what it has changed.
 CHANGE_FACTOR = 4.0
 #: Changes of the velocity [m/s] up to so many times the noise of a position [m] (standard deviation, each axis) may
-#: come from that alone: of the velocities of `nodes/obstacle_motion.py` 98 % of them do, from 10 to 60 a second.
+#: come from that alone: of the velocities of `obstacles/velocity_filter.py` 98 % of them do, from 10 to 60 a second.
 NOISE_FACTOR = 25.0
 
 

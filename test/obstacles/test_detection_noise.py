@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.nodes.detection_noise import EXACT, DetectionNoise
+from geodesic_motion_ros.obstacles.detection_noise import EXACT, DetectionNoise
 
 
 def noise_of(centres: np.ndarray, times: np.ndarray, known: float = 0.0) -> float:

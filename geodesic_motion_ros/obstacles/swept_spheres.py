@@ -14,7 +14,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import field_approach
 from geodesic_motion_ros.geometry.shapes import bounding_radii, solid_approach
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 #: Pairs of spheres are compared over so many intervals between knots at once.
 _BLOCK = 8

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.obstacles import Obstacles
-from geodesic_motion_ros.swept_spheres import clearances_in_motion, clearances_until, self_clearances
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.swept_spheres import clearances_in_motion, clearances_until, self_clearances
 
 RADII, MOVING, HORIZON = np.array([0.05, 0.03, 0.04]), np.array([0, 2]), 0.4
 PAIRS = np.array([(0, 1), (1, 2)])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geodesic_motion_ros.velocity_history import MEMORY, VelocityHistory
+from geodesic_motion_ros.obstacles.velocity_history import MEMORY, VelocityHistory
 
 
 def turning(speed: float, rate: float, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,8 +17,8 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import no_solids
-from geodesic_motion_ros.nodes.obstacle_motion import SAME_INSTANT, ObstacleMotion
-from geodesic_motion_ros.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.velocity_filter import SAME_INSTANT, ObstacleMotion
 
 Key = tuple[str, int]
 
@@ -49,7 +49,7 @@ class ObstacleSet:
     labels : n + b texts `source/namespace/id`, in the same order.
     version : grows by one whenever the set changes; equal versions mean the same obstacles.
     velocities, velocity_errors : (n, 3), (n,) [m/s] by the updates until the newest one of each sphere
-        (`obstacle_motion.py`).
+        (`velocity_filter.py`).
     times : (n,) [s] when each sphere was where its newest update says, on the clock that is passed in.
     solids, solid_velocities, solid_velocity_errors, solid_times : (b, 16) rows as of `geometry/shapes.py`, (b, 3),
     (b,), (b,),

@@ -28,8 +28,8 @@ import math
 from bisect import bisect_left
 from operator import add, sub
 
-from geodesic_motion_ros.nodes.detection_noise import DetectionNoise, Point
-from geodesic_motion_ros.velocity_history import VelocityHistory
+from geodesic_motion_ros.obstacles.detection_noise import DetectionNoise, Point
+from geodesic_motion_ros.obstacles.velocity_history import VelocityHistory
 
 #: Detections of this last time [s] count, two of them at least; of exact ones (`DetectionNoise`) these alone.
 SHORTEST = 0.15

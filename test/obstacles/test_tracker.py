@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
-from geodesic_motion_ros.nodes.obstacle_tracker import MOTION_LASTS, REORDER_WINDOW, ObstacleSet, ObstacleTracker
+from geodesic_motion_ros.obstacles.tracker import MOTION_LASTS, REORDER_WINDOW, ObstacleSet, ObstacleTracker
 
 HERE, THERE = np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.5, 0.6])
 

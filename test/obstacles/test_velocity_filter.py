@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geodesic_motion_ros.nodes.obstacle_motion import BOUND, FASTEST, LONGEST, LONGEST_GAP, SHORTEST, ObstacleMotion
+from geodesic_motion_ros.obstacles.velocity_filter import BOUND, FASTEST, LONGEST, LONGEST_GAP, SHORTEST, ObstacleMotion
 
 STAMP = 1.7e9
 ZERO = (0.0, 0.0, 0.0)

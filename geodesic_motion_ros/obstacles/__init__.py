@@ -1,0 +1,1 @@
+"""Obstacles, and how they are tracked; knows nothing of ROS."""
