@@ -19,7 +19,6 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.geometry.quintic import quintic_bounds
-from geodesic_motion_ros.joint_reference import PERIOD, JointReference, joined, kept_knots
 from geodesic_motion_ros.obstacles.obstacles import Obstacles, nearness
 from geodesic_motion_ros.obstacles.swept_spheres import clearances_in_motion, clearances_until, self_clearances
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
@@ -27,6 +26,7 @@ from geodesic_motion_ros.planning.seen_volume import SeenVolume, first_unseen
 from geodesic_motion_ros.robot.body_points import end_effector_poses, lever_bounds, place_body_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
+from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, joined, kept_knots
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,9 @@ class CertifiedTrajectory:
         return positions, continuous_signs(quaternions)
 
     def continued_by(self, other: CertifiedTrajectory, since: float, until: float) -> CertifiedTrajectory:
-        """From the knot at `since` [s] until `until` [s], and from there on another one: `joint_reference.joined`."""
+        """From the knot at `since` [s] until `until` [s], and from there on another one:
+        `trajectory.trajectory.joined`.
+        """
         # Beyond its end the arm stands, with the clearance that it has there.
         kept = np.minimum(kept_knots(self.reference, since, until), len(self.clearance) - 1)
         return CertifiedTrajectory(

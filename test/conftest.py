@@ -23,12 +23,12 @@ from scipy.interpolate import CubicSpline
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.geometry.quaternions import rotate_by
-from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.kernels import compile_kernels
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

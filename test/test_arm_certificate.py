@@ -14,8 +14,6 @@ from geodesic_motion_ros.arm_certificate import ArmCertifier, sphere_bulges
 from geodesic_motion_ros.geometry.distance_field import DistanceField, field_distances
 from geodesic_motion_ros.geometry.quintic import quintic_bounds
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
-from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.obstacles.swept_spheres import self_clearances, sphere_clearances
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
@@ -24,6 +22,8 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 ROBOT = Robot.panda()
 LIMITS = JointLimits.of(ROBOT)

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.demo_run import DemoError, Recording
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: Parameters of the planner node as they are by default.
 DEFAULTS: dict[str, Value] = {parameter.name: parameter.default for parameter in PLANNER}

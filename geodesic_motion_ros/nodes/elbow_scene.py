@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.joint_plots import draw_tubes
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.demo_pictures import AROUND_RGB, FREE_RGB, Curve, Film, draw_films, met
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
@@ -26,6 +25,7 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: The sphere: radius [m], speed [m/s], and how far from its place it sets out [m].
 RADIUS, SPEED, BEFORE = 0.055, 0.10, 0.45

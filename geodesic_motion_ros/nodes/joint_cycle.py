@@ -13,8 +13,6 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.horizon import Horizon
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
 from geodesic_motion_ros.nodes.preparation import Preparation
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
@@ -26,6 +24,8 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.tracking import TrackingMonitor
 from geodesic_motion_ros.robot.held_objects import HeldObject
+from geodesic_motion_ros.trajectory.receding_horizon import Horizon
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import Deadline
 from geodesic_motion_ros.utils.errors import ParameterError, PlanningError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
@@ -46,7 +46,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     command_topic, state_timeout, resume_timeout, clock, background : as of `StreamCycle`.
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
     tool_tolerance : [m], [rad] largest distance of the tool from where it was sent, where poses command the arm.
-    horizon : [s] what is sent leads so far ahead, and then to rest (`horizon.py`).
+    horizon : [s] what is sent leads so far ahead, and then to rest (`trajectory/receding_horizon.py`).
 
     Raises
     ------

@@ -21,7 +21,6 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures
 from geodesic_motion_ros.nodes.marker_messages import (
     MarkerScene,
@@ -47,6 +46,7 @@ from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.held_objects import HeldObject
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.verdict import VerdictCode
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

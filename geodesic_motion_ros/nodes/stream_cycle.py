@@ -17,10 +17,10 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.preparation import Preparation, Prepared
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
 from geodesic_motion_ros.robot.held_objects import HeldObject
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

@@ -14,7 +14,6 @@ from itertools import chain
 import numpy as np
 
 from geodesic_motion_ros.geometry.curves import arc_length_fractions
-from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
@@ -24,6 +23,7 @@ from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_det
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, PathEnds, Plan, Solver
+from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: Why there is none between two configurations; in another posture there may be one.
 COVERED_END = "an obstacle covers where it would begin or end"

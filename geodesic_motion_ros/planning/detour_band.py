@@ -19,12 +19,12 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import normalise
-from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
 from geodesic_motion_ros.planning.detour_frame import DetourFrame, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, nearness_factor, stretch
 from geodesic_motion_ros.planning.posture import hold_displaced
+from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: Points of the band, so often [m], at first and then; rounds in which each of them is moved.
 _SPACINGS, _ROUNDS = (0.05, 0.03, 0.015), 15

@@ -25,13 +25,13 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
-from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: Covariances are smoothed over this share of the path.
 _SMOOTHING = 0.05

@@ -25,8 +25,6 @@ import numpy as np
 from geodesic_motion_ros.arm_certificate import CertifiedTrajectory
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_timing import load_references
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -54,6 +52,8 @@ from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.trajectory.timing import load_references
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.utils.errors import PlanningError, RobotError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode

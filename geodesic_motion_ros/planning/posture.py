@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.robot.inverse_kinematics import pose_difference
 from geodesic_motion_ros.robot.kinematics import (
     Robot,
@@ -28,6 +27,7 @@ from geodesic_motion_ros.robot.kinematics import (
     quaternion_of,
     write_jacobian,
 )
+from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: Newton's method ends where the pose is this near [m, rad], after so many steps at most; no joint turns farther than
 #: this in one of them [rad], where the linearisation can be trusted.

@@ -22,9 +22,9 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.geometry.shapes import no_solids, solid_distance
-from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: A sphere may be so far [m] from where it passes along the base path. Half the spacing of its samples takes 2.5 mm of
 #: that, the path's bends between the samples of a detour's frame up to as much, and `SEARCH_DEPTH` the rest.

@@ -14,8 +14,6 @@ from functools import cached_property
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, CertifiedTrajectory, SweptArm, SweptSpheres
-from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.mode import Mode
@@ -23,6 +21,8 @@ from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan
 from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.stopping import stopping_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

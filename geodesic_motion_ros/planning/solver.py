@@ -16,8 +16,6 @@ import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory, SweptArm
 from geodesic_motion_ros.geometry.curves import arc_length_fractions
-from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
@@ -40,6 +38,8 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

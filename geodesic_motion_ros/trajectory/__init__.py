@@ -1,0 +1,1 @@
+"""Timed joint positions: from a path to a trajectory, and to a stop."""

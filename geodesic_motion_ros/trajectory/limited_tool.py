@@ -2,7 +2,7 @@
 
 Along a path q(s) the tool has the velocity x'(s) and the acceleration x''(s) per s, and as much of angular velocity.
 Passed at s' it moves at |x'| s' and accelerates along its tangent t with |x'| s'' + (t x'') s'^2 and across it with
-|x'' - t (t x'')| s'^2: two more "joints" of a law within limits (`joint_time_law.py`), and two of the rotation.
+|x'' - t (t x'')| s'^2: two more "joints" of a law within limits (`time_optimal.py`), and two of the rotation.
 """
 
 from __future__ import annotations

@@ -14,13 +14,13 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from geodesic_motion_ros.joint_reference import JointReference, joined
-from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.nodes.messages import seconds
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
 
 # What moves in real time does so evenly where it has the machine to itself.
 pytestmark = pytest.mark.realtime

@@ -10,7 +10,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.geometry.quaternions import from_rotation
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
@@ -20,6 +19,7 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import PlanningError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

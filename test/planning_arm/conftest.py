@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -16,6 +15,7 @@ from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 
 @dataclass

@@ -18,8 +18,6 @@ import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
@@ -30,6 +28,8 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark
 from geodesic_motion_ros.studies.benchmarks.scenes import PERIOD, RATE, Scene
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.verdict import Verdict
 

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.inverse_kinematics import solve
@@ -21,6 +19,8 @@ from geodesic_motion_ros.sheet import CanonicalSheet
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.comparison.guard import Guard, GuardedArm, guard_of, guarded_spheres
 from geodesic_motion_ros.studies.comparison.tool_demonstrations import followed, moved_curves, shown_curves
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 
 

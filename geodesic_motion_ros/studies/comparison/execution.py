@@ -28,7 +28,6 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.joint_reference import PERIOD
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.studies.comparison.guard import GuardedArm
@@ -44,6 +43,7 @@ from geodesic_motion_ros.studies.experiments.moving_spheres import (
 )
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.studies.tools.similarity import compare
+from geodesic_motion_ros.trajectory.trajectory import PERIOD
 from geodesic_motion_ros.utils.errors import RobotError
 
 #: The goal is reached within so much [m], [rad]; an arm rests whose joints are all slower than this [rad/s], a tool all

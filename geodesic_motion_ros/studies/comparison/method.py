@@ -8,10 +8,10 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from geodesic_motion_ros.geometry.curves import Pose
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.studies.comparison.scene import Scene
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: Between ticks, and how long a motion that nothing follows takes to end [s].
 TICK, BRAKING = 0.01, 0.1

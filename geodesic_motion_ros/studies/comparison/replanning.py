@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.arm_certificate import ArmCertifier, SweptArm
-from geodesic_motion_ros.joint_reference import JointReference, joined
-from geodesic_motion_ros.joint_stop import stopping_reference
-from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import Answer
 from geodesic_motion_ros.studies.comparison.scene import Scene
+from geodesic_motion_ros.trajectory.stopping import stopping_reference
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
 
 #: A new reference takes over so long after it was asked for, obstacles are expected to move on for so long, and a path
 #: is asked for again so long after there was none [s]; the first two as our planner.

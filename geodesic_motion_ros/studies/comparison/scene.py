@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.families import (
@@ -21,6 +20,7 @@ from geodesic_motion_ros.studies.comparison.families import (
 )
 from geodesic_motion_ros.studies.comparison.ways import Ways
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: So many starts and goals are drawn for a scene.
 _ENDS = 20

@@ -12,13 +12,13 @@ from collections.abc import Sequence
 import numba
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.guard import GuardedArm
 from geodesic_motion_ros.studies.experiments.blocked_arm import HAND
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: Between the instants at which the ways are looked at [s].
 _PERIOD = 0.02

@@ -17,7 +17,6 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -28,6 +27,7 @@ from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.blocked_arm import CHECK_PERIOD, every
 from geodesic_motion_ros.studies.paper.follower import TimedPath, followed
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
+from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, ending_at_rest, interpolated
 from geodesic_motion_ros.utils.tables import Cell, text_table
 
 if TYPE_CHECKING:

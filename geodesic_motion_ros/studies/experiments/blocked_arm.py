@@ -22,7 +22,6 @@ from typing import Literal
 
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints
@@ -30,6 +29,7 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_queries import ArmQuery, body_spheres, distances, draw_query
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 
 Kind = Literal["one way", "all ways", "elbow"]

@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from geodesic_motion_ros.geometry.curves import arc_length_fractions
-from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
@@ -26,6 +25,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import LARGEST_DETOUR
 from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.trajectory.trajectory import interpolated
 from geodesic_motion_ros.utils.errors import ExperimentError, ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
 

@@ -24,7 +24,6 @@ import numba
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
@@ -50,6 +49,7 @@ from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.studies.tools.panda_solutions import MOST, panda_solutions, solutions_at, wrist_frames
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.verdict import Verdict

@@ -17,8 +17,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import PERIOD, JointReference
-from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
@@ -38,6 +36,8 @@ from geodesic_motion_ros.studies.experiments.moving_spheres import (
     needed_room,
 )
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
+from geodesic_motion_ros.trajectory.stopping import stopping_reference
+from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference
 
 #: A command slower than this [rad/s] rests; a goal is reached within so much [rad].
 RESTING, REACHED = 1e-3, 1e-3

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.studies.experiments.arm_queries import ArmQuery, body_spheres, distances, draw_query
 from geodesic_motion_ros.studies.experiments.blocked_arm import every
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Radii of spheres [m], and how far their centres are from a place in the arm [m], as a standard deviation.

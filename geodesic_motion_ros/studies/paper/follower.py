@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import interpolated
+from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: w [1/s]: what is commanded is 2 / w = 0.2 s behind the leading point.
 STIFFNESS = 10.0

@@ -8,13 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.joint_reference import JointReference
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
 from geodesic_motion_ros.skill import Skill
 from geodesic_motion_ros.studies.paper.follower import STIFFNESS
 from geodesic_motion_ros.studies.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
 from geodesic_motion_ros.studies.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.verdict import VerdictCode
 
 PERIOD, LATENCY = 0.01, 0.03

@@ -18,7 +18,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import interpolated
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
@@ -29,6 +28,7 @@ from geodesic_motion_ros.studies.comparison.methods.free_demonstration import PO
 from geodesic_motion_ros.studies.comparison.methods.promp import Primitives
 from geodesic_motion_ros.studies.comparison.replanning import MARGIN, RETRY, Replanning, meeting
 from geodesic_motion_ros.studies.comparison.scene import Scene
+from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 BaseName = Literal["mean demonstration", "ProMP", "nearest demonstration"]
 #: The base path (m, eta) [rad] from a scene's start to its goal, at equal shares.

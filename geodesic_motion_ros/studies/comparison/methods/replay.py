@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from geodesic_motion_ros.joint_reference import PERIOD
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import Answer
 from geodesic_motion_ros.studies.comparison.scene import Scene
+from geodesic_motion_ros.trajectory.trajectory import PERIOD
 
 
 class Replay:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from geodesic_motion_ros.joint_reference import PERIOD
-from geodesic_motion_ros.joint_stop import bridge_to_rest, stopping_reference
-from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.stopping import bridge_to_rest, stopping_reference
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import PERIOD
 from geodesic_motion_ros.utils.errors import PlanningError
 
 ROBOT = Robot.panda()

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.joint_reference import PERIOD, interpolated, joined
-from geodesic_motion_ros.joint_stop import bridge_to_rest
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.stopping import bridge_to_rest
+from geodesic_motion_ros.trajectory.trajectory import PERIOD, interpolated, joined
 
 ROBOT = Robot.panda()
 LIMITS = JointLimits.of(ROBOT)

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.horizon import Horizon
-from geodesic_motion_ros.joint_reference import JointReference
-from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.receding_horizon import Horizon
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 ROBOT = Robot.panda()
 LIMITS = JointLimits.of(ROBOT, 0.3, 0.2)

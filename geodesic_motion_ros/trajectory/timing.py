@@ -14,10 +14,10 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.cubic_spline import spline_bends, spline_samples
 from geodesic_motion_ros.geometry.quintic import quintic_samples
-from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated, knot_times
-from geodesic_motion_ros.joint_time_law import SmoothLaw, averaging_width, fastest_rates
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
+from geodesic_motion_ros.trajectory.time_optimal import SmoothLaw, averaging_width, fastest_rates
+from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, ending_at_rest, interpolated, knot_times
 from geodesic_motion_ros.utils.errors import PlanningError
 
 #: Half of the triangle of time over which laws are averaged [s]; more where jerk is limited harder than a Panda's.
@@ -52,7 +52,7 @@ def timed_joint_reference(
     """A fast reference along a path, from the present state of motion until rest at the path's end.
 
     The path is drawn by a cubic spline and passed under the fastest law within the limits, averaged over time
-    (`joint_time_law.py`). What the start differs from the state of motion in position, velocity and acceleration fades
+    (`time_optimal.py`). What the start differs from the state of motion in position, velocity and acceleration fades
     as a quintic in time, which leaves the path meanwhile. Where the motion exceeds limits the law is slowed down
     there, and again.
 

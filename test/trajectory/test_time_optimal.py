@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from geodesic_motion_ros.joint_time_law import SmoothLaw, braking_rates, fastest_rates
+from geodesic_motion_ros.trajectory.time_optimal import SmoothLaw, braking_rates, fastest_rates
 
 VELOCITY = np.array([2.0, 2.5, 1.5])
 ACCELERATION = np.array([15.0, 7.5, 10.0])

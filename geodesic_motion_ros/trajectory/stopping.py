@@ -11,9 +11,9 @@ from itertools import pairwise
 import numpy as np
 
 from geodesic_motion_ros.geometry.quintic import quintic_samples
-from geodesic_motion_ros.joint_reference import PERIOD, JointReference, ending_at_rest, interpolated, knot_times
-from geodesic_motion_ros.joint_time_law import SmoothLaw, averaging_width, braking_rates
 from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.time_optimal import SmoothLaw, averaging_width, braking_rates
+from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, ending_at_rest, interpolated, knot_times
 
 #: Halves of the triangle of time over which laws are averaged [s], tried one after the other: the sooner a stop begins
 #: the better, but one that begins while the arm accelerates as much as it may has to begin gently.

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from geodesic_motion_ros.joint_reference import PERIOD
-from geodesic_motion_ros.joint_stop import bridge_to_rest, stopping_reference
-from geodesic_motion_ros.joint_timing import timed_joint_reference
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.stopping import bridge_to_rest, stopping_reference
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import PERIOD
 
 ROBOT = Robot.panda()
 LIMITS = JointLimits.of(ROBOT)

@@ -14,9 +14,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from geodesic_motion_ros.joint_reference import JointReference, joined
-from geodesic_motion_ros.joint_stop import stopping_reference
 from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.stopping import stopping_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
 
 #: What is sent reaches further again after this share of the horizon.
 _RENEWED_AFTER = 0.5
