@@ -42,7 +42,7 @@ from geodesic_motion_ros.robot.body_points import (
     end_effector_poses,
     place_body_points,
 )
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 #: Of demonstrations by their family.
 FAMILY_COLOURS = (GREY, GREEN, "#CC79A7", "#56B4E9", "#000000")

@@ -59,7 +59,7 @@ def build_planners() -> None:
     from geodesic_motion_ros.planning.declared_scene import DeclaredScene
     from geodesic_motion_ros.planning.planner import ReactivePlanner
     from geodesic_motion_ros.planning.settings import PlannerSettings
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
 
     for name in SKILLS:
         ReactivePlanner(Skill.load(name), PlannerSettings(unseen="blocked"), scene=DeclaredScene.empty())

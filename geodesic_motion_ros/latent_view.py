@@ -18,7 +18,7 @@ from geodesic_motion_ros.manifold.decoder import Decoded
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError
 
 # Perceptually even, dark to bright: blue-black over teal to pale yellow.

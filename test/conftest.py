@@ -26,7 +26,7 @@ from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.kernels import compile_kernels
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 

@@ -13,7 +13,7 @@ import yaml
 
 from geodesic_motion_ros.demonstrations.readers import holds_joints, read_demonstrations, read_joint_demonstrations
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.checked_files import read_arrays, read_tensors, read_yaml
 from geodesic_motion_ros.utils.errors import DemonstrationError, FileError, SkillError
 

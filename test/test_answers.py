@@ -15,7 +15,7 @@ import pytest
 from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.planning import search
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 ANSWERS = Path(__file__).parent / "answers"
 SKILLS = ("panda_bottle2shelf", "panda_pouring", "panda_reach_to_grasp")

@@ -13,7 +13,7 @@ from geodesic_motion_ros.nodes.skill_kinds import CertifiedKind
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 NOTHING, MODEL, SIZE = Obstacles.none(), CollisionModel.named("panda"), 200
 

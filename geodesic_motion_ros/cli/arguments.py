@@ -20,7 +20,7 @@ from geodesic_motion_ros.demonstrations.readers import (
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
 
 
 @contextmanager

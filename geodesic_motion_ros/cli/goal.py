@@ -42,7 +42,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the goal, send it, print the answer."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
 
     with needing("a goal needs", "source your ROS 2"):
         from geodesic_motion_ros.nodes.goal_sender import by_hand, send_goal

@@ -17,7 +17,7 @@ from geodesic_motion_ros.utils.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.manifold.latent_graph import LatentGraph
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
 
 _DESCRIPTION = """\
 Shows what a skill holds: what it was learned from, how well, where it begins and ends, how large its latent graph is
@@ -47,7 +47,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Describe, print, draw."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
 
     skill = Skill.load(arguments.skill)
     writable(arguments.json)

@@ -33,14 +33,14 @@ from geodesic_motion_ros.demonstrations.readers import (
     parse_columns,
     quaternion_order,
 )
-from geodesic_motion_ros.skill_description import check_text
+from geodesic_motion_ros.skill.description import check_text
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
 
 # Motions smaller than this [m] look like a wrong unit; an error of this share of the motion is no skill.
 _SMALL, _POOR = 0.02, 0.2

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
     from geodesic_motion_ros.learning.settings import JointTrainingSettings
     from geodesic_motion_ros.robot.kinematics import Robot
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
 
 # A demonstration whose joints all stay within this [rad] of where they begin does not move.
 _STILL = 0.02

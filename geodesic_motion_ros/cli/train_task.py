@@ -17,7 +17,7 @@ from geodesic_motion_ros.utils.errors import DemonstrationError
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.learning.settings import TrainingSettings
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
 
 # A demonstration that stays within this [m], [rad] of its first pose does not move.
 _STILL_DISTANCE, _STILL_ANGLE = 1e-3, 0.02

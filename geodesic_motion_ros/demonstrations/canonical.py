@@ -19,7 +19,7 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.geometry.curves import interpolate, pose_arc_length
 from geodesic_motion_ros.geometry.quaternions import mean_rotation, rotate_by, rotation_vector_between
-from geodesic_motion_ros.sheet import RotationCurves
+from geodesic_motion_ros.skill.sheet import RotationCurves
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 #: Starts and goals may lie this share of the demonstrations' length from their mean; further apart there is no task

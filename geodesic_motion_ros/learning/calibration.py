@@ -24,9 +24,9 @@ from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets
-from geodesic_motion_ros.regression import surest_penalty
-from geodesic_motion_ros.sheet import CanonicalSheet
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.regression import surest_penalty
+from geodesic_motion_ros.skill.sheet import CanonicalSheet
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import SkillError
 
 #: Samples of a demonstration whose codes a skill keeps, equally spaced in arc length of the positions.

@@ -17,17 +17,17 @@ from geodesic_motion_ros.demonstrations.joint_canonical import (
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.joint_sheet import JointSheet
 from geodesic_motion_ros.learning.calibration import CODE_SAMPLES, SUPPORT_PERCENTILE, dearest_energy
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
-from geodesic_motion_ros.regression import surest_penalty
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.joint_sheet import JointSheet
+from geodesic_motion_ros.skill.regression import surest_penalty
+from geodesic_motion_ros.skill.skill import Skill
 
 
 def assemble_joint_skill(

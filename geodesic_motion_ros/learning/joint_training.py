@@ -30,7 +30,7 @@ from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import GRID_SHAPES, Skill
+from geodesic_motion_ros.skill.skill import GRID_SHAPES, Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 
 #: How far beside the tool points are watched while learning [m]: a turn by a radian counts so much.

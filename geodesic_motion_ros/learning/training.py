@@ -30,7 +30,7 @@ from geodesic_motion_ros.learning.optimisation import Progress, descend, minimis
 from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import FixedPrecisions, Means, Precisions, TaskSpaceVAE
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 
 class Poses(NamedTuple):

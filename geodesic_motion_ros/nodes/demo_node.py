@@ -35,7 +35,7 @@ from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
 from geodesic_motion_ros.nodes.hand_scene import HandScene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
 from geodesic_motion_ros.utils.tables import write_json
 

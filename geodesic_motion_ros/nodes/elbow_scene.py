@@ -24,7 +24,7 @@ from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, draw_in_spac
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: The sphere: radius [m], speed [m/s], and how far from its place it sets out [m].

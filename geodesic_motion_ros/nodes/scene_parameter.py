@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import FileError, ParameterError
 from geodesic_motion_ros.utils.shared_files import SharedFileError
 

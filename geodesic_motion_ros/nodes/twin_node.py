@@ -54,7 +54,7 @@ from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.scripted_spheres import NAMED, ScriptedSpheres, spheres_named
 from geodesic_motion_ros.simulation.world import PandaWorld
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError, RobotError, SkillError
 

@@ -31,8 +31,8 @@ from geodesic_motion_ros.planning.settings import NEAREST_POSES, SAME_TASK_JOINT
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
-from geodesic_motion_ros.sheet import beyond_demonstrated
-from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
+from geodesic_motion_ros.skill.sheet import beyond_demonstrated
+from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.utils.errors import RobotError
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 

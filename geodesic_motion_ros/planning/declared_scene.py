@@ -37,7 +37,7 @@ from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER, Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.checked_files import brief, opened, read_yaml
 from geodesic_motion_ros.utils.errors import FileError, GeodesicMotionError, SkillError
 from geodesic_motion_ros.utils.shared_files import find_shared

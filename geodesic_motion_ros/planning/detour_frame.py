@@ -30,7 +30,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: Covariances are smoothed over this share of the path.

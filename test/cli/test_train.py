@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros import cli
 from geodesic_motion_ros.learning import training
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
 
 BRIEFLY = ["--steps", "400", "--kernels", "80"]

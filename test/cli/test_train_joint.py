@@ -12,7 +12,7 @@ import pytest
 from geodesic_motion_ros.cli.arguments import evenly_sampled
 from geodesic_motion_ros.demonstrations.writers import save_joint_demonstrations
 from geodesic_motion_ros.learning import joint_training
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
 
 

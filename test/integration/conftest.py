@@ -28,7 +28,7 @@ from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 #: How long a condition may take to come true [s]: far more than it needs, so that a busy machine fails no test.
 PATIENCE = 60.0

@@ -13,7 +13,7 @@ from geodesic_motion_ros.nodes.messages import seconds
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 # What moves in real time does so evenly where it has the machine to itself.
 pytestmark = pytest.mark.realtime

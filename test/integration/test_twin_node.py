@@ -21,7 +21,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from geodesic_motion_ros.nodes import twin_node
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 
 # What moves in real time does so evenly where it has the machine to itself.

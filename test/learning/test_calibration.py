@@ -10,7 +10,7 @@ from geodesic_motion_ros.learning.calibration import calibrated_energy_per_edge,
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.pose_graph import build_pose_graph
 from geodesic_motion_ros.manifold.transport import Offsets
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import SkillError
 
 

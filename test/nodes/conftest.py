@@ -7,7 +7,7 @@ import pytest
 
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS
 from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
 from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 #: The planner of these tests ticks this often [s], and sees the obstacle where it was a little before [s].
 TICK, SEEN_AGO = 0.02, 0.04

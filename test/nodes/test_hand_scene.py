@@ -12,7 +12,7 @@ from geodesic_motion_ros.nodes import demo_pictures, hand_scene
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.hand_scene import HandScene
 from geodesic_motion_ros.planning.path_clearance import segment_distance
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 
 @pytest.fixture(scope="module")

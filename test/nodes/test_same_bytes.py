@@ -24,7 +24,7 @@ from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Str
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PERIOD, CYCLES = 0.04, 45

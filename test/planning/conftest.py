@@ -9,7 +9,7 @@ import pytest
 
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.verdict import Verdict
 
 #: Six joints in a row: base, shoulder, elbow, and three of a wrist.

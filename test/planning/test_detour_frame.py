@@ -10,7 +10,7 @@ from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, Detour
 from geodesic_motion_ros.planning.settings import DETOUR_METRES_PER_RADIAN, DETOUR_NARROWEST_SPREAD
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 PANDA = Robot.panda()
 

@@ -19,7 +19,7 @@ from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan, Solver
 from geodesic_motion_ros.robot.swivel import elbow_position
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError
 from geodesic_motion_ros.verdict import VerdictCode
 

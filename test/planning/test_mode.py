@@ -10,7 +10,7 @@ import pytest
 from geodesic_motion_ros.planning.mode import TRANSITIONS, Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 TICK = 0.01

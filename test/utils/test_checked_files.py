@@ -19,7 +19,7 @@ from safetensors.numpy import load_file, save_file
 
 from geodesic_motion_ros.demonstrations.readers import holds_joints, read_demonstrations, read_joint_demonstrations
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
 from geodesic_motion_ros.utils.errors import DemonstrationError, SkillError
 
@@ -512,7 +512,7 @@ CHILD = """
 import json, resource, signal, sys
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations, read_joint_demonstrations
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 def read(kind, path):
     if kind == "skill":

@@ -21,7 +21,7 @@ from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark
 from geodesic_motion_ros.studies.benchmarks.stages import SkillBench
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch, percentiles_ms

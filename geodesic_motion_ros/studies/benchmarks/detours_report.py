@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.detours import DetourBench, DetourTimes
 from geodesic_motion_ros.studies.benchmarks.stopwatch import percentiles_ms
 from geodesic_motion_ros.utils.tables import text_table, write_json

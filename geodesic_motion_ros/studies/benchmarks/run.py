@@ -22,7 +22,7 @@ from typing import TypeVar
 import numpy as np
 from tqdm import tqdm
 
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.bias import BiasFigures, skill_bias, synthetic_bias
 from geodesic_motion_ros.studies.benchmarks.engine import (
     SearchProblem,

@@ -24,7 +24,7 @@ from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.search import cheapest_path
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark
 from geodesic_motion_ros.studies.benchmarks.scenes import PERIOD, RATE, Scene
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch

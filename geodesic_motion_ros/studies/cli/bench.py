@@ -83,7 +83,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure, print the tables, write the file."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.benchmarks.detours_report import DetourBenchSettings, measure_detours
     from geodesic_motion_ros.studies.benchmarks.moving_report import MovingSettings, measure_moving
     from geodesic_motion_ros.studies.benchmarks.run import BenchSettings, alone, measured_alone

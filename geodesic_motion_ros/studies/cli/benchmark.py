@@ -139,7 +139,7 @@ def run(arguments: argparse.Namespace) -> None:
         from geodesic_motion_ros.studies.comparison.report import Report
         from geodesic_motion_ros.studies.comparison.run import Bench, BenchmarkSettings, kept_benchmark, play_benchmark
         from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.utils.tables import write_json
 
     methods = chosen(arguments.methods)

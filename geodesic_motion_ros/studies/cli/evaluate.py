@@ -23,7 +23,7 @@ from geodesic_motion_ros.cli.arguments import (
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.experiments.folds import Fold
     from geodesic_motion_ros.studies.experiments.imitation import Progress, Sheet
     from geodesic_motion_ros.studies.experiments.imitation_report import ImitationReport

@@ -89,7 +89,7 @@ def circle(arguments: argparse.Namespace) -> Measured:
 
 def geodesics(arguments: argparse.Namespace) -> Measured:
     """Ways to a geodesic on one skill."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.experiments.geodesics import compare_geodesics, draw_geodesics
 
     return Measured.of(compare_geodesics(Skill.load(arguments.skill), arguments.pairs), draw_geodesics)
@@ -113,7 +113,7 @@ def crossing(arguments: argparse.Namespace) -> Measured:
 
 def whole_arm(arguments: argparse.Namespace) -> Measured:
     """The parts that are asked for, on one skill."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.experiments.whole_arm import WholeArmSettings, draw_whole_arm, measure_whole_arm
 
     settings = WholeArmSettings(
@@ -125,7 +125,7 @@ def whole_arm(arguments: argparse.Namespace) -> Measured:
 
 def detours(arguments: argparse.Namespace) -> Measured:
     """One motion of one skill, played with each largest detour."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.experiments.detours import draw_detours, measure_detours
 
     report = measure_detours(
@@ -136,7 +136,7 @@ def detours(arguments: argparse.Namespace) -> Measured:
 
 def largest_sphere(arguments: argparse.Namespace) -> Measured:
     """Spheres on the path of one skill."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.experiments.largest_sphere import draw_largest, measure_largest
 
     found = measure_largest(Skill.load(arguments.skill), arguments.places, arguments.detours)
@@ -145,7 +145,7 @@ def largest_sphere(arguments: argparse.Namespace) -> Measured:
 
 def limbs(arguments: argparse.Namespace) -> Measured:
     """The tool's skill, trained for it, beside one of joint space."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.experiments.limbs import LimbsSettings, draw_limbs, measure_limbs
 
     settings = LimbsSettings((arguments.side, arguments.side), arguments.solutions)
@@ -154,7 +154,7 @@ def limbs(arguments: argparse.Namespace) -> Measured:
 
 def obstacle_laws(arguments: argparse.Namespace) -> Measured:
     """The laws on one skill."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.experiments.obstacle_law_figures import draw_laws
     from geodesic_motion_ros.studies.experiments.obstacle_laws import compare_laws
 
@@ -187,7 +187,7 @@ def volume(arguments: argparse.Namespace) -> Measured:
 
 def rate(arguments: argparse.Namespace) -> Measured:
     """The nodes with one skill; has no picture."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.rates import node_rate, reaction_time
 
     folder, rates = arguments.out / arguments.experiment, arguments.rates
@@ -222,7 +222,7 @@ def literal(arguments: argparse.Namespace) -> Measured:
 
 def reshaped_tubes(arguments: argparse.Namespace) -> Measured:
     """One skill of the whole arm, with a latent space of three dimensions."""
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.experiments.reshaped_tubes import draw_reshaped, measure_reshaped
 
     return Measured.of(measure_reshaped(Skill.load("paper_reach")), draw_reshaped)

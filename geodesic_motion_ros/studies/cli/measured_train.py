@@ -10,7 +10,7 @@ from geodesic_motion_ros.cli import train
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-    from geodesic_motion_ros.skill import Skill
+    from geodesic_motion_ros.skill.skill import Skill
 
 
 def add_command(commands: argparse._SubParsersAction) -> None:

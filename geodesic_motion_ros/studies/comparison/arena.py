@@ -15,8 +15,8 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.sheet import CanonicalSheet
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.sheet import CanonicalSheet
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.guard import Guard, GuardedArm, guard_of, guarded_spheres
 from geodesic_motion_ros.studies.comparison.tool_demonstrations import followed, moved_curves, shown_curves
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference

@@ -22,8 +22,8 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
-from geodesic_motion_ros.sheet import CanonicalSheet
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.sheet import CanonicalSheet
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.families import FAMILIES, Family
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_between, scene_generator

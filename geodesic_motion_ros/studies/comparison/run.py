@@ -12,7 +12,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.camera import CameraStage
 from geodesic_motion_ros.studies.comparison.catalogue import ROWS

@@ -38,7 +38,7 @@ import yaml
 
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.families import Family, check_families
 from geodesic_motion_ros.studies.comparison.guard import Guard
 from geodesic_motion_ros.studies.comparison.held_out import digest

@@ -18,7 +18,7 @@ from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.planning.path_smoothing import smooth_poses
 from geodesic_motion_ros.robot.inverse_kinematics import differential_step, pose_error
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.sheet import CanonicalSheet
+from geodesic_motion_ros.skill.sheet import CanonicalSheet
 from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Width of the smoothing, in samples of a demonstration, which has a hundred.

@@ -23,7 +23,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.blocked_arm import CHECK_PERIOD, every
 from geodesic_motion_ros.studies.paper.follower import TimedPath, followed
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner

@@ -33,7 +33,7 @@ from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import NEIGHBOURS
+from geodesic_motion_ros.skill.skill import NEIGHBOURS
 from geodesic_motion_ros.studies.experiments.joint_models import (
     decoded,
     models,

@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, supported_box, whole_box
 from geodesic_motion_ros.studies.experiments.trained import Trained
 from geodesic_motion_ros.utils.errors import ParameterError

@@ -38,7 +38,7 @@ from geodesic_motion_ros.simulation.teacher import (
     multi_goal_demonstrations,
     pouring_motion,
 )
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.baselines import Prediction, promp
 from geodesic_motion_ros.studies.experiments.imitation import evaluate
 from geodesic_motion_ros.studies.experiments.imitation_judge import EVERY_END

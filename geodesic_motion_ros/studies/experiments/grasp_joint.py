@@ -37,7 +37,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_players import Families, LiteralArm, OurArm, Player, settings_table
 from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import (
     RADIUS,

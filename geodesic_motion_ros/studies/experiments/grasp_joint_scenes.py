@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.joint_sheet import JointSheet
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.joint_sheet import JointSheet
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_players import Families, Played, Player
 from geodesic_motion_ros.studies.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.studies.experiments.blocked_arm import arm_clearance

@@ -47,7 +47,7 @@ from geodesic_motion_ros.plots import (
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import draw_reaching_query, reach_to_grasp
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.baselines import task_line
 from geodesic_motion_ros.studies.experiments.crossing import (
     GRAPHS,

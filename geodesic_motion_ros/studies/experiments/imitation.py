@@ -43,7 +43,7 @@ from typing import Literal
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.baselines import require_peers
 from geodesic_motion_ros.studies.experiments.crossing import Crossing, measure_crossings
 from geodesic_motion_ros.studies.experiments.folds import Fold

@@ -45,7 +45,7 @@ from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal, 
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.folds import Fold
 from geodesic_motion_ros.studies.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare, dtw_matching

@@ -19,7 +19,7 @@ from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import SUPPORT_MULTIPLE
+from geodesic_motion_ros.skill.skill import SUPPORT_MULTIPLE
 from geodesic_motion_ros.studies.experiments.trained import digest_of
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
 

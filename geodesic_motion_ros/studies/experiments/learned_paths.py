@@ -18,7 +18,7 @@ from geodesic_motion_ros.manifold.pose_graph import PoseGraph, build_pose_graph
 from geodesic_motion_ros.manifold.shortest_path import shortest_free_path
 from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 #: Nodes along each side of the whole box, by its dimension.
 WHOLE_BOX = {2: (100, 100), 3: (40, 40, 40)}

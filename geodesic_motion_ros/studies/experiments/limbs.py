@@ -34,7 +34,7 @@ from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, link_frames
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.studies.experiments.blocked_arm import (
     CHECK_PERIOD,

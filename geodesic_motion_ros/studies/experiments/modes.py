@@ -33,7 +33,7 @@ from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, SIDES, draw_passing_query, two_mode_demonstrations
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.avoidance import measured_clearance, placed
 from geodesic_motion_ros.studies.experiments.baselines import mean_demonstration
 from geodesic_motion_ros.studies.experiments.trained import check_seeds, trained_once

@@ -45,7 +45,7 @@ from geodesic_motion_ros.plots import (
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.held_bottle import (
     SIDES,
     SPHERE_RADIUS,

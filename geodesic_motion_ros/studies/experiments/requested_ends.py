@@ -21,8 +21,8 @@ from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.sheet import METRES_PER_RADIAN
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.sheet import METRES_PER_RADIAN
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.baselines import SAMPLES, Prediction
 from geodesic_motion_ros.studies.tools.similarity import distance_to_closest
 from geodesic_motion_ros.utils.tables import Cell, text_table

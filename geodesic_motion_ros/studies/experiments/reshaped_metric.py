@@ -25,7 +25,7 @@ from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.latent_view import magnification_factor
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.plots import BLUE, VERMILION, demonstrations_of, write_figure
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.held_bottle import SPHERE_RADIUS
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, whole_box

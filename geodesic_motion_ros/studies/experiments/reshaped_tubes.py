@@ -23,7 +23,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.plots import VERMILION, write_figure
 from geodesic_motion_ros.robot.body_points import BodyPoints, end_effector_poses, place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
 from geodesic_motion_ros.studies.paper.literal_search import ambient_factors
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings

@@ -19,7 +19,7 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.plots import write_figure
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.blocked_arm import KINDS, BlockedScene, BlockedWays, Kind, every
 from geodesic_motion_ros.studies.experiments.moving_arm import MovingArmScene, MovingArmStage
 from geodesic_motion_ros.studies.experiments.moving_spheres import draw_clearances, moving_figures, play_scenes

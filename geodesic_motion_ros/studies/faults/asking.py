@@ -19,7 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import pose_message
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.faults.fault import NotSeenError
 from geodesic_motion_ros.studies.faults.relay import Relay
 

@@ -21,7 +21,7 @@ from geodesic_motion_ros.nodes.demo_run import Processes, isolated_environment
 from geodesic_motion_ros.nodes.twin_node import start_joints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.faults.asking import Asking
 from geodesic_motion_ros.studies.faults.bench_clock import BenchClock
 from geodesic_motion_ros.studies.faults.commands import Commands

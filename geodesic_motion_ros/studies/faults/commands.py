@@ -16,7 +16,7 @@ from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.planning.settings import TOOL_LIMITS
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.faults.bench_clock import BenchClock
 from geodesic_motion_ros.studies.faults.command_ear import Command, CommandEar
 from geodesic_motion_ros.studies.faults.fault import STATE_TIMEOUT, Findings

@@ -13,7 +13,7 @@ from geodesic_motion_ros.manifold.pose_graph import build_pose_graph
 from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import GRID_SHAPES, Skill
+from geodesic_motion_ros.skill.skill import GRID_SHAPES, Skill
 
 #: Directions per node by the latent dimension: all neighbours of a cell.
 NEIGHBOURS = {2: 8, 3: 26}

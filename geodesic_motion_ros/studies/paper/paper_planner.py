@@ -13,7 +13,7 @@ from geodesic_motion_ros.manifold.latent_graph import refuse_unsupported
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import ENDPOINT_MULTIPLE, Skill
+from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
 from geodesic_motion_ros.studies.paper.follower import TimedPath
 from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch

@@ -18,7 +18,7 @@ import numpy as np
 from geodesic_motion_ros.nodes.stolen_time import StolenTime
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.studies.rates.planner_stream import Cloud, PlannerStream, Spheres, no_spheres
 from geodesic_motion_ros.utils.errors import ParameterError

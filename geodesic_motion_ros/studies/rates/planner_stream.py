@@ -20,7 +20,7 @@ from visualization_msgs.msg import MarkerArray
 from geodesic_motion_ros.nodes.demo_run import DemoError, Processes, isolated_environment
 from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import cloud_message, pose_message
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 #: Times a second that spheres are told, and that a cloud is; seconds to wait for the nodes.
 OBSTACLES_HZ, CLOUDS_HZ, PATIENCE = 30.0, 10.0, 60.0

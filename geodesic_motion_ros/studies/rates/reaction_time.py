@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory
 from geodesic_motion_ros.nodes.messages import seconds
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.rates.planner_stream import PATIENCE, PlannerStream, no_spheres
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError

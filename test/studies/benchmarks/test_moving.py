@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.moving import MovingBench, MovingTicks, NewGoals, recorded_searches
 from geodesic_motion_ros.studies.benchmarks.moving_report import MovingReport, MovingSettings, measure_moving
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks import run
 from geodesic_motion_ros.studies.benchmarks.peers import installed
 from geodesic_motion_ros.studies.benchmarks.report import BenchReport

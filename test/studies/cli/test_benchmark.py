@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
 from geodesic_motion_ros.studies.comparison.execution import Outcome
 from geodesic_motion_ros.studies.comparison.held_out import digest

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.execution import Stage
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene

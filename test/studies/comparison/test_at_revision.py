@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison import execution
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.at_revision import main, play_at

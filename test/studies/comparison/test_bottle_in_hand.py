@@ -10,7 +10,7 @@ import pytest
 
 from geodesic_motion_ros.geometry.quaternions import rotate
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.bottle_in_hand import (
     BOTTLE,

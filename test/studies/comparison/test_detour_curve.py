@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.detour_curve import REACHES, main, measured
 

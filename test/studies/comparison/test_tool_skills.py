@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.execution import RESTING, Stage
 from geodesic_motion_ros.studies.comparison.families import families_of

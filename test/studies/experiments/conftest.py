@@ -11,7 +11,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.learning.training import train_task_space_skill
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 
 
 @pytest.fixture(scope="session")

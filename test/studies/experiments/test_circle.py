@@ -10,7 +10,7 @@ import torch
 
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import swivel_angle
-from geodesic_motion_ros.skill import NEIGHBOURS
+from geodesic_motion_ros.skill.skill import NEIGHBOURS
 from geodesic_motion_ros.studies.experiments import circle
 from geodesic_motion_ros.studies.experiments.circle import (
     SWIVELS,

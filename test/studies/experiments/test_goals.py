@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, GRASP_HEIGHT
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments import goals
 from geodesic_motion_ros.studies.experiments.goals import (
     COLUMNS,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments import literal
 from geodesic_motion_ros.studies.experiments.literal import LITERAL, OURS, compare_literal, draw_literal
 from geodesic_motion_ros.utils.errors import SkillError

@@ -6,7 +6,7 @@ import numpy as np
 
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.studies.experiments.blocked_arm import every
 from geodesic_motion_ros.studies.experiments.obstacle_law_scenes import (

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.obstacle_law_figures import draw_laws
 from geodesic_motion_ros.studies.experiments.obstacle_law_scenes import BETWEEN
 from geodesic_motion_ros.studies.experiments.obstacle_laws import (

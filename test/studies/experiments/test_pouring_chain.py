@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.held_bottle import bottle_settings
 from geodesic_motion_ros.studies.experiments.pouring_chain import pour_all_cups
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.held_bottle import bottle_settings
 from geodesic_motion_ros.studies.experiments.pouring_stream import Stream, draw_moment, past_a_moving_sphere
 from geodesic_motion_ros.utils.errors import ParameterError

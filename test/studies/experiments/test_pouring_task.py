@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.held_bottle import bottle_settings
 from geodesic_motion_ros.studies.experiments.pouring_chain import pour_all_cups
 from geodesic_motion_ros.studies.experiments.pouring_stream import past_a_moving_sphere

@@ -13,7 +13,7 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_queries import draw_query
 from geodesic_motion_ros.studies.experiments.blocked_arm import FREE_HAND, BlockedWays, hand_alone
 from geodesic_motion_ros.studies.experiments.moving_arm import MovingArmRun, MovingArmStage, nominal_arm

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 
 #: Skill, grid and zeta by the space; in joint space coarse, the whole grid takes seconds and a gigabyte.

@@ -10,7 +10,7 @@ import pytest
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.geometry.se3 import carried
-from geodesic_motion_ros.sheet import METRES_PER_RADIAN, RotationCurves, beyond_demonstrated
+from geodesic_motion_ros.skill.sheet import METRES_PER_RADIAN, RotationCurves, beyond_demonstrated
 from geodesic_motion_ros.utils.errors import SkillError
 
 SCALE = np.repeat([1.0, METRES_PER_RADIAN], 3)

@@ -13,7 +13,7 @@ import numpy as np
 
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.mean_path import Ridges
-from geodesic_motion_ros.sheet import DemonstratedEnds
+from geodesic_motion_ros.skill.sheet import DemonstratedEnds
 
 
 @dataclass(frozen=True)

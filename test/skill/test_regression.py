@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.regression import PENALTIES, regression_weights, surest_penalty
+from geodesic_motion_ros.skill.regression import PENALTIES, regression_weights, surest_penalty
 
 S = np.linspace(0.0, 1.0, 40)
 

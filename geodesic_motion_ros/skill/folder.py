@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.joint_sheet import JointSheet
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder, TaskSpaceEncoder
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.sheet import CanonicalSheet
-from geodesic_motion_ros.skill_description import DESCRIPTION, LATENT, METADATA, WEIGHTS, check_description
+from geodesic_motion_ros.skill.description import DESCRIPTION, LATENT, METADATA, WEIGHTS, check_description
+from geodesic_motion_ros.skill.joint_sheet import JointSheet
+from geodesic_motion_ros.skill.sheet import CanonicalSheet
 from geodesic_motion_ros.utils.checked_files import opened, read_arrays, read_tensors, read_yaml
 from geodesic_motion_ros.utils.checked_numbers import (
     ARM_REACH,

@@ -19,7 +19,6 @@ import numpy as np
 import yaml
 from safetensors.numpy import save_file
 
-from geodesic_motion_ros.joint_sheet import JointSheet
 from geodesic_motion_ros.manifold.configuration_graph import (
     ConfigurationGraph,
     JointMetricSettings,
@@ -30,9 +29,10 @@ from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.mean_path import Ridges
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph, build_pose_graph
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.sheet import CanonicalSheet
-from geodesic_motion_ros.skill_description import DESCRIPTION, FILES, FORMAT_VERSION, LATENT, METADATA, WEIGHTS
-from geodesic_motion_ros.skill_folder import CANONICAL_ARRAYS, LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
+from geodesic_motion_ros.skill.description import DESCRIPTION, FILES, FORMAT_VERSION, LATENT, METADATA, WEIGHTS
+from geodesic_motion_ros.skill.folder import CANONICAL_ARRAYS, LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
+from geodesic_motion_ros.skill.joint_sheet import JointSheet
+from geodesic_motion_ros.skill.sheet import CanonicalSheet
 from geodesic_motion_ros.utils.checked_files import PlainDumper, brief
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, SkillError
 from geodesic_motion_ros.utils.shared_files import find_shared

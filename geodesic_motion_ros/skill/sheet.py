@@ -17,7 +17,7 @@ from geodesic_motion_ros.geometry.convex_hull import beyond_hull
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, mean_rotation, rotate_by, rotation_vector_between
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.mean_path import Ridges
-from geodesic_motion_ros.regression import regression_weights
+from geodesic_motion_ros.skill.regression import regression_weights
 from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_range, check_unit
 from geodesic_motion_ros.utils.errors import SkillError

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from geodesic_motion_ros.skill import Skill
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import SkillError
 
 

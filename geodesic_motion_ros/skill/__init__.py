@@ -1,0 +1,1 @@
+"""A skill: what was learned from demonstrations, in a folder."""
