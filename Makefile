@@ -57,5 +57,5 @@ $(ready): requirements.txt setup.py
 
 $(kernels): $(ready) $(sources)
 	@find geodesic_motion_ros -name '*.nb[ic]' -delete
-	@$(python) -m geodesic_motion_ros.kernels < /dev/null
+	@$(python) -m geodesic_motion_ros.planning.kernels < /dev/null
 	@touch $@

@@ -23,7 +23,7 @@ from scipy.interpolate import CubicSpline
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.geometry.quaternions import rotate_by
-from geodesic_motion_ros.kernels import compile_kernels
+from geodesic_motion_ros.planning.kernels import compile_kernels
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill

@@ -15,7 +15,7 @@ from typing import Protocol
 
 from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect, train
 from geodesic_motion_ros.cli.arguments import HelpFormatter
-from geodesic_motion_ros.kernels import compile_kernels
+from geodesic_motion_ros.planning.kernels import compile_kernels
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 _DESCRIPTION = """\

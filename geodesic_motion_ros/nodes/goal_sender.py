@@ -16,8 +16,8 @@ from rclpy.qos import QoSProfile
 
 from geodesic_motion_ros.nodes.messages import pose_message, seconds
 from geodesic_motion_ros.nodes.stream_cycle import PREPARING
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
-from geodesic_motion_ros.verdict import VerdictCode
 
 #: How long [s] a planner is looked for, and its verdict on the goal is waited for.
 PATIENCE = 10.0

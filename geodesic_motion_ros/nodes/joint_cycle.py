@@ -22,13 +22,13 @@ from geodesic_motion_ros.planning.guarded_arm import PreparedHold
 from geodesic_motion_ros.planning.mission import PreparedGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.tracking import TrackingMonitor
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.receding_horizon import Horizon
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import Deadline
 from geodesic_motion_ros.utils.errors import ParameterError, PlanningError
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: From the planner's answer to the arm that plays it, at most [s].
 TRANSIT = 0.005

@@ -39,9 +39,9 @@ from geodesic_motion_ros.nodes.plausible_joints import PlausibleJoints
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.stream_cycle import NO_CLOCK, CycleInputs
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 # A joint state that was lost is replaced by the next one. The queue is short, but a message to be refused must not push
 # out the good one before it.

@@ -31,10 +31,10 @@ from geodesic_motion_ros.nodes.skill_kinds import kind_of, planner_settings
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.view_thread import ViewThread
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError, PlanningError, RobotError, SkillError
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
 class PlannerNode(LoopingNode):

@@ -45,9 +45,9 @@ from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.trajectory import JointReference
-from geodesic_motion_ros.verdict import VerdictCode
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

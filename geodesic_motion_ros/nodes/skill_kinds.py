@@ -23,11 +23,11 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.verdict import Verdict
 
 _SETTINGS = (
     "avoidance", "avoid", "obstacle_margin", "obstacle_position_error", "ambient_strength", "ambient_width_ratio",

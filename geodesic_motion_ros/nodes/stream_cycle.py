@@ -19,10 +19,10 @@ import numpy as np
 
 from geodesic_motion_ros.nodes.preparation import Preparation, Prepared
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 Pose = tuple[np.ndarray, np.ndarray]
 #: Where the arm is: a tool pose, or a configuration (eta,) [rad].

@@ -1,0 +1,1 @@
+"""From a goal, obstacles and a skill to a certified trajectory; knows nothing of ROS."""

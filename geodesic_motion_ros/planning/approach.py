@@ -15,7 +15,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
 from geodesic_motion_ros.planning.solver import HeldQuery, Solver
-from geodesic_motion_ros.verdict import Verdict
+from geodesic_motion_ros.planning.status import Verdict
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,8 +19,8 @@ from geodesic_motion_ros.manifold.transport import blended
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.verdict import VerdictCode
 
 End = Literal["start", "goal"]
 

@@ -28,13 +28,13 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import NEAREST_POSES, SAME_TASK_JOINTS, PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.skill.sheet import beyond_demonstrated
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.utils.errors import RobotError
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from geodesic_motion_ros.arm_certificate import SweptArm
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.certificate import SweptArm
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
 from geodesic_motion_ros.planning.solver import HeldQuery, Plan, Solver
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
 
 @dataclass(frozen=True)

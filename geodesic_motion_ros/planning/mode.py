@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
 
 class Mode(Enum):

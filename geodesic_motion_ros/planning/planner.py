@@ -22,7 +22,6 @@ from numbers import Real
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import CertifiedTrajectory
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
@@ -30,6 +29,7 @@ from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.approach import approached, still_approaching
+from geodesic_motion_ros.planning.certificate import CertifiedTrajectory
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_demonstrations
 from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
@@ -44,6 +44,7 @@ from geodesic_motion_ros.planning.search_memory import Blocked, DetourRequest, D
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
 from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.planning.tracking import Tracking
@@ -56,7 +57,6 @@ from geodesic_motion_ros.trajectory.timing import load_references
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.utils.errors import PlanningError, RobotError
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: A detour arrives so long after it was asked for [s] where no other worker is given.
 DETOUR_DELAY = 0.15

@@ -24,8 +24,8 @@ from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_l
 from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder, checked_pose
 from geodesic_motion_ros.planning.search import LatentPath, cheapest_path, path_verdict
 from geodesic_motion_ros.planning.settings import MARGIN_MULTIPLES, SMOOTHING_WIDTHS, PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,9 @@ from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER
 from geodesic_motion_ros.planning.carried_query import AlongRidges, CarriedQuery, CarriedQueryBuilder, End
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import SAME_TASK_POSE, PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.sheet import POSE_SCALE, beyond_demonstrated
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.settings import CURVE_SIGMA_FACTOR, ENTRY_STEPS, PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
 class SearchQuery(Protocol):

@@ -16,7 +16,7 @@ from geodesic_motion_ros.planning.mission import Goal, Query
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Plan, Solver
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
 
 @dataclass(frozen=True)

@@ -13,18 +13,24 @@ from functools import cached_property
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, Certificate, CertifiedTrajectory, SweptArm, SweptSpheres
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.certificate import (
+    ArmCertifier,
+    Certificate,
+    CertifiedTrajectory,
+    SweptArm,
+    SweptSpheres,
+)
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.stopping import stopping_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: Knots are no nearer to each other [s].
 _SHORTEST_INTERVAL = 1e-3

@@ -14,7 +14,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory, SweptArm
 from geodesic_motion_ros.geometry.curves import arc_length_fractions
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
@@ -26,6 +25,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
+from geodesic_motion_ros.planning.certificate import ArmCertifier, CertifiedTrajectory, SweptArm
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, path_to_target
 from geodesic_motion_ros.planning.mode import Mode
@@ -33,6 +33,7 @@ from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, SearchQuery, cheapest_path, path_verdict
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -41,7 +42,6 @@ from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)

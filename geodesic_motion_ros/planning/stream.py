@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory
+from geodesic_motion_ros.planning.certificate import ArmCertifier, CertifiedTrajectory
 from geodesic_motion_ros.planning.situation import Followed, Played, Step
 from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.trajectory.trajectory import JointReference
-from geodesic_motion_ros.verdict import Verdict
 
 
 class Stream:

@@ -28,12 +28,12 @@ from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_l
 from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder
 from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import RobotError
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
 @dataclass(frozen=True)

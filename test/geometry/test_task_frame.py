@@ -11,9 +11,9 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.verdict import VerdictCode
 
 IDENTITY = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -15,13 +15,13 @@ from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
-from geodesic_motion_ros.verdict import VerdictCode
 
 PERIOD = 0.01
 HORIZON = 1.6

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.verdict import Verdict
 
 #: Six joints in a row: base, shoulder, elbow, and three of a wrist.
 SIX = """<robot name="six"><link name="l0"/>{}</robot>"""

@@ -17,9 +17,9 @@ from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.deadline import Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 TICK, RADIUS = 0.01, 0.06
 SKILLS = ("panda_pouring", "panda_reach_to_grasp")

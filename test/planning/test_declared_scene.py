@@ -14,10 +14,10 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, demonstrated_spheres
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import FileError, SkillError
 from geodesic_motion_ros.utils.shared_files import find_shared
-from geodesic_motion_ros.verdict import VerdictCode
 
 REACH = 0.25
 TABLE = {"name": "table", "centre": [0.5, 0.0, -0.36], "size": [1.0, 1.6, 0.72]}

@@ -18,10 +18,10 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan, Solver
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError
-from geodesic_motion_ros.verdict import VerdictCode
 
 TICK, PATIENCE, REACH = 0.01, 1.0, 0.25
 SKILLS = ("panda_pouring", "panda_reach_to_grasp")

@@ -8,13 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.certificate import ArmCertifier
 from geodesic_motion_ros.planning.evasion import FailedEvasion, evaded, is_searched, still_evading
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import MotionState, Plan
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -22,7 +23,6 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 ROBOT, SETTINGS = Robot.panda(), PlannerSettings()
 LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")

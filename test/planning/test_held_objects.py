@@ -15,10 +15,10 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.verdict import VerdictCode
 
 TICK, PATIENCE = 0.01, 0.2
 SKILLS = ("panda_pouring", "panda_reach_to_grasp")

@@ -10,8 +10,8 @@ import pytest
 from geodesic_motion_ros.planning.mode import TRANSITIONS, Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 TICK = 0.01
 HOLD = Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested")

@@ -19,9 +19,9 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.pose_query import Query
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import PlanningError
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 NOTHING = (np.empty((0, 3)), np.empty(0))
 TOOL_RADIUS = 0.04

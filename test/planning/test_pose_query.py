@@ -14,8 +14,8 @@ from geodesic_motion_ros.geometry.quaternions import angle_between, rotate_by
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.pose_query import Pose, QueryBuilder
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.verdict import VerdictCode
 
 NOTHING = (np.empty((0, 3)), np.empty(0))
 

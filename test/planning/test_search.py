@@ -8,11 +8,11 @@ import pytest
 from geodesic_motion_ros.manifold import bidirectional_astar
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, cheapest_path, is_same_path
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.studies.benchmarks.engine import mark
 from geodesic_motion_ros.studies.benchmarks.scenes import spheres_on_way
 from geodesic_motion_ros.studies.benchmarks.stages import SkillBench
 from geodesic_motion_ros.utils.deadline import Deadline
-from geodesic_motion_ros.verdict import VerdictCode
 
 PASSED = Deadline(-np.inf)
 

@@ -11,8 +11,8 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import search_memory
 from geodesic_motion_ros.planning.search_memory import SearchMemory
 from geodesic_motion_ros.planning.settings import ATTEMPTS, Attempt
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.utils.deadline import NEVER
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 CAUTIOUS = tuple(attempt for attempt in ATTEMPTS if not attempt.optimistic)
 SOLVER = SimpleNamespace(attempts=ATTEMPTS, cautious=CAUTIOUS)

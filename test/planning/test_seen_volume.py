@@ -15,13 +15,13 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.seen_volume import BASE_ALLOWANCE, SeenVolume, first_unseen, seen_depth
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import PlanningError
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 PANDA, ARM = Robot.panda(), CollisionModel.panda()
 SKILLS = ("panda_pouring", "panda_reach_to_grasp")

@@ -10,12 +10,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, CertifiedTrajectory
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.certificate import ArmCertifier, CertifiedTrajectory
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.situation import Followed, Played, Situation
 from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -23,7 +24,6 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 ROBOT, SETTINGS = Robot.panda(), PlannerSettings()
 LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")

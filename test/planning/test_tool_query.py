@@ -14,6 +14,7 @@ from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.tool_query import ToolQuery, ToolQueryBuilder
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -22,7 +23,6 @@ from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 SKILL = Skill.load("panda_pouring")
 START, GOAL = (Pose(pose[:3], pose[3:]) for pose in (SKILL.start_pose, SKILL.goal_pose))

@@ -25,6 +25,7 @@ from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch, no_garbage_collection
 from geodesic_motion_ros.studies.comparison.arena import Arena
@@ -33,7 +34,6 @@ from geodesic_motion_ros.studies.comparison.scene import moved_demonstrations
 from geodesic_motion_ros.studies.comparison.ways import Ways
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.utils.errors import ParameterError
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: Starts and goals, and spheres between two of them, that are drawn until it is said that none fit.
 _ENDS, _SPHERES = 20, 30_000

@@ -16,14 +16,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
+from geodesic_motion_ros.planning.certificate import ArmCertifier
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.search import cheapest_path
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark
 from geodesic_motion_ros.studies.benchmarks.scenes import PERIOD, RATE, Scene
@@ -31,7 +32,6 @@ from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
-from geodesic_motion_ros.verdict import Verdict
 
 #: Smoothing width of the planner's first attempt, in grid steps.
 _WIDTH = 2.0

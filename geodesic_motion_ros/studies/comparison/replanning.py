@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.arm_certificate import ArmCertifier, SweptArm
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.certificate import ArmCertifier, SweptArm
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import Answer

@@ -38,11 +38,11 @@ from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.planning.path_smoothing import correct_ends
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.studies.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.studies.experiments.trained import Trained
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
-from geodesic_motion_ros.verdict import Verdict
 
 #: Largest distance between the poses at which a curve's clearance is measured [m].
 CHECK_STEP = 0.0005

@@ -31,6 +31,7 @@ from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.simulation.tabletop import Region
 from geodesic_motion_ros.simulation.teacher import (
     BOTTLE_REGION,
@@ -58,7 +59,6 @@ from geodesic_motion_ros.studies.experiments.trained import check_seeds, trained
 from geodesic_motion_ros.studies.tools.similarity import compare
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
-from geodesic_motion_ros.verdict import Verdict
 
 TASK = "pouring_anywhere"
 #: Held-out demonstrations of seed s are drawn with seed s + HELD_OUT_SEED.

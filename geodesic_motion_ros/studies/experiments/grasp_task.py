@@ -34,6 +34,7 @@ from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.plots import (
     BLUE,
     GREEN,
@@ -74,7 +75,6 @@ from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds
 from geodesic_motion_ros.studies.tools.similarity import distance_to_closest
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
-from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import TrainingSettings

@@ -19,12 +19,12 @@ from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.skill.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.baselines import PREDICTORS, Prediction
 from geodesic_motion_ros.studies.experiments.imitation_report import Measurement, Values
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare, distance_to_closest
-from geodesic_motion_ros.verdict import Verdict
 
 EVERY_END = PlannerSettings(maximum_offset=10.0, maximum_offset_angle=math.pi)
 """Held-out ends lie off the manifold by design; how far is a figure of the table, not a reason to refuse."""

@@ -30,6 +30,7 @@ from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, link_frames
@@ -52,7 +53,6 @@ from geodesic_motion_ros.studies.tools.panda_solutions import MOST, panda_soluti
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
-from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import TrainingSettings

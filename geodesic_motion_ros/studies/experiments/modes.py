@@ -32,6 +32,7 @@ from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.simulation.teacher import PILLAR, SIDES, draw_passing_query, two_mode_demonstrations
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.avoidance import measured_clearance, placed
@@ -39,7 +40,6 @@ from geodesic_motion_ros.studies.experiments.baselines import mean_demonstration
 from geodesic_motion_ros.studies.experiments.trained import check_seeds, trained_once
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
-from geodesic_motion_ros.verdict import Verdict
 
 TASK = "past_a_pillar"
 #: A path follows a way within this share of the distance between the ways; half would be in between.

@@ -51,6 +51,7 @@ from geodesic_motion_ros.planning.configuration_query import (
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import MotionState, Solver
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.methods.geodesic import no_body
@@ -61,7 +62,6 @@ from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeomet
 from geodesic_motion_ros.studies.tools.similarity import dtw_matching
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
-from geodesic_motion_ros.verdict import Verdict
 
 Kind = Literal["ignored", "soft alone", "hard alone", "soft and hard", "completed"]
 #: zeta, and Gaussian width over obstacle and body radius.

@@ -13,13 +13,13 @@ from geodesic_motion_ros.geometry.curves import interpolate, pose_arc_length
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE, smooth_step
 from geodesic_motion_ros.simulation.joint_teacher import CUP_PLACES
 from geodesic_motion_ros.simulation.tabletop import Cylinder, TabletopWorld
 from geodesic_motion_ros.simulation.teacher import CUP_REGION, Motion, bottle_in_hand, perform
 from geodesic_motion_ros.studies.experiments.held_bottle import bottle_mouth
 from geodesic_motion_ros.studies.experiments.pouring_places import PLACES, at_bottle, at_cup, standing_there
-from geodesic_motion_ros.verdict import Verdict
 
 #: The arm waits so long over each cup [s].
 _PAUSE = 0.5

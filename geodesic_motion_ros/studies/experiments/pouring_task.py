@@ -33,6 +33,7 @@ from geodesic_motion_ros.geometry.curves import interpolate
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.plots import (
     BLUE,
     GREY,
@@ -60,7 +61,6 @@ from geodesic_motion_ros.studies.experiments.reshaped_metric import ReshapedMetr
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
-from geodesic_motion_ros.verdict import Verdict
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import TrainingSettings

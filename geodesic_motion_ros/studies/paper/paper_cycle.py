@@ -19,11 +19,11 @@ from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation, pose_moved
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Place, Pose, StreamCycle
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.studies.paper.follower import TimedPath, followed
 from geodesic_motion_ros.studies.paper.paper_planner import CAUTION, PaperGoal, PaperPlanner
 from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, ending_at_rest, interpolated, joined
 from geodesic_motion_ros.utils.deadline import Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: The mass has come to rest so long [s] after the leading point, at the latest.
 _SETTLING = 5.0

@@ -11,6 +11,7 @@ from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs, normalise
 from geodesic_motion_ros.manifold.latent_graph import refuse_unsupported
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
@@ -18,7 +19,6 @@ from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
 from geodesic_motion_ros.studies.paper.follower import TimedPath
 from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 #: Points of a spline that are decoded, and coefficients that it is fitted with.
 SAMPLES, COEFFICIENTS = 100, 10

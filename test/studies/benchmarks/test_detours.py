@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.detours import DetourBench, DetourTimes
 from geodesic_motion_ros.studies.benchmarks.detours_report import DetourBenchSettings, DetourReport, measure_detours
-from geodesic_motion_ros.verdict import VerdictCode
 
 TINY = DetourBenchSettings(motions=1, scenes=2, plays=1)
 

@@ -9,10 +9,10 @@ import pytest
 
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.studies.paper.paper_planner import CAUTION, COEFFICIENTS, SAMPLES, PaperPlanner
 from geodesic_motion_ros.utils.deadline import Deadline
-from geodesic_motion_ros.verdict import VerdictCode
 
 
 @pytest.fixture

@@ -23,8 +23,8 @@ from typing import Any
 
 from numba.core.dispatcher import Dispatcher
 
-from geodesic_motion_ros.kernel_list import PACKAGE, read_types, row
-from geodesic_motion_ros.kernels import listed
+from geodesic_motion_ros.planning.kernel_list import PACKAGE, read_types, row
+from geodesic_motion_ros.planning.kernels import listed
 
 _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of linux/prctl.h
 

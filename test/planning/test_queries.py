@@ -21,10 +21,10 @@ from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Plan
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.verdict import Verdict
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 

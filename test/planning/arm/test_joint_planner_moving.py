@@ -13,9 +13,9 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.situation import Situation
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.utils.deadline import Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
 def test_what_comes_into_the_way_stops_the_arm_before_it_and_it_goes_on_when_it_is_gone(

@@ -4,8 +4,8 @@ numba compiles a kernel where it is first called, and keeps the result in a cach
 installation that takes a minute, one kernel after the other, without a word. So programs call `compile_kernels` before
 they load numba: processes of their own (`kernel_worker`) compile what `kernels.json` lists and the cache lacks.
 
-The list may be out of date: that costs time, never correctness. `python -m geodesic_motion_ros.kernels` compiles,
-`python -m geodesic_motion_ros.kernels --write` makes the list anew.
+The list may be out of date: that costs time, never correctness. `python -m geodesic_motion_ros.planning.kernels`
+compiles, `python -m geodesic_motion_ros.planning.kernels --write` makes the list anew.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
 def loaded():
     modules = [module for name, module in sys.modules.items() if name.startswith("geodesic_motion_ros")]

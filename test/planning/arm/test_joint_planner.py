@@ -16,9 +16,9 @@ from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import Deadline
-from geodesic_motion_ros.verdict import Verdict, VerdictCode
 
 
 def test_the_goal_is_reached_at_rest_and_stays_reached(stream, nominal, goal) -> None:

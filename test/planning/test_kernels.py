@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 import geodesic_motion_ros
-from geodesic_motion_ros.kernels import LIST, compile_kernels, listed
+from geodesic_motion_ros.planning.kernels import LIST, compile_kernels, listed
 
 #: What a planner of each kind calls from Python, where all that those kernels call is in the cache.
 CALLED = """
 import json
-from geodesic_motion_ros.kernel_list import build_planners, called
+from geodesic_motion_ros.planning.kernel_list import build_planners, called
 
 build_planners()
 print(json.dumps(called()))
@@ -35,7 +35,7 @@ def test_the_list_has_what_planners_call() -> None:
     called = {tuple(row) for row in json.loads(done.stdout)}
     assert len(called) > 50
     missing = called - {tuple(row) for row in listed()}
-    assert not missing, f"python -m geodesic_motion_ros.kernels --write: {sorted(missing)}"
+    assert not missing, f"python -m geodesic_motion_ros.planning.kernels --write: {sorted(missing)}"
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def few(tmp_path: Path) -> tuple[list[str], dict[str, str]]:
     rows = [row for row in listed() if row[0] in FEW]
     (package / LIST.relative_to(source)).write_text(json.dumps({"kernels": len(rows), "called": rows}))
     changes = {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    return [sys.executable, "-m", "geodesic_motion_ros.kernels"], os.environ | changes
+    return [sys.executable, "-m", "geodesic_motion_ros.planning.kernels"], os.environ | changes
 
 
 def test_progress_is_said_once_and_nothing_where_all_is_there(few, tmp_path: Path) -> None:

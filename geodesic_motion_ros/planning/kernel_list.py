@@ -1,7 +1,7 @@
 """Which kernels the planners call from Python, and with arguments of which types: as text, and back.
 
 A process of its own that runs this module prints the list: it builds a planner of each kind on the shipped skills with
-an empty cache (`python -m geodesic_motion_ros.kernels --write`).
+an empty cache (`python -m geodesic_motion_ros.planning.kernels --write`).
 """
 
 from __future__ import annotations
