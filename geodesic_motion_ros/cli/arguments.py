@@ -173,9 +173,9 @@ def writable(path: Path | None) -> None:
 def pictured(skill: Skill, path: Path) -> None:
     """Draw a skill's latent space into a file, and say where it is."""
     if skill.space == "joint":
-        from geodesic_motion_ros.joint_plots import joint_report as report
+        from geodesic_motion_ros.visualization.joint_plots import joint_report as report
     else:
-        from geodesic_motion_ros.plots import training_report as report
+        from geodesic_motion_ros.visualization.plots import training_report as report
 
     report(skill, path)
     print(f"wrote its picture to {path}")

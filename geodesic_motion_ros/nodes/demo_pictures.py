@@ -11,9 +11,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.plots import Sphere
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.visualization.plots import Sphere
 
 _ROWS = (("avoidance_off", "avoidance off"), ("avoidance_on", "avoidance on"))
 _STRIP_FRAMES, _STRIP_SIZE = 5, (340, 330)

@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.joint_plots import draw_tubes
 from geodesic_motion_ros.nodes.demo_pictures import AROUND_RGB, FREE_RGB, Curve, Film, draw_films, met
 from geodesic_motion_ros.nodes.demo_run import Recording
 from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
@@ -20,12 +19,21 @@ from geodesic_motion_ros.nodes.skill_kinds import planner_settings
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, draw_in_space, legend_below, write_figure
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_ros.visualization.joint_plots import draw_tubes
+from geodesic_motion_ros.visualization.plots import (
+    BLUE,
+    VERMILION,
+    Sphere,
+    Way,
+    draw_in_space,
+    legend_below,
+    write_figure,
+)
 
 #: The sphere: radius [m], speed [m/s], and how far from its place it sets out [m].
 RADIUS, SPEED, BEFORE = 0.055, 0.10, 0.45

@@ -24,9 +24,9 @@ from geodesic_motion_ros.nodes.skill_kinds import planner_settings
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.plots import BLUE, VERMILION, Way, draw_latent, draw_paths
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, Way, draw_latent, draw_paths
 
 #: The sphere: radius [m] and speed [m/s]; when the undisturbed motion would meet it (share of its duration); how far
 #: beside the tool's way it crosses, along the tool's x axis [m], so that there is room on its other side.

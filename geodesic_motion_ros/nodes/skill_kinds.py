@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.arm_view import ArmView
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
-from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.parameters import Value
@@ -28,6 +26,8 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.visualization.arm_view import ArmView
+from geodesic_motion_ros.visualization.latent_view import LatentPicture, LatentView
 
 _SETTINGS = (
     "avoidance", "avoid", "obstacle_margin", "obstacle_position_error", "ambient_strength", "ambient_width_ratio",

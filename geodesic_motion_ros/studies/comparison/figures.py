@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geodesic_motion_ros.plots import write_figure
 from geodesic_motion_ros.studies.comparison.execution import LOOKED_FOR, Outcome, Stage
 from geodesic_motion_ros.studies.comparison.method import Method
 from geodesic_motion_ros.studies.comparison.report import Figures, Report, hardly_free, mostly_free
 from geodesic_motion_ros.studies.comparison.results import Played
 from geodesic_motion_ros.studies.comparison.scene import Scene
 from geodesic_motion_ros.studies.comparison.ways import sphere_centres
+from geodesic_motion_ros.visualization.plots import write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -31,7 +31,6 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
-from geodesic_motion_ros.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import NEIGHBOURS
 from geodesic_motion_ros.studies.experiments.joint_models import (
@@ -47,6 +46,7 @@ from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, ev
 from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
 
 #: Swivel angles of the families, and demonstrations of each. Near zero the circle passes a singular posture.
 SWIVELS, SHOWN = np.radians([-60.0, -25.0, 25.0, 60.0]), 3

@@ -19,11 +19,11 @@ from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import LARGEST_DETOUR, PlannerSettings
-from geodesic_motion_ros.plots import write_figure
 from geodesic_motion_ros.simulation.world import PandaWorld
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ExperimentError, ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import write_figure
 
 #: Between ticks; how long a blocked arm waits before it searches a detour, and an arm is watched that stands [s].
 TICK, PATIENCE, WATCHED = 0.01, 0.3, 1.5

@@ -33,7 +33,6 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
-from geodesic_motion_ros.plots import BLUE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.joint_models import (
     decoded,
@@ -49,6 +48,7 @@ from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, ev
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, write_figure
 
 #: Families, demonstrations of each (the last of each is held out), and samples of each.
 FAMILIES, SHOWN, SAMPLES = 3, 4, 80

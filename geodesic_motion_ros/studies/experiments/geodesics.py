@@ -33,7 +33,6 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
-from geodesic_motion_ros.latent_view import magnification_factor
 from geodesic_motion_ros.learning.task_space import DecoderNetwork
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
@@ -44,7 +43,6 @@ from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free
 from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
-from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
 from geodesic_motion_ros.studies.experiments.metric_graph import metric_tensors
@@ -52,6 +50,8 @@ from geodesic_motion_ros.studies.tools.geodesic import continuous_geodesic
 from geodesic_motion_ros.studies.tools.metric import PullbackMetric, curve_length
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.latent_view import magnification_factor
+from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 
 #: Points at which the length of every curve is measured.
 DENSE = 2000

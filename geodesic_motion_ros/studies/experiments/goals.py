@@ -359,7 +359,7 @@ def draw_goals(report: GoalsReport, path: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    from geodesic_motion_ros.plots import BLUE, GREY, VERMILION, write_figure
+    from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, write_figure
 
     figure = Figure(figsize=(13.0, 6.4), layout="constrained")
     panels = figure.subplot_mosaic([["above", "distances"], ["behind", "rings"]], width_ratios=(1.5, 1.0))
@@ -401,7 +401,7 @@ def draw_goals(report: GoalsReport, path: Path) -> None:
 
 def _draw_rings(axes: Any, answers: Sequence[EndsAnswer]) -> None:
     """Mean distance from the right motion with the limits lifted, and which share the usual limits answer."""
-    from geodesic_motion_ros.plots import BLUE, VERMILION
+    from geodesic_motion_ros.visualization.plots import BLUE, VERMILION
 
     figures = ends_figures(answers)
     for method, colour, shift in (("geodesic", BLUE, -0.2), (NEAREST, VERMILION, 0.2)):

@@ -35,7 +35,6 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_players import Families, LiteralArm, OurArm, Player, settings_table
@@ -52,6 +51,7 @@ from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import JointTrainingSettings
@@ -334,7 +334,7 @@ def draw_grasp_joint(report: GraspJointReport, path: Path) -> None:
     """The first seed: above latent spaces with ways; below the arm on some of them, row by row."""
     from matplotlib.figure import Figure
 
-    from geodesic_motion_ros.joint_plots import draw_latent_tubes
+    from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
 
     first = {(item.row, item.kind): item.answers for item in report.skills if item.seed == report.settings.seeds[0]}
     ours, literal = _telling(first["ours", "separated"], first["literal", "separated"])

@@ -35,16 +35,6 @@ from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
-from geodesic_motion_ros.plots import (
-    BLUE,
-    GREEN,
-    GREY,
-    VERMILION,
-    Way,
-    draw_latent_ways,
-    latent_background,
-    write_figure,
-)
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import draw_reaching_query, reach_to_grasp
@@ -75,6 +65,16 @@ from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds
 from geodesic_motion_ros.studies.tools.similarity import distance_to_closest
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import (
+    BLUE,
+    GREEN,
+    GREY,
+    VERMILION,
+    Way,
+    draw_latent_ways,
+    latent_background,
+    write_figure,
+)
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import TrainingSettings

@@ -23,11 +23,11 @@ from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import LARGEST_DETOUR
-from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 from geodesic_motion_ros.utils.errors import ExperimentError, ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 
 #: Radii are multiples of the first [m]; none is larger than the other.
 STEP, LARGEST = 0.005, 0.12

@@ -31,7 +31,6 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
-from geodesic_motion_ros.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, link_frames
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
@@ -53,6 +52,7 @@ from geodesic_motion_ros.studies.tools.panda_solutions import MOST, panda_soluti
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import TrainingSettings
@@ -370,7 +370,7 @@ def draw_limbs(report: LimbsReport, path: Path) -> None:
     """
     from matplotlib.figure import Figure
 
-    from geodesic_motion_ros.joint_plots import draw_latent_tubes
+    from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
 
     figure = Figure(figsize=(13.0, 9.2), layout="constrained")
     grid = figure.add_gridspec(3, 3, height_ratios=(4.6, 2.0, 2.0), width_ratios=(1.25, 1.0, 1.15))

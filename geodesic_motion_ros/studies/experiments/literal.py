@@ -33,7 +33,6 @@ from geodesic_motion_ros.learning.settings import JointTrainingSettings, Trainin
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.plots import BLUE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.folds import Fold
@@ -45,6 +44,7 @@ from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare
 from geodesic_motion_ros.utils.errors import SkillError
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, write_figure
 
 Recording = Demonstrations | JointDemonstrations
 #: Predicts the tool's path of a held-out demonstration, given as configurations (n, eta) or as poses; None: no path.

@@ -364,7 +364,7 @@ def draw_modes(report: ModesReport, path: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
-    from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
+    from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 
     figure = Figure(figsize=(10.5, 7.0), layout="constrained")
     every, one, switched = figure.subplots(1, 3, sharex=True, sharey=True)

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from geodesic_motion_ros.manifold.ambient_metric import ambient_factor
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.plots import BLUE, GREEN, GREY, VERMILION, write_figure
 from geodesic_motion_ros.studies.experiments.obstacle_laws import STRENGTHS, WIDTHS, Kind, LawsReport
+from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, VERMILION, write_figure
 
 #: The sphere and the strength for which the picture shows the laws [m].
 _SHOWN_RADIUS, _SHOWN_STRENGTH = 0.04, 1000.0

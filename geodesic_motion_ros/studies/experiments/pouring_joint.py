@@ -27,7 +27,6 @@ from tqdm import tqdm
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.plots import BLUE, Way, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, pouring
@@ -40,6 +39,7 @@ from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import BLUE, Way, write_figure
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import JointTrainingSettings
@@ -247,7 +247,7 @@ def draw_pouring_joint(report: PouringJointReport, path: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    from geodesic_motion_ros.joint_plots import FAMILY_COLOURS, draw_latent_tubes
+    from geodesic_motion_ros.visualization.joint_plots import FAMILY_COLOURS, draw_latent_tubes
 
     seed = report.settings.seeds[0]
     executed = [item for item in report.pourings if item.seed == seed and item.execution is not None]

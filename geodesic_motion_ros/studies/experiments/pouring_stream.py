@@ -13,7 +13,6 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.simulation.tabletop import fixed_to
@@ -21,6 +20,7 @@ from geodesic_motion_ros.simulation.teacher import bottle_in_hand
 from geodesic_motion_ros.studies.experiments.held_bottle import SIDES, SPHERE_RADIUS, bottle_distance, sphere_beside
 from geodesic_motion_ros.studies.experiments.pouring_places import at_bottle, at_cup
 from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 
 #: Speed of the sphere [m/s].
 _SPEED = 0.08

@@ -34,15 +34,6 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.status import Verdict
-from geodesic_motion_ros.plots import (
-    BLUE,
-    GREY,
-    VERMILION,
-    Way,
-    draw_latent_ways,
-    latent_background,
-    write_figure,
-)
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION
@@ -61,6 +52,15 @@ from geodesic_motion_ros.studies.experiments.reshaped_metric import ReshapedMetr
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import (
+    BLUE,
+    GREY,
+    VERMILION,
+    Way,
+    draw_latent_ways,
+    latent_background,
+    write_figure,
+)
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import TrainingSettings

@@ -22,9 +22,7 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
-from geodesic_motion_ros.latent_view import magnification_factor
 from geodesic_motion_ros.manifold.decoder import rms_sigma
-from geodesic_motion_ros.plots import BLUE, VERMILION, demonstrations_of, write_figure
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.held_bottle import SPHERE_RADIUS
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
@@ -33,6 +31,8 @@ from geodesic_motion_ros.studies.experiments.metric_graph import evenly
 from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
 from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.studies.paper.paper_planner import COEFFICIENTS, SAMPLES, PaperSettings
+from geodesic_motion_ros.visualization.latent_view import magnification_factor
+from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, demonstrations_of, write_figure
 
 #: Where the sphere is on its line, from the middle of the geodesic without it [m].
 PLACES_ON_LINE = (-0.15, -0.05, 0.0, 0.05, 0.15)

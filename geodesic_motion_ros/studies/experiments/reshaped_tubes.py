@@ -20,7 +20,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.plots import VERMILION, write_figure
 from geodesic_motion_ros.robot.body_points import BodyPoints, end_effector_poses, place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
@@ -28,6 +27,7 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATIO
 from geodesic_motion_ros.studies.paper.literal_search import ambient_factors
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.plots import VERMILION, write_figure
 
 #: How far from the middle of the free path the sphere is at each moment, and its radius [m].
 DISTANCES, RADIUS = (0.30, 0.15, 0.05, 0.0), 0.06

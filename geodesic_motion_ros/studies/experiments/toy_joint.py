@@ -37,7 +37,6 @@ from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.joint_training import body_layer, train_joint_model
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.robot.kinematics import FOLDER, Robot
 from geodesic_motion_ros.studies.experiments.clusters import share_in_own_group
@@ -55,6 +54,7 @@ from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continu
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, legend_below, write_figure
 
 #: Demonstrations of each posture, and samples of each.
 SHOWN, SAMPLES = 5, 100

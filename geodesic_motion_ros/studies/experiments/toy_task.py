@@ -38,7 +38,6 @@ from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
 from geodesic_motion_ros.learning.training import train_model
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
-from geodesic_motion_ros.plots import BLUE, GREY, VERMILION, legend_below, write_figure
 from geodesic_motion_ros.studies.experiments.clusters import share_in_own_group
 from geodesic_motion_ros.studies.experiments.latent_pictures import (
     DEVIATION_LABEL,
@@ -54,6 +53,7 @@ from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continu
 from geodesic_motion_ros.studies.tools.metric import PullbackMetric
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, legend_below, write_figure
 
 #: Demonstrations and samples of each.
 SHOWN, SAMPLES = 7, 100

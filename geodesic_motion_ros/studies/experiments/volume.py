@@ -30,7 +30,6 @@ from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.learning.joint_training import body_layer
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
@@ -39,6 +38,7 @@ from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import compare
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 
 #: Points of a path at which its volume is evaluated.
 _SAMPLES = 200

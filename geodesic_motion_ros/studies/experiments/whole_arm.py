@@ -16,7 +16,6 @@ from tqdm import tqdm
 from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.plots import write_figure
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
@@ -27,6 +26,7 @@ from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.studies.experiments.tubes import TubeWay, tube_way
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.plots import write_figure
 
 Part = Literal["tubes", "one way", "all ways", "elbow", "moving"]
 PARTS: tuple[Part, ...] = ("tubes", *KINDS, "moving")

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.latent_view import LatentPicture, LatentView
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.skill_kinds import SkillKind, planner_settings
@@ -16,6 +15,7 @@ from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
 from geodesic_motion_ros.studies.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
+from geodesic_motion_ros.visualization.latent_view import LatentPicture, LatentView
 
 
 class PaperKind(SkillKind):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.latent_view import magnification_factor
 from geodesic_motion_ros.studies.experiments.reshaped_metric import PLACES_ON_LINE, ReshapedMetric, reshape_metric
+from geodesic_motion_ros.visualization.latent_view import magnification_factor
 
 
 @pytest.fixture(scope="module")

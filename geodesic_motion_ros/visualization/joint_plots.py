@@ -24,7 +24,14 @@ from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.plots import (
+from geodesic_motion_ros.robot.body_points import (
+    BodyPoints,
+    body_point_jacobians,
+    end_effector_poses,
+    place_body_points,
+)
+from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.visualization.plots import (
     BLUE,
     GREEN,
     GREY,
@@ -36,13 +43,6 @@ from geodesic_motion_ros.plots import (
     legend_below,
     write_figure,
 )
-from geodesic_motion_ros.robot.body_points import (
-    BodyPoints,
-    body_point_jacobians,
-    end_effector_poses,
-    place_body_points,
-)
-from geodesic_motion_ros.skill.skill import Skill
 
 #: Of demonstrations by their family.
 FAMILY_COLOURS = (GREY, GREEN, "#CC79A7", "#56B4E9", "#000000")

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from geodesic_motion_ros import joint_plots
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings, build_configuration_graph
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.plots import BLUE, ORANGE, VERMILION, Sphere, Way
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.visualization import joint_plots
+from geodesic_motion_ros.visualization.plots import BLUE, ORANGE, VERMILION, Sphere, Way
 
 
 @pytest.fixture(scope="module")

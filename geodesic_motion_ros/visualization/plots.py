@@ -19,13 +19,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from matplotlib.ticker import MultipleLocator
 
-from geodesic_motion_ros.latent_view import magnification_factor
 from geodesic_motion_ros.manifold.ambient_metric import clearances
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError
+from geodesic_motion_ros.visualization.latent_view import magnification_factor
 
 BLUE, VERMILION, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#E69F00", "#009E73", "#6b7280"
 _DPI = 150

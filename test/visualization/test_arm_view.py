@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.arm_view import ArmView
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.nodes.skill_kinds import CertifiedKind
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.visualization.arm_view import ArmView
 
 NOTHING, MODEL, SIZE = Obstacles.none(), CollisionModel.named("panda"), 200
 

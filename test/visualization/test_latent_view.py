@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.latent_view import LatentView, magnification_factor
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError
+from geodesic_motion_ros.visualization.latent_view import LatentView, magnification_factor
 
 NOTHING = Obstacles.none()
 SIZE = 200

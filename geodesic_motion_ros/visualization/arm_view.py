@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from geodesic_motion_ros.latent_view import FOOTPRINT, LatentPicture
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.visualization.latent_view import FOOTPRINT, LatentPicture
 
 _COVERED = 0.75
 

@@ -1,0 +1,1 @@
+"""Pictures of skills, motions and the latent space."""
