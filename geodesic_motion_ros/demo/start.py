@@ -10,10 +10,10 @@ from geodesic_motion_ros.nodes.start import start
 def demo(arguments: Sequence[str] | None = None) -> int:
     """Run the demo with arguments, by default those of this process; returns the exit code."""
     own = [] if arguments is None else [arguments]
-    return start("geodesic_motion_ros.nodes.demo_node", 130, lambda: _parse(arguments), *own)
+    return start("geodesic_motion_ros.demo.demo_node", 130, lambda: _parse(arguments), *own)
 
 
 def _parse(arguments: Sequence[str] | None) -> None:
-    from geodesic_motion_ros.nodes.demo_options import parsed
+    from geodesic_motion_ros.demo.demo_options import parsed
 
     parsed(arguments)  # it leaves by SystemExit where it has answered

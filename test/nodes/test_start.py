@@ -119,7 +119,7 @@ def test_help_waits_for_no_library_that_takes_seconds(module: str, function: str
     assert set(done.stderr.split()) <= allowed
 
 
-@pytest.mark.parametrize("program", [["geodesic_motion_ros", "demo"], ["geodesic_motion_ros.nodes.demo_node"]])
+@pytest.mark.parametrize("program", [["geodesic_motion_ros", "demo"], ["geodesic_motion_ros.demo.demo_node"]])
 def test_a_demo_of_a_skill_that_is_not_there_is_refused_as_help_says(program: list[str], tmp_path: Path) -> None:
     command = [sys.executable, "-m", *program, "--skill", "nosuch", "--out", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True)

@@ -18,7 +18,7 @@ from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 
-from geodesic_motion_ros.nodes.demo_run import termination_as_interrupt
+from geodesic_motion_ros.demo.demo_run import termination_as_interrupt
 from geodesic_motion_ros.studies.faults.bench import Bench
 from geodesic_motion_ros.studies.faults.fault import FaultSkipped, Findings
 from geodesic_motion_ros.utils.errors import GeodesicMotionError

@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from geodesic_motion_ros.nodes.demo_run import DemoError, Processes, isolated_environment
+from geodesic_motion_ros.demo.demo_run import DemoError, Processes, isolated_environment
 from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import cloud_message, pose_message
 from geodesic_motion_ros.skill.skill import Skill

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from geodesic_motion_ros.nodes.demo_run import Recording
+from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.world import PandaWorld

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from geodesic_motion_ros.nodes.demo_pictures import instants_of_motion, met
-from geodesic_motion_ros.nodes.demo_run import Recording
+from geodesic_motion_ros.demo.demo_pictures import instants_of_motion, met
+from geodesic_motion_ros.demo.demo_run import Recording
 
 
 def test_instants_of_motion_leave_out_where_the_arm_stands() -> None:

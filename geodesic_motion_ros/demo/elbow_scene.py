@@ -12,9 +12,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.nodes.demo_pictures import AROUND_RGB, FREE_RGB, Curve, Film, draw_films, met
-from geodesic_motion_ros.nodes.demo_run import Recording
-from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
+from geodesic_motion_ros.demo.demo_pictures import AROUND_RGB, FREE_RGB, Curve, Film, draw_films, met
+from geodesic_motion_ros.demo.demo_run import Recording
+from geodesic_motion_ros.demo.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.nodes.skill_kinds import planner_settings
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import smooth_latent

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from geodesic_motion_ros.nodes.demo_run import DemoError, Recording
+from geodesic_motion_ros.demo.demo_run import DemoError, Recording
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.planning.planner import ReactivePlanner

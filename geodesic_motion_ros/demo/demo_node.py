@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.nodes.demo_options import SCENE, parsed
-from geodesic_motion_ros.nodes.demo_run import (
+from geodesic_motion_ros.demo.demo_options import SCENE, parsed
+from geodesic_motion_ros.demo.demo_run import (
     DemoError,
     Probe,
     Processes,
@@ -30,9 +29,10 @@ from geodesic_motion_ros.nodes.demo_run import (
     isolated_environment,
     termination_as_interrupt,
 )
-from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
-from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
-from geodesic_motion_ros.nodes.hand_scene import HandScene
+from geodesic_motion_ros.demo.demo_scene import DEFAULTS, DemoScene
+from geodesic_motion_ros.demo.elbow_scene import ElbowScene
+from geodesic_motion_ros.demo.hand_scene import HandScene
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill.skill import Skill

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.nodes import demo_node, demo_options
-from geodesic_motion_ros.nodes.demo_run import DemoError, Processes, Recording, isolated_environment
-from geodesic_motion_ros.nodes.elbow_scene import ElbowScene
+from geodesic_motion_ros.demo import demo_node, demo_options
+from geodesic_motion_ros.demo.demo_run import DemoError, Processes, Recording, isolated_environment
+from geodesic_motion_ros.demo.elbow_scene import ElbowScene
 
 KEYS = {
     "rate_hz", "tick_ms_p50", "tick_ms_p99", "deadline_misses", "goal_error_mm", "goal_error_deg", "min_clearance_mm",
@@ -145,7 +145,7 @@ def test_a_signal_in_the_moment_a_process_begins_ends_that_one_too(tmp_path: Pat
 
 
 def demo_process(out: Path, *options: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-u", "-m", "geodesic_motion_ros.nodes.demo_node", "--out", str(out), *options]
+    command = [sys.executable, "-u", "-m", "geodesic_motion_ros.demo.demo_node", "--out", str(out), *options]
     command += ["--domain", str(DOMAIN)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 

@@ -8,18 +8,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from geodesic_motion_ros.demo.demo_pictures import AROUND_RGB, FREE_RGB, Curve, Film, draw_films, met
+from geodesic_motion_ros.demo.demo_run import Recording
+from geodesic_motion_ros.demo.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
-from geodesic_motion_ros.nodes.demo_pictures import (
-    AROUND_RGB,
-    FREE_RGB,
-    Curve,
-    Film,
-    draw_films,
-    met,
-)
-from geodesic_motion_ros.nodes.demo_run import Recording
-from geodesic_motion_ros.nodes.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.nodes.skill_kinds import planner_settings
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import smooth_latent
