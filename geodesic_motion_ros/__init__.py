@@ -1,0 +1,40 @@
+"""Reactive motion generation for robot arms on learned Riemannian manifolds.
+
+What a program begins with is imported from here, and loaded when it is first used:
+`from geodesic_motion_ros import Skill`.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from geodesic_motion_ros.utils import moved
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+    from geodesic_motion_ros.obstacles.obstacles import Obstacles
+    from geodesic_motion_ros.planning.planner import ReactivePlanner
+    from geodesic_motion_ros.robot.kinematics import Robot
+    from geodesic_motion_ros.skill.skill import Skill
+
+__all__ = ["Demonstrations", "Obstacles", "ReactivePlanner", "Robot", "Skill"]
+
+_MODULES = {
+    "Demonstrations": "demonstrations.demonstrations",
+    "Obstacles": "obstacles.obstacles",
+    "ReactivePlanner": "planning.planner",
+    "Robot": "robot.kinematics",
+    "Skill": "skill.skill",
+}
+
+moved.find_old_paths()
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = globals()[name] = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

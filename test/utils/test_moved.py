@@ -7,9 +7,9 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros import ReactivePlanner, Skill
 from geodesic_motion_ros.utils.errors import PlanningError
+from geodesic_motion_ros.utils.moved import OLD_PATHS, PACKAGE
 
 
 @pytest.fixture(scope="module")
@@ -23,12 +23,24 @@ def planner() -> ReactivePlanner:
         ("planner", "planning.planner", "ReactivePlanner"),
         ("planner_settings", "planning.settings", "PlannerSettings"),
         ("query", "planning.pose_query", "QueryBuilder"),
+        ("errors", "utils.errors", "GeodesicMotionError"),
+        ("verdict", "planning.status", "VerdictCode"),
+        ("skill", "skill.skill", "Skill"),
+        ("obstacles", "obstacles.obstacles", "Obstacles"),
+        ("manifold.training", "learning.training", "train_task_space_skill"),
+        ("manifold.training", "learning.settings", "TrainingSettings"),
     ],
 )
 def test_an_old_path_warns_and_gives_what_stands_at_the_new_one(old: str, new: str, name: str) -> None:
-    with pytest.warns(DeprecationWarning, match=f"geodesic_motion_ros.{new}"):
-        found = getattr(import_module(f"geodesic_motion_ros.{old}"), name)
-    assert found is getattr(import_module(f"geodesic_motion_ros.{new}"), name)
+    with pytest.warns(DeprecationWarning, match=f"{PACKAGE}.{old} is now {PACKAGE}.{new};") as warned:
+        found = getattr(import_module(f"{PACKAGE}.{old}"), name)
+    assert found is getattr(import_module(f"{PACKAGE}.{new}"), name)
+    assert warned[0].filename == __file__
+
+
+@pytest.mark.parametrize("new", sorted(set(OLD_PATHS.values())))
+def test_a_new_path_leads_somewhere(new: str) -> None:
+    import_module(f"{PACKAGE}.{new}")
 
 
 def test_what_is_no_more_is_an_import_error_that_names_what_to_use() -> None:
@@ -36,6 +48,13 @@ def test_what_is_no_more_is_an_import_error_that_names_what_to_use() -> None:
         from geodesic_motion_ros.joint_planner import JointSpacePlanner  # noqa: F401
     with pytest.raises(ImportError, match=r"planner_settings\.MOVING_MULTIPLE is no more"):
         from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE  # noqa: F401
+
+
+def test_a_path_that_never_was_is_not_found() -> None:
+    with pytest.raises(ModuleNotFoundError):
+        import_module(f"{PACKAGE}.whatever")
+    with pytest.raises(ImportError):
+        from geodesic_motion_ros.skill import Whatever  # noqa: F401
 
 
 def test_a_tick_with_a_pose_names_the_new_call(planner: ReactivePlanner) -> None:

@@ -1,5 +1,0 @@
-"""Old path of `planning.settings`; goes with the next version."""
-
-from geodesic_motion_ros.utils.moved import forwarding
-
-__getattr__ = forwarding(__name__, "geodesic_motion_ros.planning.settings")
