@@ -1,4 +1,4 @@
-"""What is promised of the package as a whole: its description, its installation, who imports whom."""
+"""What is promised of the package as a whole: its description and its installation."""
 
 from __future__ import annotations
 
@@ -24,21 +24,6 @@ NOT_SOURCE = shutil.ignore_patterns(
     ".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "*.egg-info", "build", "install", "log", "out"
 )
 ROS = re.compile(r"(rclpy|\w+_msgs|builtin_interfaces|std_srvs|rcl_interfaces)(\.|$)")
-TORCH = re.compile(r"(torch|pytorch_kinematics)(\.|$)")
-BULLET = re.compile(r"pybullet(_data)?(\.|$)")
-UPPER = re.compile(rf"{PACKAGE}\.(manifold|experiments|benchmarks|comparison|cli)(\.|$)")
-MAY_TRAIN = {"manifold", "experiments", "cli", "studies"}
-GROUND = {
-    "graph", "robot", "skill", "sheet", "joint_sheet", "regression", "quaternions", "errors", "verdict", "deadline",
-    "shared_files", "obstacles", "velocity_history", "solids", "distance_field", "checked_files", "checked_numbers",
-    "skill_description", "skill_folder", "convex_hull", "geometry",
-}  # fmt: skip
-RUN = {
-    *GROUND, "task_frame", "joint_reference", "joint_timing", "joint_stop", "horizon", "joint_time_law",
-    "joint_limits", "quintic", "cubic_spline", "arm_certificate", "swept_spheres", "fitted_spline", "latent_view",
-    "arm_view", "tables", "simulation", "nodes", "kernels", "kernel_list", "kernel_worker", "paper", "planning",
-    "trajectory", "moved", "demo", "planner", "joint_planner", "planner_settings", "query",
-}  # fmt: skip
 
 
 # ---------------------------------------------------------------- installing
@@ -234,7 +219,7 @@ def test_requirements_pin_every_declared_dependency(distribution: PathDistributi
     assert {normal(line) for line in distribution.requires} <= pinned
 
 
-# ---------------------------------------------------------------- who imports whom
+# ---------------------------------------------------------------- imports
 
 
 def sources() -> list[Path]:
@@ -252,80 +237,3 @@ def imports(file: Path) -> Iterator[str]:
                 folder = file.relative_to(SOURCE.parent).parts[: -node.level]
                 module = ".".join([*folder, *([module] if module else [])])
             yield from (f"{module}.{alias.name}" for alias in node.names)
-
-
-def part_of(file: Path) -> str:
-    """The folder of the package, or the module at its top, that a file belongs to."""
-    return file.relative_to(SOURCE).parts[0].removesuffix(".py")
-
-
-def offenders(forbidden: re.Pattern[str], parts: set[str], files: list[Path] | None = None) -> list[str]:
-    """Imports matching `forbidden` in the given parts of the package."""
-    return [
-        f"{file.name} imports {name}"
-        for file in (sources() if files is None else files)
-        if part_of(file) in parts
-        for name in imports(file)
-        if forbidden.match(name)
-    ]
-
-
-def all_parts() -> set[str]:
-    return {part_of(file) for file in sources()}
-
-
-def test_only_nodes_import_ros() -> None:
-    assert not offenders(ROS, all_parts() - {"nodes"})
-
-
-def test_only_the_simulation_and_teachers_import_pybullet() -> None:
-    assert not [line for line in offenders(BULLET, all_parts() - {"simulation"}) if "teacher" not in line]
-
-
-def test_every_part_of_the_package_has_its_place() -> None:
-    pictures = {"plots", "joint_plots", "isosurface"}
-    others = {"benchmarks", "comparison", "demonstrations", "__init__", "__main__"}
-    assert all_parts() == RUN | MAY_TRAIN | pictures | others
-
-
-def test_torch_stays_in_the_learning_tower() -> None:
-    assert not offenders(TORCH, all_parts() - MAY_TRAIN)
-
-
-def test_running_never_reaches_up_into_learning() -> None:
-    assert not offenders(UPPER, RUN)
-
-
-def test_the_ground_imports_nothing_that_stands_on_it() -> None:
-    above = re.compile(rf"{PACKAGE}\.(?!({'|'.join(sorted(GROUND))})(\.|$))")
-    assert not offenders(above, GROUND)
-
-
-def test_an_import_inside_a_function_or_a_relative_one_counts(tmp_path: Path, monkeypatch) -> None:
-    package = tmp_path / PACKAGE
-    (package / "graph").mkdir(parents=True)
-    hidden, relative = package / "planner.py", package / "graph" / "grid.py"
-    hidden.write_text("def tick():\n    import torch.nn\n")
-    relative.write_text("from ..manifold import training\n")
-    monkeypatch.setattr(sys.modules[__name__], "SOURCE", package)
-    assert offenders(TORCH, {"planner"}, [hidden]) == ["planner.py imports torch.nn"]
-    assert offenders(UPPER, {"graph"}, [relative]) == [f"grid.py imports {PACKAGE}.manifold.training"]
-
-
-def modules_loaded_by(modules: list[str]) -> set[str]:
-    """Top-level names in sys.modules after importing, in a fresh interpreter."""
-    code = f"import sys, {', '.join(modules)}; print(*{{name.split('.')[0] for name in sys.modules}})"
-    done = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return set(done.stdout.split())
-
-
-def module_name(file: Path) -> str:
-    return ".".join(file.relative_to(REPOSITORY).with_suffix("").parts).removesuffix(".__init__")
-
-
-def test_loading_and_running_a_skill_loads_neither_torch_nor_ros_nor_pybullet() -> None:
-    parts = RUN - {"simulation", "nodes", "demo", "paper"}
-    loaded = modules_loaded_by([module_name(file) for file in sources() if part_of(file) in parts])
-    assert "numpy" in loaded
-    assert not loaded & {"torch", "pytorch_kinematics", "rclpy", "pybullet"}

@@ -1,0 +1,152 @@
+"""Who may import whom, by folder: downward only, never a sibling.
+
+The folders stand on floors; a module imports from its own folder and from folders of lower floors. So no circle of
+folders is possible. Imports inside functions, relative ones and those for type checkers count as well. The root holds
+nothing but `__init__.py`, which hands out names of the floors below, and `__main__.py`.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = "geodesic_motion_ros"
+SOURCE = Path(__file__).resolve().parents[1] / PACKAGE
+#: From the ground upwards; folders of one floor do not know each other.
+FLOORS = (
+    {"utils"},
+    {"geometry"},
+    {"robot", "obstacles"},
+    {"manifold"},
+    {"skill", "trajectory"},
+    {"planning", "demonstrations"},
+    {"simulation", "visualization", "learning"},
+    {"nodes"},
+    {"demo"},
+    {"cli"},
+    {"studies"},
+)
+FLOOR = {folder: floor for floor, folders in enumerate(FLOORS) for folder in folders}
+#: Libraries, and the folders that may import them.
+LIBRARIES = {
+    re.compile(r"(rclpy|\w+_msgs|builtin_interfaces|std_srvs|rcl_interfaces|tf2_\w+)(\.|$)"): {
+        "nodes", "demo", "studies",
+    },
+    re.compile(r"(torch|pytorch_kinematics)(\.|$)"): {"learning", "studies"},
+    re.compile(r"pybullet(_data)?(\.|$)"): {"simulation", "studies"},
+}
+#: The product names a study by a string in one place, and loads it where a parameter requests it.
+NAMES_A_STUDY = {"nodes/skill_kinds.py"}
+ROOT = {"__init__.py", "__main__.py"}
+
+
+def imports(file: Path, package: Path) -> Iterator[str]:
+    """Absolute names that a file imports anywhere in it."""
+    for node in ast.walk(ast.parse(file.read_text(), str(file))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            module = node.module or ""
+            if node.level:
+                folder = file.relative_to(package.parent).parts[: -node.level]
+                module = ".".join([*folder, *([module] if module else [])])
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+
+
+def strings(file: Path) -> Iterator[str]:
+    """The strings of a file, those of f-strings too, without docstrings."""
+    tree = ast.parse(file.read_text(), str(file))
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    nodes = [node for node in ast.walk(tree) if isinstance(node, documented) and ast.get_docstring(node)]
+    described = {id(node.body[0].value) for node in nodes}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in described:
+            yield node.value
+
+
+def violations(package: Path) -> list[str]:
+    """All that a package breaks of the rules above, a line each."""
+    files = {path.name for path in package.iterdir() if path.is_file()}
+    found = [f"{name} stands in the root" for name in sorted(files - ROOT)]
+    # What an older version has left is a folder of caches alone.
+    folders = {file.relative_to(package).parts[0] for file in package.glob("*/**/*.py")}
+    found += [f"{folder} has no floor" for folder in sorted(folders - FLOOR.keys())]
+    for file in sorted(package.rglob("*.py")):
+        place = file.relative_to(package)
+        folder = place.parts[0]
+        if folder not in FLOOR:
+            continue
+        for name in imports(file, package):
+            for library, folders in LIBRARIES.items():
+                if library.match(name) and folder not in folders:
+                    found.append(f"{place} imports {name}")
+            other = name.removeprefix(f"{PACKAGE}.").partition(".")[0]
+            if name.startswith(f"{PACKAGE}.") and other != folder and FLOOR.get(other, -1) >= FLOOR[folder]:
+                found.append(f"{place} imports {name}")
+        if folder != "studies" and place.as_posix() not in NAMES_A_STUDY:
+            found += [f"{place} names {text}" for text in strings(file) if f"{PACKAGE}.studies" in text]
+    return found
+
+
+def test_imports_lead_downward_alone() -> None:
+    assert violations(SOURCE) == []
+
+
+@pytest.mark.parametrize(
+    ("place", "text", "violation"),
+    [
+        ("planning/mode.py", "from geodesic_motion_ros.nodes import clock", "imports geodesic_motion_ros.nodes.clock"),
+        ("planning/planner.py", "def tick():\n    import torch.nn", "imports torch.nn"),
+        ("manifold/grid.py", "from ..learning import training", "imports geodesic_motion_ros.learning.training"),
+        ("robot/model.py", "from geodesic_motion_ros import obstacles", "imports geodesic_motion_ros.obstacles"),
+        ("cli/train.py", "import geodesic_motion_ros.studies.folds", "imports geodesic_motion_ros.studies.folds"),
+        ("cli/train.py", "from rclpy.node import Node", "imports rclpy.node.Node"),
+        ("nodes/twin.py", "import pybullet", "imports pybullet"),
+        ("nodes/twin.py", 'NAME = f"geodesic_motion_ros.studies.{1}"', "names geodesic_motion_ros.studies."),
+        (
+            "skill/skill.py",
+            "import typing\nif typing.TYPE_CHECKING:\n    from geodesic_motion_ros.trajectory.timing import T",
+            "imports geodesic_motion_ros.trajectory.timing.T",
+        ),
+    ],
+)
+def test_a_violation_is_found(place: str, text: str, violation: str, tmp_path: Path) -> None:
+    file = tmp_path / PACKAGE / place
+    file.parent.mkdir(parents=True)
+    file.write_text(f"{text}\n")
+    assert violations(tmp_path / PACKAGE) == [f"{place} {violation}"]
+
+
+def test_what_is_allowed_is_no_violation(tmp_path: Path) -> None:
+    file = tmp_path / PACKAGE / "nodes" / "planner_node.py"
+    file.parent.mkdir(parents=True)
+    (tmp_path / PACKAGE / "__init__.py").write_text("from geodesic_motion_ros.nodes import planner_node\n")
+    file.write_text("import rclpy\nfrom geodesic_motion_ros.planning import planner\nfrom . import messages\n")
+    assert violations(tmp_path / PACKAGE) == []
+
+
+def test_a_module_in_the_root_and_a_folder_without_a_floor_are_found(tmp_path: Path) -> None:
+    folder = tmp_path / PACKAGE / "helpers"
+    folder.mkdir(parents=True)
+    (tmp_path / PACKAGE / "planner.py").touch()
+    (folder / "text.py").touch()
+    assert violations(tmp_path / PACKAGE) == ["planner.py stands in the root", "helpers has no floor"]
+
+
+def test_planning_loads_neither_torch_nor_ros_nor_pybullet() -> None:
+    folders = {folder for floor in FLOORS[: FLOOR["planning"] + 1] for folder in floor}
+    files = [file for folder in sorted(folders) for file in sorted((SOURCE / folder).rglob("*.py"))]
+    places = [file.relative_to(SOURCE.parent).with_suffix("") for file in files]
+    names = [".".join(place.parts).removesuffix(".__init__") for place in places]
+    code = f"import sys, {', '.join(names)}; print(*{{name.split('.')[0] for name in sys.modules}})"
+    done = subprocess.run([sys.executable, "-c", code], cwd=SOURCE.parent, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.split())
+    assert "numpy" in loaded
+    assert not loaded & {"torch", "pytorch_kinematics", "rclpy", "pybullet"}
