@@ -31,6 +31,26 @@ REPOSITORY = Path(geodesic_motion_ros.__path__[0]).resolve().parent
 REVISION = "baseline-10"
 #: Modules of this folder that judge, keep and report outcomes, whichever revision plays.
 JUDGE = ("execution.py", "results.py", "report.py")
+#: Where that folder was before studies stood apart, and what the judges import of this package: now, and then.
+FORMER_FOLDER = "comparison"
+FORMER_MODULES = {
+    "geometry.curves": "demonstrations.curves",
+    "geometry.quaternions": "quaternions",
+    "obstacles.obstacles": "obstacles",
+    "studies.comparison.execution": "comparison.execution",
+    "studies.comparison.families": "comparison.families",
+    "studies.comparison.guard": "comparison.guard",
+    "studies.comparison.method": "comparison.method",
+    "studies.comparison.results": "comparison.results",
+    "studies.comparison.scene": "comparison.scene",
+    "studies.comparison.ways": "comparison.ways",
+    "studies.experiments.moving_spheres": "experiments.moving_spheres",
+    "studies.tools.collision_geometry": "simulation.collision_geometry",
+    "studies.tools.similarity": "demonstrations.similarity",
+    "trajectory.trajectory": "joint_reference",
+    "utils.errors": "errors",
+    "utils.tables": "tables",
+}
 
 
 @contextmanager
@@ -80,10 +100,21 @@ def play_at(
 def _judge_as_here(tree: Path) -> None:
     """Replace what judges in a revision's work tree; where that has no benchmark there is nothing to replace."""
     here = Path(__file__).resolve().parent
-    folder = tree / here.relative_to(REPOSITORY)
-    if folder.is_dir():
-        for module in JUDGE:
+    package = Path(geodesic_motion_ros.__path__[0]).resolve()
+    folder, former = tree / here.relative_to(REPOSITORY), tree / package.name / FORMER_FOLDER
+    for module in JUDGE:
+        if folder.is_dir():
             shutil.copy(here / module, folder)
+        elif former.is_dir():
+            (former / module).write_text(at_former_paths((here / module).read_text()))
+
+
+def at_former_paths(source: str) -> str:
+    """The source of a judge for a revision from before studies stood apart: it imports by the paths of then."""
+    package = geodesic_motion_ros.__name__
+    for now, then in FORMER_MODULES.items():
+        source = source.replace(f"from {package}.{now} import ", f"from {package}.{then} import ")
+    return source
 
 
 def main(argv: Sequence[str] | None = None) -> int:

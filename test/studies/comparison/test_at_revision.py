@@ -12,7 +12,13 @@ import pytest
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison import execution
 from geodesic_motion_ros.studies.comparison.arena import Arena
-from geodesic_motion_ros.studies.comparison.at_revision import main, play_at
+from geodesic_motion_ros.studies.comparison.at_revision import (
+    FORMER_MODULES,
+    JUDGE,
+    at_former_paths,
+    main,
+    play_at,
+)
 from geodesic_motion_ros.studies.comparison.scene import draw_scene
 from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -26,7 +32,7 @@ from pathlib import Path
 options = dict(zip(sys.argv[2::2], sys.argv[3::2]))
 if {fails}:
     sys.exit(2)
-judges = (Path(__file__).parent / "comparison" / "execution.py").read_text()
+judges = (Path(__file__).parent / "studies" / "comparison" / "execution.py").read_text()
 Path(options["--json"]).write_text(json.dumps(["{version}", sys.argv[1], options, judges]))
 """
 
@@ -46,8 +52,8 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
     package.mkdir()
     git(repository, "init", "--quiet")
     (package / "__init__.py").touch()
-    (package / "comparison").mkdir()
-    (package / "comparison" / "execution.py").write_text("the judge of the revision")
+    (package / "studies" / "comparison").mkdir(parents=True)
+    (package / "studies" / "comparison" / "execution.py").write_text("the judge of the revision")
     for version in ("old", "broken", "new"):
         (package / "__main__.py").write_text(COMMAND.format(version=version, fails=version == "broken"))
         git(repository, "add", ".")
@@ -90,3 +96,11 @@ def test_what_is_no_file_of_scenes_is_said_in_a_line(tmp_path, capsys) -> None:
     assert main(["HEAD", str(tmp_path / "none.npz"), "--json", str(tmp_path / "x.json")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "none.npz: cannot be read" in line
+
+
+@pytest.mark.parametrize("module", JUDGE)
+def test_a_judge_finds_what_it_imports_before_studies_stood_apart(module: str) -> None:
+    source = at_former_paths((Path(execution.__file__).parent / module).read_text())
+    for now in FORMER_MODULES:
+        assert f"from geodesic_motion_ros.{now} import" not in source
+    assert "geodesic_motion_ros.studies" not in source
