@@ -3,7 +3,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint setup clean distclean
+.PHONY: help demo test test-all lint setup clean distclean
 
 # Python for a new .venv: the first of these that is there, in a version that fits, with what the set-up needs.
 PYTHON ?= python3.11 python3.12 python3.10 python3
@@ -12,6 +12,8 @@ ARGS ?=
 workers := --numprocesses=auto --maxprocesses=2 --dist=loadfile --no-loadscope-reorder
 
 python := .venv/bin/python
+pytest := ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLBACKEND=Agg \
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 $(python) -m pytest $(workers) --durations=10
 ready := .venv/.ready
 # numba compiles a kernel anew when its own file changes, not when that of a kernel it calls does.
 kernels := .venv/.kernels
@@ -24,7 +26,7 @@ unexport AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH RMW_IMPLEMENTATI
 
 help: ## this list
 	@echo 'geodesic_motion_ros: make TARGET'
-	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 13
+	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 13
 	@echo
 	@echo "  make demo ARGS=--gui        opens PyBullet's window"
 	@echo "  make demo ARGS='--skill panda_pouring'   the hand around the obstacle"
@@ -35,10 +37,11 @@ help: ## this list
 demo: $(kernels) ## a Panda takes its elbow out of a moving obstacle's way: two minutes, headless; pictures in out/demo
 	@MPLBACKEND=Agg $(python) -m geodesic_motion_ros demo $(ARGS) < /dev/null
 
-test: lint $(kernels) ## ruff, then the tests, two at a time where there are two cores
-	@ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLBACKEND=Agg \
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 \
-	$(python) -m pytest $(workers) --durations=10 $(ARGS) < /dev/null
+test: lint $(kernels) ## ruff, then the tests of the product, two at a time where there are two cores
+	@$(pytest) --ignore=test/studies $(ARGS) < /dev/null
+
+test-all: test ## these, then the tests of the studies
+	@$(pytest) test/studies $(ARGS) < /dev/null
 
 lint: $(ready) ## ruff
 	@$(python) -m ruff check .
