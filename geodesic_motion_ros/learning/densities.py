@@ -23,23 +23,11 @@ _FRACTION_TERMS = 60
 _ASYMPTOTIC_TERMS = 20
 
 
-def log_bessel_i1(argument: Tensor) -> Tensor:
-    """log I_1 of positive arguments, any shape, without overflow; differentiable once."""
-    return torch.log(argument) + argument - _LogRatio.apply(argument)
-
-
-def log_normaliser(kappa: Tensor) -> Tensor:
-    """log C_4(kappa) of the von Mises-Fisher density on S^3, any shape; differentiable once.
-
-    C_4(kappa) = kappa / ((2 pi)^2 I_1(kappa)); it tends to the uniform density 1 / (2 pi^2) as kappa goes to
-    0.
-    """
-    return scaled_log_normaliser(kappa) - kappa
-
-
 def scaled_log_normaliser(kappa: Tensor) -> Tensor:
-    """log C_4(kappa) + kappa, the part that only grows like 3/2 log kappa: the height of the density at its
-    mode.
+    """log C_4(kappa) + kappa, any shape: the von Mises-Fisher density on S^3 at its mode; differentiable once.
+
+    C_4(kappa) = kappa / ((2 pi)^2 I_1(kappa)) tends to the uniform density 1 / (2 pi^2) as kappa goes to 0. The sum
+    grows like 3/2 log kappa only.
     """
     return _LogRatio.apply(kappa) - 2.0 * math.log(2.0 * math.pi)
 

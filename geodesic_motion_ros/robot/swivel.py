@@ -41,12 +41,6 @@ def swivel_angle(robot: Robot, joint_positions: np.ndarray) -> float:
     return float(_swivel(contiguous(joint_positions), robot.chain)[0])
 
 
-def swivel_gradient(robot: Robot, joint_positions: np.ndarray) -> np.ndarray:
-    """Derivatives (7,) of the swivel angle by the joint positions (7,) [rad]; errors as `swivel_angle`."""
-    _refuse_other_arms(robot)
-    return _swivel(contiguous(joint_positions), robot.chain)[1]
-
-
 def elbow_position(robot: Robot, joint_positions: np.ndarray) -> np.ndarray:
     """Where the elbow is (3,) [m], base frame, at joint positions (7,) [rad]; errors as `swivel_angle`."""
     _refuse_other_arms(robot)

@@ -154,15 +154,6 @@ def pouring_pose(cup: np.ndarray, yaw: float, tilt: float = POURING_TILT) -> Pos
     return position, from_rotation(_side_grasp(yaw, tilt))
 
 
-def draw_pouring_query(generator: np.random.Generator) -> tuple[Pose, Pose]:
-    """A start and a goal (position (3,) [m], quaternion (4,)) drawn uniformly from what is shown."""
-    places = generator.random(6)
-    return (
-        grasp_pose(BOTTLE_REGION.at(places[:2]), _between(BOTTLE_YAW, places[2])),
-        pouring_pose(CUP_REGION.at(places[3:5]), _between(CUP_YAW, places[5])),
-    )
-
-
 def draw_passing_query(generator: np.random.Generator) -> tuple[Pose, Pose]:
     """A start and a goal (position (3,) [m], quaternion (4,)) past the pillar, drawn uniformly from what is shown."""
     start, goal = _passing_ends(generator)

@@ -9,8 +9,6 @@ from geodesic_motion_ros.learning.densities import (
     antipodal_log_density,
     divergence_from_normal,
     gaussian_log_density,
-    log_bessel_i1,
-    log_normaliser,
     scaled_log_normaliser,
     scaled_log_normaliser_of_directions,
     von_mises_fisher_log_density,
@@ -56,8 +54,6 @@ def value_and_slope(function, kappas):
 @pytest.mark.parametrize(
     ("function", "exact_value", "exact_slope"),
     [
-        (log_bessel_i1, exact_log_bessel, lambda k: exact_ratio(k) + 1 / mpmath.mpf(k)),
-        (log_normaliser, exact_log_normaliser, lambda k: -exact_ratio(k)),
         (scaled_log_normaliser, lambda k: exact_log_normaliser(k) + k, lambda k: 1 - exact_ratio(k)),
         (scaled_log_normaliser_of_directions, exact_log_normaliser_of_directions, exact_langevin_rest),
     ],
@@ -90,7 +86,7 @@ def test_densities_integrate_to_one_over_the_sphere(kappa):
 
 
 def test_the_uniform_limit():
-    assert float(log_normaliser(torch.tensor(1e-3, dtype=torch.float64))) == pytest.approx(
+    assert float(scaled_log_normaliser(torch.tensor(1e-3, dtype=torch.float64)) - 1e-3) == pytest.approx(
         -math.log(2.0 * math.pi**2), rel=1e-6
     )
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle, swivel_gradient
+from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle
 from geodesic_motion_ros.utils.errors import RobotError
 
 ROBOT = Robot.panda()
@@ -48,14 +48,6 @@ def test_it_is_the_angle_by_which_the_elbow_is_turned_about_the_line() -> None:
         normal = np.cross(n, [0.0, 0.0, 1.0])
         assert back @ normal == pytest.approx(0.0, abs=1e-9)
         assert (back - (back @ n) * n)[2] > 0.0
-
-
-def test_the_gradient_is_that_of_finite_differences() -> None:
-    for q in ROBOT.sample(100, np.random.default_rng(2)):
-        differences = [
-            around(swivel_angle(ROBOT, q + step) - swivel_angle(ROBOT, q - step)) / 2e-6 for step in 1e-6 * np.eye(7)
-        ]
-        np.testing.assert_allclose(swivel_gradient(ROBOT, q), differences, rtol=1e-5, atol=1e-6)
 
 
 @settings(max_examples=60, deadline=None)

@@ -104,14 +104,6 @@ def test_a_bottle_is_upright_at_first_and_tilted_by_100_degrees_in_the_end(pouri
         assert np.max(performance.demonstration.positions[:, 2]) > performance.demonstration.positions[0, 2] + 0.08
 
 
-def test_drawn_queries_lie_inside_what_is_shown() -> None:
-    generator = np.random.default_rng(11)
-    for _ in range(50):
-        start, goal = teacher.draw_pouring_query(generator)
-        assert teacher.BOTTLE_REGION.contains(start[0])
-        assert teacher.CUP_REGION.contains(mouth_of(*goal))
-
-
 def test_drawn_passings_start_and_end_like_those_shown(passing: Shown) -> None:
     generator = np.random.default_rng(11)
     shown_ends = [(motion.positions[end], motion.quaternions[end]) for end in (0, -1) for motion in passing[0][:1]]
