@@ -15,6 +15,7 @@ A tick works out its `Situation` once, decides without changing anything, and co
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -127,7 +128,7 @@ class ReactivePlanner:
         self._memory = SearchMemory()
         # The time of the newest tick [s], and how often the arm was said to stand somewhere, or to hold something.
         self._ticked, self._stands = 0.0, 0
-        self._warm_up()
+        self._load_kernels()
 
     @property
     def collision(self) -> CollisionModel:
@@ -151,33 +152,32 @@ class ReactivePlanner:
     def _detours(self) -> DetourPlanner:
         return self._arm.detours
 
-    def _warm_up(self) -> None:
+    def _load_kernels(self) -> None:
         """Load the compiled kernels, or compile them on the first start: no tick of the stream shall wait for that.
 
-        A short stream with an obstacle, a new goal in motion and a stop; then all is forgotten.
+        A copy with a stream of its own plays a short one: with an obstacle, a new goal in motion, and a stop.
         """
+        trial = copy.copy(self)
+        trial._stream = Stream(self._solver.certifier)
         start = self._queries.start_by_pose(Pose(self.skill.start_pose[:3], self.skill.start_pose[3:]))
-        self.stand_at(self.robot.ready if isinstance(start, Verdict) else start, 0.0)
+        trial.stand_at(self.robot.ready if isinstance(start, Verdict) else start, 0.0)
         goal = self.skill.goal_pose[:3], self.skill.goal_pose[3:]
-        self.set_goal(*goal)
+        trial.set_goal(*goal)
         for time in (0.0, 0.1, 0.2):
-            self.take_obstacles(Obstacles.one_of_each(np.array([0.0, 0.0, 3.0 + time]), np.full(3, 1e-3), time))
-            self.tick(time)
-        self.set_goal(goal[0] + 0.003, goal[1])
-        self.tick(0.3)
-        if self._mission.query is not None:
-            load_search(self.graph, self._mission.query, self.settings)
-            if self.may_detour:
-                query, obstacles, stream = self._mission.query, self._inputs.obstacles, self._stream
-                self._detours.find(query, obstacles, 0.1)
-                assert stream.played is not None
-                state = stream.played.state_at_switch(0.3, stream.followed)
-                self._solver.evade_displaced(query, state, obstacles, 0.1, 0.1)
+            trial.take_obstacles(Obstacles.one_of_each(np.array([0.0, 0.0, 3.0 + time]), np.full(3, 1e-3), time))
+            trial.tick(time)
+        trial.set_goal(goal[0] + 0.003, goal[1])
+        trial.tick(0.3)
+        query, obstacles = trial._mission.query, trial._inputs.obstacles
+        if query is not None:
+            load_search(self.graph, query, self.settings)
+        if query is not None and self.may_detour:
+            self._detours.find(query, obstacles, 0.1)
+            assert trial._stream.played is not None
+            state = trial._stream.played.state_at_switch(0.3, trial._stream.followed)
+            self._solver.evade_displaced(query, state, obstacles, 0.1, 0.1)
         load_references(self.limits, self._solver.tool)
-        self.stop(0.4, Verdict(VerdictCode.NO_GOAL))
-        self.take_obstacles(Obstacles.none())
-        self._mission, self._memory = Mission(), SearchMemory()
-        self._stream.forget()
+        trial.stop(0.4, Verdict(VerdictCode.NO_GOAL))
 
     # ---------------------------------------------------------------- inputs
 
