@@ -34,7 +34,7 @@ help: ## this list
 	@echo "  make test ARGS='-n 0'       one at a time, as --pdb needs it"
 	@echo "  make PYTHON=python3.10 ...  the Python of a new .venv (3.10, 3.11 or 3.12)"
 
-demo: $(kernels) ## a Panda takes its elbow out of a moving obstacle's way: two minutes, headless; pictures in out/demo
+demo: $(kernels) ## a Panda takes its elbow out of a moving obstacle's path: two minutes, headless; pictures in out/demo
 	@MPLBACKEND=Agg $(python) -m geodesic_motion_ros demo $(ARGS) < /dev/null
 
 test: lint $(kernels) ## ruff, then the tests of the product, two at a time where there are two cores

@@ -75,7 +75,7 @@ def locked(path: Path, kind: int) -> Iterator[None]:
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """Let a test marked `realtime` run alone: the workers share the machine, such a test has it to itself.
 
-    Whoever comes passes the entrance (a lock on this folder) first, so that those who share cannot keep out one who
+    A test passes the entrance (a lock on this folder) first, so that those who share cannot keep out one who
     waits to be alone (a lock on this file).
     """
     if WORKER is None:
@@ -189,7 +189,7 @@ def canonical_fan_skill(stored, varying_fan: Demonstrations) -> Skill:
 
 
 def reaches(count_per_family: int, connected: bool, seed: int = 0) -> JointDemonstrations:
-    """Reaches to grasp in two families, elbow out to the left or to the right: as told to the arm, without physics."""
+    """Reaches to grasp in two families, elbow out to the left or to the right: as commanded, without physics."""
     from geodesic_motion_ros.simulation.joint_teacher import configurations, reach_guidances
 
     robot = Robot.panda()
@@ -253,7 +253,7 @@ class Motions:
     def detour(
         self, random: np.random.Generator, reference: JointReference, time: float, kink: float
     ) -> np.ndarray | None:
-        """What is left of a reference's path from `time` on, bent aside, with another goal.
+        """What is left of a reference's path from `time` on, bent off it, with another goal.
 
         It begins at an angle [rad], the kink.
         """

@@ -84,7 +84,7 @@ class Asked:
         return np.concatenate([position + random.uniform(-0.02, 0.02, 3), quaternion])
 
     def drawn(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """A query, see `answer`: with 0 to SPHERES spheres near the way without them; every tenth has a goal that is
+        """A query, see `answer`: with 0 to SPHERES spheres near the path without them; every tenth has a goal that is
         far from what was shown.
         """
         random = np.random.default_rng(number)

@@ -35,7 +35,7 @@ _EPILOG = """\
 examples:
 {examples}
 
-`geodesic-motion COMMAND --help` explains a command. Exit status: 0 done, 2 something asked for is not possible (one
+`geodesic-motion COMMAND --help` explains a command. Exit status: 0 done, 2 a request is not possible (one
 line on standard error says what, and what would be), 130 interrupted.
 """
 
@@ -82,6 +82,6 @@ def main(argv: Sequence[str] | None = None, parser: argparse.ArgumentParser | No
         print("geodesic-motion: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        # Whoever reads has seen enough, as `head` has; what is left to be written at the end goes nowhere.
+        # The reader has seen enough, as `head` has; what is left to be written at the end goes nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def needing(what: str, remedy: str) -> Iterator[None]:
-    """Imports of what may not be installed: what needs it, and what to do then, is said in one line."""
+    """Imports of what may not be installed: what needs it, and what to do then, is stated in one line."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -56,7 +56,7 @@ def add_recording(
     )  # fmt: skip
     group.add_argument(
         "--units", choices=tuple(METRES_PER_UNIT), required=required and not joints,
-        help="of the positions; always to be said, a wrong guess would be off by a hundred",
+        help="of the positions; always required, a wrong guess would be off by a hundred",
     )  # fmt: skip
     group.add_argument(
         "--columns", metavar="NAMES",

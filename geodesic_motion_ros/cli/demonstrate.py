@@ -25,15 +25,15 @@ DEFAULT_FAMILIES = 3
 
 _DESCRIPTION = """\
 A scripted teacher guides a simulated Panda through a task, each time a little differently; what the arm did is written
-to a file. For trying things out without a recording: a person varies in ways that are not made up.
+to a file. For trying things out without a recording: a person varies in respects that are not modelled.
 """
 _EPILOG = """\
 of the whole arm (joint positions [rad], files .npz or .csv):
   reach-to-grasp            to an object 0.5 m away, the hand turning by 90 degrees; families of demonstrations whose
-                            elbows swing out to different sides on the way; --count is for each family
+                            elbows swing out to different sides in between; --count is for each family
   reach-to-grasp-separated  the same, but the elbows of a family stay on their side from start to goal
   circle                    once around a circle of 12 cm in an upright plane
-  pouring-joint             three bottles to three cups, whose ways cross; --count is for each bottle
+  pouring-joint             three bottles to three cups, whose paths cross; --count is for each bottle
 
 of the tool (positions [m] and quaternions, files .npz, to be read with --units m):
   pouring                   a bottle that stands anywhere in a region to a cup anywhere in another

@@ -97,19 +97,19 @@ def describe(skill: Skill) -> dict[str, Any]:
 
 
 def _families(skill: Skill) -> dict[str, Any]:
-    """How many demonstrations went each way, and how many groups of starts and goals there are."""
+    """How many demonstrations each family has, and how many groups of starts and goals there are."""
     sheet = skill.canonical
     if sheet is None:
         return {}
-    told: dict[str, Any] = {"demonstrations_per_family": np.bincount(sheet.modes.astype(int)).tolist()}
+    figures: dict[str, Any] = {"demonstrations_per_family": np.bincount(sheet.modes.astype(int)).tolist()}
     if skill.space == "joint":
-        told |= {"start_groups": len(sheet.start_poles), "goal_groups": len(sheet.goal_poles)}
-    return told
+        figures |= {"start_groups": len(sheet.start_poles), "goal_groups": len(sheet.goal_poles)}
+    return figures
 
 
 def _graph(skill: Skill, graph: LatentGraph) -> dict[str, Any]:
     counts = np.bincount(graph.component)
-    told = {
+    figures = {
         "shape": list(graph.grid.shape), "nodes": len(graph.latent), "edges": len(graph.edges),
         "kept_percent": 100.0 * len(graph.latent) / float(np.prod(graph.grid.shape)),
         "large_pieces": len(graph.pieces_with_demonstrations()),
@@ -119,8 +119,8 @@ def _graph(skill: Skill, graph: LatentGraph) -> dict[str, Any]:
         modes = np.repeat(skill.canonical.modes.astype(int), skill.codes.shape[1])
         # Families of a sheet are those of its demonstrations as recorded, without antipodal copies.
         codes = skill.codes[: len(skill.canonical.modes)].reshape(-1, skill.codes.shape[-1])
-        told["nodes_per_family"] = np.bincount(modes[cKDTree(codes).query(graph.latent)[1]]).tolist()
-    return told
+        figures["nodes_per_family"] = np.bincount(modes[cKDTree(codes).query(graph.latent)[1]]).tolist()
+    return figures
 
 
 def _print(described: dict[str, Any]) -> None:

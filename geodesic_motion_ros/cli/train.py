@@ -48,7 +48,7 @@ _SMALL, _POOR = 0.02, 0.2
 _LONGEST_PROVENANCE = 2000
 _ROS_COLUMNS = ",".join((*POSITION, *QUATERNION[1:], QUATERNION[0]))
 _SPACES = {"task": train_task, "joint": train_joint}
-_TOLD = {
+_SPACE_NOTES = {
     "task": "poses of the tool: a skill of poses is learned",
     "joint": "configurations of the whole arm: a joint-space skill is learned",
 }
@@ -165,7 +165,7 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     _refuse_foreign(arguments.out)
     _refuse_unwritable(arguments.out)
     writable(arguments.json)
-    print(f"{arguments.demos}: {_TOLD[space]}")
+    print(f"{arguments.demos}: {_SPACE_NOTES[space]}")
     shown = training.tool_demonstrations()
     extent = _extent(shown)
     _note_the_recording(shown, extent, space)
@@ -209,10 +209,10 @@ def _recorded_in(scene: DeclaredScene, skill: Skill) -> Skill:
 
 
 def _provenance(arguments: argparse.Namespace) -> dict[str, Any]:
-    said = {"data": arguments.demos.name, "source": arguments.source, "licence": arguments.licence}
+    given = {"data": arguments.demos.name, "source": arguments.source, "licence": arguments.licence}
     if arguments.held_out:
-        said["held_out"] = list(arguments.held_out)
-    return {name: value for name, value in said.items() if value is not None}
+        given["held_out"] = list(arguments.held_out)
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _refuse_foreign(folder: Path) -> None:
@@ -239,7 +239,7 @@ def _extent(demonstrations: Demonstrations) -> float:
 def _note_the_recording(demonstrations: Demonstrations, extent: float, space: str) -> None:
     if len(demonstrations) == 1:
         _note(
-            "one demonstration only: the skill can carry it to other starts and goals, but has no other way around an "
+            "one demonstration only: the skill can carry it to other starts and goals, but has no other path around an "
             "obstacle, and start and goal choose nothing (no density of them, no regression on them)"
         )
     if extent < _SMALL:

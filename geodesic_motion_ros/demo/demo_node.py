@@ -1,8 +1,8 @@
 """The demo: a Panda does a skill three times, planner and twin as two processes over real ROS 2.
 
-Once without an obstacle, once with a sphere that moves into its way and avoidance off (the control: it must hit), once
+Once without an obstacle, once with a sphere that moves into its path and avoidance off (the control: it must hit), once
 with the same sphere and avoidance on. What is printed was measured by the twin on the arm's real geometry. The scene is
-the skill's: on joint-space skills the sphere is in the way of the elbow, on task-space skills in that of the hand.
+the skill's: on joint-space skills the sphere is in the path of the elbow, on task-space skills in that of the hand.
 """
 
 from __future__ import annotations

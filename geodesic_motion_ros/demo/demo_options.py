@@ -1,4 +1,4 @@
-"""What the demo can be asked for; light, for `--help`."""
+"""The options of the demo; light, for `--help`."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _DESCRIPTION = """\
 A simulated Panda does a skill as it was shown: three times over real ROS 2, planner and twin in two processes.
 
   no_obstacle    the learned motion, undisturbed
-  avoidance_off  a sphere moves into the way, and the planner ignores it: the arm hits it
-  avoidance_on   the same sphere; the planner looks for another way a hundred times a second
+  avoidance_off  a sphere moves into the path, and the planner ignores it: the arm hits it
+  avoidance_on   the same sphere; the planner looks for another path a hundred times a second
 
 With a skill of the whole arm the sphere goes where the elbow would swing to, far from the hand, and the arm takes its
-elbow to the other side; with a skill of the tool the sphere goes into the way of the hand.
+elbow to the other side; with a skill of the tool the sphere goes into the path of the hand.
 
 It takes about a minute and ends by itself; Ctrl-C ends it and its processes earlier."""
 
@@ -29,13 +29,13 @@ what it writes to the folder OUT:
   summary.json   the figures of the table, one object a run, the planner parameters that are not the defaults, and
                  whether the demo has passed; with a skill of the whole arm also the families of demonstrations that the
                  arm was in, one after the other
-  latent.png     the skill's latent space with the way of the arm, without and with the obstacle
-  paths.png      the same ways in space, among the demonstrations
+  latent.png     the skill's latent space with the motion of the arm, without and with the obstacle
+  paths.png      the same motions in space, among the demonstrations
   strip.png, arm.gif    the arm, avoidance off above (left) and on below (right)
   RUN/*.yaml, RUN/*.log    the parameter files and logs of the two nodes of each run
 
-exit code: 0 when the demo does what it promises, 1 when it does not (it says what), 2 when it cannot be as asked, 130
-after Ctrl-C; a machine so busy that the planner misses its rate gets a warning
+exit code: 0 when the demo does what it promises, 1 when it does not (it says what), 2 when it cannot be as requested,
+130 after Ctrl-C; a machine so busy that the planner misses its rate gets a warning
 
 To look at it in RViz, join its ROS domain: demo --domain 7, and in another terminal
   ROS_DOMAIN_ID=7 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST rviz2 -d config/geodesic_motion.rviz"""

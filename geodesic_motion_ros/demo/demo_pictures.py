@@ -18,9 +18,9 @@ from geodesic_motion_ros.visualization.plots import Sphere
 _ROWS = (("avoidance_off", "avoidance off"), ("avoidance_on", "avoidance on"))
 _STRIP_FRAMES, _STRIP_SIZE = 5, (340, 330)
 _GIF_SIZE, _GIF_RATE, _GIF_FRAMES = (320, 300), 10.0, 60
-# The way of what is followed is measured in steps of this time [s]; shorter ones than this [m] are trembling.
+# The distance that a point covers is measured in steps of this time [s]; shorter ones than this [m] are trembling.
 _STEP_TIME, _STEP_LEAST = 0.1, 0.001
-#: Colours of the ways without obstacle and around it, those of the plots.
+#: Colours of the motions without obstacle and around it, those of the plots.
 FREE_RGB, AROUND_RGB = (0.0, 0.447, 0.698), (0.835, 0.369, 0.0)
 
 
@@ -87,17 +87,17 @@ def _draw_strip(path: Path, world: PandaWorld, recordings: Mapping[str, Recordin
 
 
 def instants_of_motion(times: np.ndarray, positions: np.ndarray, count: int) -> np.ndarray:
-    """Times (count,) [s] between the first and the last movement of a recorded point, its way between them the same.
+    """Times (count,) [s] from the first to the last movement of a recorded point, at equal distances that it covers.
 
     times (n,) [s], positions (n, 3) [m].
     """
     regular = np.arange(times[0], times[-1], _STEP_TIME)
     steps = np.linalg.norm(np.diff([recorded_at(times, positions, time) for time in regular], axis=0), axis=1)
-    way = np.concatenate([[0.0], np.cumsum(np.where(steps < _STEP_LEAST, 0.0, steps))])
-    if way[-1] == 0.0:
+    covered = np.concatenate([[0.0], np.cumsum(np.where(steps < _STEP_LEAST, 0.0, steps))])
+    if covered[-1] == 0.0:
         return np.linspace(times[0], times[-1], count)
-    moving, first = np.unique(way, return_index=True)
-    return np.interp(np.linspace(0.0, way[-1], count), moving, regular[first])
+    moving, first = np.unique(covered, return_index=True)
+    return np.interp(np.linspace(0.0, covered[-1], count), moving, regular[first])
 
 
 def _draw_animation(

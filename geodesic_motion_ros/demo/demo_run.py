@@ -222,7 +222,8 @@ class Probe:
         deadline = time.monotonic() + patience
         self._spin(lambda: condition() or time.monotonic() > deadline)
         if not condition():
-            raise DemoError(f"waited {patience:g} s in vain for {what}; the planner says: {self._code or 'nothing'}")
+            code = self._code or "nothing"
+            raise DemoError(f"waited {patience:g} s for {what} without success; the planner says: {code}")
 
     def _spin(self, until: Callable[[], Any]) -> None:
         while not until():

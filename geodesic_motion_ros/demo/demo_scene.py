@@ -1,4 +1,4 @@
-"""What the demo shows of a skill: a way, an obstacle that moves into it, and pictures of what came of both."""
+"""What the demo shows of a skill: a path, an obstacle that moves into it, and pictures of what came of both."""
 
 from __future__ import annotations
 
@@ -36,13 +36,14 @@ class DemoScene(ABC):
 
         Raises
         ------
-        DemoError : the skill has no way from its own start to its goal.
+        DemoError : the skill has no path from its own start to its goal.
         """
         self.skill = planner.skill
         start, self.goal = self.skill.start_pose, self.skill.goal_pose
         plan = planner.plan(start[:3], start[3:], self.goal[:3], self.goal[3:])
         if plan.reference is None:
-            raise DemoError(f"skill {self.skill.name} has no way from its own start to its goal: {plan.verdict.reason}")
+            reason = plan.verdict.reason
+            raise DemoError(f"skill {self.skill.name} has no path from its own start to its goal: {reason}")
         self.nominal: JointReference = plan.reference
         self.obstacle = self._obstacle()
 
@@ -52,7 +53,7 @@ class DemoScene(ABC):
 
     @abstractmethod
     def families(self, recording: Recording) -> list[int] | None:
-        """Families of demonstrations that the arm was in, one after the other; None where that is not told."""
+        """Families of demonstrations that the arm was in, one after the other; None if unknown."""
 
     @abstractmethod
     def draw(self, recordings: Mapping[str, Recording], out: Path) -> None:

@@ -28,8 +28,8 @@ from geodesic_motion_ros.visualization.joint_plots import draw_tubes
 from geodesic_motion_ros.visualization.plots import (
     BLUE,
     VERMILION,
+    DrawnPath,
     Sphere,
-    Way,
     draw_in_space,
     legend_below,
     write_figure,
@@ -37,7 +37,7 @@ from geodesic_motion_ros.visualization.plots import (
 
 #: The sphere: radius [m], speed [m/s], and how far from its place it sets out [m].
 RADIUS, SPEED, BEFORE = 0.055, 0.10, 0.45
-#: It comes to rest this long [s] after the undisturbed elbow would have been there. Its surface is in the way seconds
+#: It comes to rest this long [s] after the undisturbed elbow would have been there. Its surface is in the path seconds
 #: before: the elbow has set out by then, and has time to turn back.
 LATE = 1.2
 #: A family counts as taken where its ridge has more than this share; where families begin and end alike, none has.
@@ -46,8 +46,8 @@ _TAKEN_SHARE = 0.9
 _REPLAY_RATE = 20.0
 #: Width over which their latent points are averaged, in instants.
 _LATENT_SMOOTHING = 4.0
-#: Radii [m] of the tubes that show where tool and elbow were, without obstacle and around it: where both ways are one
-#: the thicker tube is seen.
+#: Radii [m] of the tubes that show where tool and elbow were, without obstacle and around it: where both motions are
+#: one the thicker tube is seen.
 _TOOL_TUBES, _ELBOW_TUBES = (0.0015, 0.0025), (0.0055, 0.007)
 #: The name of a curve stands beside its beginning [cm].
 _NAME_ABOVE = np.array([0.0, -1.0, 2.0])
@@ -86,44 +86,48 @@ class ElbowScene(DemoScene):
 
     def draw(self, recordings: Mapping[str, Recording], out: Path) -> None:
         free, around = recordings["no_obstacle"], recordings["avoidance_on"]
-        obstacle = met(around, *self._elbow_way(around), self.obstacle.radius)
-        tool = self._way(free, "without obstacle", BLUE), self._way(around, "around the moving obstacle", VERMILION)
+        obstacle = met(around, *self._elbow_positions(around), self.obstacle.radius)
+        tool = (
+            self._measured(free, "without obstacle", BLUE),
+            self._measured(around, "around the moving obstacle", VERMILION),
+        )
         elbow = tuple(
-            replace(way, positions=self._elbow_way(recording)[1])
-            for way, recording in zip(tool, (free, around), strict=True)
+            replace(motion, positions=self._elbow_positions(recording)[1])
+            for motion, recording in zip(tool, (free, around), strict=True)
         )
         title = f"Latent space of {self.skill.name}: two motions to one goal"
         draw_tubes(out / "latent.png", self.planner, tool, obstacle, title)
         self._draw_paths(out / "paths.png", {"tool": tool, "elbow": elbow}, obstacle)
         curves = [
-            Curve(way.positions, colour, radius)
-            for ways, radii in ((tool, _TOOL_TUBES), (elbow, _ELBOW_TUBES))
-            for way, colour, radius in zip(ways, (FREE_RGB, AROUND_RGB), radii, strict=True)
+            Curve(motion.positions, colour, radius)
+            for motions, radii in ((tool, _TOOL_TUBES), (elbow, _ELBOW_TUBES))
+            for motion, colour, radius in zip(motions, (FREE_RGB, AROUND_RGB), radii, strict=True)
         ]
-        draw_films(out, self.planner.scene, recordings, self.obstacle.radius, Film("elbow", curves, self._elbow_way))
+        film = Film("elbow", curves, self._elbow_positions)
+        draw_films(out, self.planner.scene, recordings, self.obstacle.radius, film)
 
-    def _way(self, recording: Recording, name: str, colour: str) -> Way:
+    def _measured(self, recording: Recording, name: str, colour: str) -> DrawnPath:
         latent = self.planner.graph.latent[self._nodes_along(recording)]
-        return Way(smooth_latent(latent, _LATENT_SMOOTHING), np.array(recording.positions), name, colour)
+        return DrawnPath(smooth_latent(latent, _LATENT_SMOOTHING), np.array(recording.positions), name, colour)
 
-    def _elbow_way(self, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+    def _elbow_positions(self, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
         """Times (n,) [s] and where the elbow was (n, 3) [m]."""
         return np.array(recording.joint_times), self._elbows(np.array(recording.joints))
 
     def _elbows(self, configurations: np.ndarray) -> np.ndarray:
         return np.array([elbow_position(self.planner.robot, configuration) for configuration in configurations])
 
-    def _draw_paths(self, path: Path, ways: Mapping[str, Sequence[Way]], obstacle: Sphere) -> None:
-        """Measured ways of parts of the arm, by their names, among those of tool and elbow in the demonstrations."""
+    def _draw_paths(self, path: Path, motions: Mapping[str, Sequence[DrawnPath]], obstacle: Sphere) -> None:
+        """Measured motions of parts of the arm, by their names, among those of tool and elbow in the demonstrations."""
         shown = [self.skill.decoder.configurations(code) for code in self.skill.codes]
         tools = [end_effector_poses(np.ascontiguousarray(item), self.planner.robot.chain)[0] for item in shown]
         figure = Figure(figsize=(9.0, 6.4), layout="constrained")
         space = figure.add_subplot(projection="3d", computed_zorder=False)
-        every = [way for part in ways.values() for way in part]
+        every = [motion for part in motions.values() for motion in part]
         handles = draw_in_space(space, [*tools, *map(self._elbows, shown)], every, obstacle, zoom=1.15)
-        for name, (undisturbed, *_) in ways.items():
+        for name, (undisturbed, *_) in motions.items():
             space.text(*(100.0 * undisturbed.positions[0] + _NAME_ABOVE), name, fontsize=11, ha="right", zorder=5)
-        figure.suptitle("Ways of tool and elbow, as measured", x=0.01, ha="left", fontsize=11)
+        figure.suptitle("Motions of tool and elbow, as measured", x=0.01, ha="left", fontsize=11)
         legend_below(figure, handles)
         write_figure(figure, path)
 

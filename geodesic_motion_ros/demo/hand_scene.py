@@ -1,4 +1,4 @@
-"""The demo of a task-space skill: a sphere moves into the way of the hand."""
+"""The demo of a task-space skill: a sphere moves into the path of the hand."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from geodesic_motion_ros.planning.path_smoothing import smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, Way, draw_latent, draw_paths
+from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, draw_latent, draw_paths
 
 #: The sphere: radius [m] and speed [m/s]; when the undisturbed motion would meet it (share of its duration); how far
-#: beside the tool's way it crosses, along the tool's x axis [m], so that there is room on its other side.
+#: beside the tool's path it crosses, along the tool's x axis [m], so that there is room on its other side.
 RADIUS, SPEED, MEETING_SHARE, BESIDE = 0.035, 0.10, 0.50, 0.022
-#: It sets out this far from the way [m], is there a little before the hand [s], and comes to rest this far behind it
-#: [m], which is still under the palm: where a busy machine slows the arm down, the sphere is in its way all the same.
+#: It sets out this far from the path [m], is there a little before the hand [s], and comes to rest this far behind it
+#: [m], which is still under the palm: where a busy machine slows the arm down, the sphere is in its path all the same.
 BEFORE, EARLY, AFTER = 0.30, 0.3, 0.06
 #: Recorded instants that are looked up in the latent space [1/s], and the width over which they are averaged.
 _REPLAY_RATE, _LATENT_SMOOTHING = 20.0, 4.0
@@ -34,7 +34,7 @@ _TURNING = 0.1
 
 
 class HandScene(DemoScene):
-    """A sphere crosses the undisturbed motion, across the hand and a little beside the tool's way."""
+    """A sphere crosses the undisturbed motion, across the hand and a little beside the tool's path."""
 
     def __init__(self, skill: Skill, declared: DeclaredScene | None = None) -> None:
         """declared : what always stands around the arm; None: nothing was declared."""
@@ -54,19 +54,19 @@ class HandScene(DemoScene):
 
     def draw(self, recordings: Mapping[str, Recording], out: Path) -> None:
         free, around = recordings["no_obstacle"], recordings["avoidance_on"]
-        obstacle = met(around, *_tool_way(around), self.obstacle.radius)
-        ways = (
-            Way(self._replay(free), np.array(free.positions), "without obstacle", BLUE),
-            Way(self._replay(around), np.array(around.positions), "around the moving obstacle", VERMILION),
+        obstacle = met(around, *_tool_positions(around), self.obstacle.radius)
+        motions = (
+            DrawnPath(self._replay(free), np.array(free.positions), "without obstacle", BLUE),
+            DrawnPath(self._replay(around), np.array(around.positions), "around the moving obstacle", VERMILION),
         )
         title = f"Latent space of {self.skill.name}: two motions to one goal"
-        draw_latent(out / "latent.png", self.skill, self.planner.settings, ways, obstacle, title)
-        draw_paths(out / "paths.png", self.skill, ways, obstacle, "Way of the tool, as measured")
+        draw_latent(out / "latent.png", self.skill, self.planner.settings, motions, obstacle, title)
+        draw_paths(out / "paths.png", self.skill, motions, obstacle, "Motion of the tool, as measured")
         curves = (
             Curve(np.array(free.positions), FREE_RGB, 0.0025),
             Curve(np.array(around.positions), AROUND_RGB, 0.004),
         )
-        draw_films(out, self.planner.scene, recordings, self.obstacle.radius, Film("front", curves, _tool_way))
+        draw_films(out, self.planner.scene, recordings, self.obstacle.radius, Film("front", curves, _tool_positions))
 
     def _replay(self, recording: Recording) -> np.ndarray:
         """Latent points (n, d) along a recorded motion: of the nodes whose poses are nearest, `_REPLAY_RATE` a second.
@@ -83,5 +83,5 @@ class HandScene(DemoScene):
         return smooth_latent(self.graph.latent[cKDTree(known).query(measured)[1]], _LATENT_SMOOTHING)
 
 
-def _tool_way(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+def _tool_positions(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     return np.array(recording.pose_times), np.array(recording.positions)

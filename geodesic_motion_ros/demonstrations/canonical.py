@@ -1,4 +1,4 @@
-"""Canonical form of demonstrations: where a task begins and ends taken out, the way of doing it left.
+"""Canonical form of demonstrations: where a task begins and ends taken out, the shape of the motion left.
 
 With s in [0, 1] the fraction of a demonstration's arc, start offset d0 = x(0) - m(0) and goal offset d1 = x(1) - m(1)
 from the mean first and last pose m(0), m(1) of all demonstrations, the canonical curve is
@@ -101,20 +101,20 @@ def canonical_form(
 
 
 def _refuse_strangers(names: list[str], verb: str, offsets: np.ndarray, lengths: list[float]) -> None:
-    """Offsets (N, 6) of starts or goals are refused beyond LARGEST_SHARE of the way and beyond LARGEST_TURN."""
+    """Offsets (N, 6) of starts or goals are refused beyond LARGEST_SHARE of the path and beyond LARGEST_TURN."""
     distances, turns = np.linalg.norm(offsets[:, :3], axis=1), np.linalg.norm(offsets[:, 3:], axis=1)
     allowed = LARGEST_SHARE * float(np.median(lengths))
     strange = (distances > allowed) | (turns > LARGEST_TURN)
     if not np.any(strange):
         return
-    told = ", ".join(
+    listed = ", ".join(
         f"{name} {1e3 * distance:.0f} mm and {np.degrees(turn):.0f} deg"
         for name, distance, turn in zip(names, distances, turns, strict=True)
     )
     raise DemonstrationError(
         f"demonstration '{names[int(np.argmax(strange))]}' {verb} where the others do not: from the mean it is "
-        f"further than {1e3 * allowed:.0f} mm ({LARGEST_SHARE:g} of the way) or {np.degrees(LARGEST_TURN):.0f} deg. "
-        f"One skill is learned from demonstrations of one task; these are {told} from their mean"
+        f"further than {1e3 * allowed:.0f} mm ({LARGEST_SHARE:g} of the path) or {np.degrees(LARGEST_TURN):.0f} deg. "
+        f"One skill is learned from demonstrations of one task; these are {listed} from their mean"
     )
 
 

@@ -1,4 +1,4 @@
-"""Canonical form of joint-space demonstrations: where a task begins and ends taken out, the way of doing it left.
+"""Canonical form of joint-space demonstrations: where a task begins and ends taken out, the shape of the motion left.
 
 With s in [0, 1] the fraction of a demonstration's arc, canonical curves y(s) are those that `manifold.joint_transport`
 carries onto the demonstrations: theta(s) = y(s) + D(y(s), s). The arc counts what the metric counts: the mean squared
@@ -79,11 +79,11 @@ def canonical_joint_form(
     for verb, offsets in (("starts", start_offsets), ("ends", goal_offsets)):
         sizes = np.linalg.norm(offsets, axis=1)
         if np.any(sizes > LARGEST_OFFSET):
-            told = ", ".join(f"{item.name} {size:.2f}" for item, size in zip(demonstrations, sizes, strict=True))
+            listed = ", ".join(f"{item.name} {size:.2f}" for item, size in zip(demonstrations, sizes, strict=True))
             raise DemonstrationError(
                 f"demonstration '{demonstrations[int(np.argmax(sizes))].name}' {verb} further than "
                 f"{LARGEST_OFFSET:g} rad from the others like it: one skill is learned from demonstrations of one "
-                f"task; distances [rad] from the mean are {told}"
+                f"task; distances [rad] from the mean are {listed}"
             )
     ends = np.stack([start_poles[start_groups], goal_poles[goal_groups]], axis=1)
     canonical = np.stack([without_offsets(curve, pole, robot) for curve, pole in zip(shown, ends, strict=True)])

@@ -1,4 +1,4 @@
-"""Modes: ways of doing a task that differ from one another more than people differ within each."""
+"""Modes: groups of a task's demonstrations that differ from one another more than people differ within each."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import pdist, squareform
 
 #: Mean silhouette from which a split counts as real: "reasonable structure" begins at 0.5, "strong" at 0.7 (L. Kaufman,
-#: P. Rousseeuw, "Finding groups in data", 1990). Demonstrations of one way stay below 0.45 on real recordings.
+#: P. Rousseeuw, "Finding groups in data", 1990). Demonstrations of one mode stay below 0.45 on real recordings.
 SMALLEST_SILHOUETTE = 0.6
 MOST_MODES = 5
 #: Below 1, blends lie mostly near one or two demonstrations, and so out to the rim of what was shown.

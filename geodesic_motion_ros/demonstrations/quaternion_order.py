@@ -5,9 +5,9 @@ Quaternions in the order (x, y, z, w), as ROS messages have them, are of unit le
 and speed say nothing. What differs is how the tool points in the world: tools of arms point down more often than up,
 and tools that are level or point up in one order but down in the other were likely read in the wrong one.
 
-That is a guess, so it only asks. Measured on four real tasks of a Panda and two simulated ones, each as from 60 ways to
-mount base and tool: it asks of 57 to 70 % of the files in the wrong order, the others look as plausible in both (a
-tool that points straight down does so in both orders at some headings), of none in the right order whose tool points
+That is a guess, so it only asks. Measured on four real tasks of a Panda and two simulated ones, each as from 60
+mountings of base and tool: it asks of 57 to 70 % of the files in the wrong order, the others look as plausible in both
+(a tool that points straight down does so in both orders at some headings), of none in the right order whose tool points
 down, and of 8 to 23 % of those in the right order whose tool is level throughout.
 """
 

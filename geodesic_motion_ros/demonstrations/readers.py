@@ -1,4 +1,4 @@
-"""Recordings on disk -> Demonstrations, JointDemonstrations. Units are said, never guessed; nothing is unpickled."""
+"""Recordings on disk -> Demonstrations, JointDemonstrations. Units are given, never guessed; nothing is unpickled."""
 
 from __future__ import annotations
 

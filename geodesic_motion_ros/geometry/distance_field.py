@@ -21,7 +21,7 @@ import numpy as np
 
 from geodesic_motion_ros.utils.errors import PlanningError
 
-#: Distances are told up to here [m].
+#: Distances are computed up to here [m].
 REACH = 0.3
 #: Cubes are made larger where there would be more.
 _MOST_CUBES = 1_000_000
@@ -211,7 +211,7 @@ def field_distance(x: float, y: float, z: float, squares: np.ndarray, placing: n
 
 @numba.njit(cache=True, nogil=True)
 def _cube(at: float, count: int) -> tuple[int, float]:
-    """Number of a cube and share of the way to the next, of so many along an axis.
+    """Number of a cube and share of the step to the next, of so many along an axis.
 
     Beyond the rim, where no point of the cloud is near, the distance is that on the rim.
     """

@@ -89,7 +89,7 @@ def rotate(quaternion: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 def slerp(first: np.ndarray, second: np.ndarray, fractions: np.ndarray) -> np.ndarray:
-    """Great-circle interpolation from first (4,) to second (4,) the short way; (n, 4) for fractions (n,)."""
+    """Great-circle interpolation from first (4,) to second (4,) along the shorter arc; (n, 4) for fractions (n,)."""
     vector = rotation_vector_between(first, second)
     return rotate_by(np.asarray(fractions)[:, None] * vector, np.broadcast_to(first, (len(fractions), 4)))
 

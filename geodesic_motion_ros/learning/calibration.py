@@ -99,7 +99,7 @@ def canonical_sheet(form: CanonicalDemonstrations) -> CanonicalSheet:
     sheet = CanonicalSheet(
         form.start_offsets, form.goal_offsets, modes, math.inf, form.positions, form.quaternions
     )
-    # Between modes there is nothing to regress: a mean never averages two ways.
+    # Between modes there is nothing to regress: a mean never averages two modes.
     return sheet if np.any(modes) else replace(sheet, penalty=surest_penalty(sheet.features(), form.positions))
 
 

@@ -88,7 +88,7 @@ def joint_sheet(form: CanonicalJointDemonstrations) -> JointSheet:
         form.start_offsets, form.goal_offsets, modes, math.inf,
         form.configurations, form.start_groups, form.goal_groups, form.start_poles, form.goal_poles,
     )  # fmt: skip
-    # Between modes there is nothing to regress: a mean never averages two ways.
+    # Between modes there is nothing to regress: a mean never averages two modes.
     if np.any(modes):
         return sheet
     return replace(sheet, penalty=surest_penalty(sheet.features(), form.configurations))

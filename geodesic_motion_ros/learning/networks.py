@@ -93,7 +93,7 @@ class RadialBasisNetwork(nn.Module):
 def place_centres(codes: np.ndarray, count: int, seed: int) -> np.ndarray:
     """k-means centres (at most `count`, d) of latent codes (n, d), reproducible from the seed.
 
-    Fewer centres than asked come back when there are not two codes for each; clusters that ran empty are
+    Fewer centres than requested come back when there are not two codes for each; clusters that ran empty are
     dropped.
 
     Raises

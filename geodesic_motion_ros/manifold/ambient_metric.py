@@ -7,7 +7,7 @@ add. The Gaussian never ends, so it is shifted to reach zero, continuously, at C
 
 Beyond the cut m is exactly 1: an obstacle that leaves also leaves no trace in the weights.
 
-Near an obstacle this hill has a top: a way through it costs much, and no more. The *completed* metric has none,
+Near an obstacle this hill has a top: a path through it costs much, and no more. The *completed* metric has none,
 
     m(p) = 1 + zeta sum_o max(0, r^2 / d^2 - r^2 / D^2),   d = |p - o| - r,   D = CUTOFF s - r,
 

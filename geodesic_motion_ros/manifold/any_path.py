@@ -36,9 +36,9 @@ def _go_on(
     memory: SearchMemory,
 ) -> float:
     """Weighted A* (I. Pohl, "Heuristic search viewed as path finding in a graph", Artificial Intelligence 1, 1970) from
-    the source, for so many nodes at most: a way found among far fewer of them than the cheapest.
+    the source, for so many nodes at most: a path found among far fewer of them than the cheapest.
 
-    Returns the cost of the first way to the target; inf without one yet, and for good where no node is left.
+    Returns the cost of the first path to the target; inf without one yet, and for good where no node is left.
     """
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),

@@ -23,14 +23,14 @@ from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 _BATCH = 64
 #: So many batches are about half a millisecond: then the time is looked at, where there is a deadline.
 _BATCHES, _UNLIMITED = 4, 1 << 62
-#: Looks at the time without a way, after which any way is looked for.
+#: Looks at the time without a path, after which any path is looked for.
 _PATIENCE = 3
 
 _NOTHING = np.empty(0, dtype=np.int32)
 
 
 @numba.njit(cache=True, nogil=True)
-def _field_way(
+def _field_path(
     first_slot: np.ndarray,
     neighbour: np.ndarray,
     edge_of: np.ndarray,
@@ -45,9 +45,9 @@ def _field_way(
     nodes: np.ndarray,
     edges: np.ndarray,
 ) -> tuple[float, int]:
-    """What the cheapest way without obstacles costs among them, and its number of edges; inf where they block it.
+    """What the cheapest path without obstacles costs among them, and its number of edges; inf where they block it.
 
-    The way is written to nodes (n,) and edges (n,). Its cost is summed as the field was: from the target on.
+    The path is written to nodes (n,) and edges (n,). Its cost is summed as the field was: from the target on.
     """
     look_at(np.array([source, target]), reshaping)
     nodes[0], count = source, 0
@@ -227,7 +227,7 @@ def shortest_path_from_both_ends(
         return ShortestPath(_NOTHING, _NOTHING, math.inf, math.inf)
     graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, margin
     with lent_memory(adjacency) as memory:
-        best, count = _field_way(*graph, to_target, source, target, memory.nodes, memory.edges)
+        best, count = _field_path(*graph, to_target, source, target, memory.nodes, memory.edges)
         found = best < cap
         best, meeting, bound = best if found else cap, -1, to_target[source]
         begin_at_both_ends(to_target, from_landmark, source, target, memory)
@@ -268,7 +268,7 @@ def load_search_from_both_ends(
     graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, -math.inf
     look_at(np.array([node]), reshaping)
     with lent_memory(adjacency) as memory:
-        best, _ = _field_way(*graph, to_target, node, node, memory.nodes, memory.edges)
+        best, _ = _field_path(*graph, to_target, node, node, memory.nodes, memory.edges)
         begin_at_both_ends(to_target, from_landmark, node, node, memory)
         _go_on(*graph, to_target, from_landmark, node, node, best, -1, _BATCHES, memory)
         load_any_path(graph, to_target, node, memory)

@@ -22,7 +22,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 #: Side of a cell of the workspace [m]; larger where there would be more cells along one side than so many.
 _CELL, _MOST_CELLS = 0.06, 64
-#: Factors are at most this: no way is ever the cheapest through it, and what does not move there still costs nothing.
+#: Factors are at most this: the cheapest path never goes through it, and what does not move there still costs nothing.
 _LARGEST = 1e12
 
 
@@ -37,7 +37,7 @@ class Reshaping(NamedTuple):
     strength, width_ratio, completed : of the ambient metric, see `ambient_metric.ambient_factor`; without one strength
     is 0.
     excess : no body point feels an obstacle whose surface is farther than this [m].
-    within : clearances from here on are not told apart [m].
+    within : clearances from here on are not distinguished [m].
     gaps : distance [m] of the cells (x, y, z) of a grid over the body's box from obstacles, at least; scale : cells per
         metre.
     heads, listed, following : the spheres near a cell (x, y, z) are listed[e] for e = heads[x, y, z], then for

@@ -23,12 +23,12 @@ class SearchMemory(NamedTuple):
 
     Attributes
     ----------
-    cost : (2, n) of the cheapest way known to a node; inf where none is known, -inf where no better one is looked for.
+    cost : (2, n) of the cheapest path known to a node; inf where none is known, -inf where no better one is looked for.
     predecessor, arrival : (2, n) int32 the node before, and the edge to it, where there is a cost.
     keys, items, place : (2, n) heaps of nodes, see `heap.py`; size : (2,) int64 how many they hold.
     begun : (2,) the first key; spent : (2,) int64 how many nodes were taken.
     written : (n,) int32 the nodes with a cost; count : (1,) int64 how many.
-    nodes, edges : (n,) int32 room for a way.
+    nodes, edges : (n,) int32 room for a path.
     """
 
     cost: np.ndarray
@@ -81,7 +81,7 @@ def begin_at_both_ends(
 
 @numba.njit(cache=True, nogil=True)
 def trace(meeting: int, source: int, target: int, memory: SearchMemory) -> int:
-    """Write the way through a node that both sides know, from source to target; returns its number of edges."""
+    """Write the path through a node that both sides know, from source to target; returns its number of edges."""
     before = 0
     u = meeting
     while u != source:

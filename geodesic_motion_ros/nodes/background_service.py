@@ -46,7 +46,7 @@ class BackgroundService:
     def _work(self, request: Any, response: Any) -> Any:
         try:
             return self._answer(request, response)
-        except Exception as error:  # whoever has asked must not wait in vain
+        except Exception as error:  # the client must get a response
             self._node.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
             return self._kind.Response()
 

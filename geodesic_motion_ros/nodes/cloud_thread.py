@@ -39,7 +39,7 @@ def points_near(points: np.ndarray, robot: Robot) -> np.ndarray:
 class CloudThread:
     """Calls `make` with the newest message, and `take` with what that returns and what was noted of the message.
 
-    Messages that come while one is worked on replace each other: none waits behind another. `failed` is told of an
+    Messages that come while one is worked on replace each other: none waits behind another. `failed` is called with an
     exception, and the next message tried.
     """
 

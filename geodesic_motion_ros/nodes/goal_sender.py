@@ -79,12 +79,12 @@ def send_goal(
     node = rclpy.create_node("goal", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
-    said: list[_Status] = []
+    received: list[_Status] = []
 
     def hear(message: DiagnosticArray) -> None:
         status = message.status[0]
         values = {pair.key: pair.value for pair in status.values}
-        said.append(
+        received.append(
             _Status(seconds(message.header.stamp), status.message, values["goal_code"], values["goal_reason"])
         )
 
@@ -93,13 +93,13 @@ def send_goal(
         node.create_subscription(DiagnosticArray, "planner/status", hear, 10)
         sending(goals.topic_name)
         _spin(executor, goals.get_subscription_count, f"nobody listens to {goals.topic_name}: start the planner first")
-        _spin(executor, lambda: said, "the planner's status cannot be heard")
+        _spin(executor, lambda: received, "the planner's status cannot be heard")
         sent = node.get_clock().now().to_msg()
         goals.publish(pose_message(pose[:3], pose[3:], frame, sent))
 
         # Older ones may still stand in the queue.
         def answers() -> list[_Status]:
-            return [status for status in said if status.stamp > seconds(sent)]
+            return [status for status in received if status.stamp > seconds(sent)]
 
         def answered() -> bool:
             return len(answers()) >= _CYCLES and answers()[-1].goal_reason != PREPARING

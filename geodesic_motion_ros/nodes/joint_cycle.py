@@ -294,12 +294,12 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         """Why an arm stops that does not hold its posture; the second time at one place the goal is dropped."""
         tool, before = self.planner.robot.forward(measured)[0], self._astray_at
         self._astray_at = tool
-        said = f"the arm was {where} from target_posture (allowed by tracking_tolerance_joint: {limit})"
+        reason = f"the arm was {where} from target_posture (allowed by tracking_tolerance_joint: {limit})"
         if before is not None and np.linalg.norm(tool - before) < _NO_PROGRESS:
-            said = f"the controller does not follow the posture: {said}"
-            self._drop_goal(said)
-            return Verdict(VerdictCode.BAD_INPUT, said)
-        return Verdict(VerdictCode.BAD_INPUT, f"{said}: it stops, and plans again from where it rests")
+            reason = f"the controller does not follow the posture: {reason}"
+            self._drop_goal(reason)
+            return Verdict(VerdictCode.BAD_INPUT, reason)
+        return Verdict(VerdictCode.BAD_INPUT, f"{reason}: it stops, and plans again from where it rests")
 
     def _moved(self, measured: np.ndarray, before: np.ndarray) -> bool:
         return joints_moved(measured, before)

@@ -276,6 +276,6 @@ class MarkerScene:
 
     def update(self, markers: Sequence[Marker], stamp: Time) -> MarkerArray:
         wanted = {(marker.ns, marker.id) for marker in markers}
-        gone = [deletion_marker(*key, self._frame, stamp) for key in sorted(self._shown - wanted)]
+        deletions = [deletion_marker(*key, self._frame, stamp) for key in sorted(self._shown - wanted)]
         self._shown = wanted
-        return MarkerArray(markers=[*markers, *gone])
+        return MarkerArray(markers=[*markers, *deletions])

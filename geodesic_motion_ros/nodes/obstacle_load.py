@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
-# Of each second obstacles may take so much: the rest is for messages on their way and for what else the node does.
+# Of each second obstacles may take so much: the rest is for messages in transit and for what else the node does.
 _SHARE = 0.5
 # Their messages alone may take so much of a core: with 200 markers 30 times a second (0.23) the loop kept its rate,
 # with 500 (0.59) it fell to 80 of 100 Hz.
@@ -77,7 +77,7 @@ def advice(obstacles: int, load: Load, rate: float, tick: float) -> str:
     Parameters
     ----------
     obstacles : how many there are; load : that of their messages.
-    rate, tick : ticks a second asked for [Hz], and the median of what one takes [s].
+    rate, tick : ticks a second requested [Hz], and the median of what one takes [s].
     """
     planning = rate * tick
     if obstacles < _FEW or load.share + planning < _SHARE:

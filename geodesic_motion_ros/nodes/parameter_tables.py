@@ -98,7 +98,7 @@ PLANNER = (
         "obstacle_position_error",
         0.0,
         "How far obstacles may be from where their source says, but for noise of single detections, which is measured: "
-        "so much more clearance is asked, besides how far the arm was off the path that it was sent along",
+        "so much more clearance is required, besides how far the arm was off the path that it was sent along",
         "m",
         0.0,
         0.5,
@@ -129,7 +129,7 @@ PLANNER = (
     Parameter(
         "cost_cap",
         20.0,
-        "Ways that cost more than so many times what a demonstration costs without obstacles count as blocked",
+        "Paths that cost more than so many times what a demonstration costs without obstacles count as blocked",
         "",
         1.0,
         1e9,
@@ -288,8 +288,8 @@ PLANNER = (
     Parameter(
         "obstacle_timeout",
         0.5,
-        "An obstacle topic is silent or late when the newest of what it has told, by its stamp (0: by its arrival), is "
-        "older than this",
+        "An obstacle topic is silent or late when the newest that it has published, by its stamp (0: by its arrival), "
+        "is older than this",
         "s",
         0.02,
         3600.0,
@@ -340,7 +340,7 @@ PLANNER = (
     Parameter(
         "obstacle_cloud_voxel",
         0.02,
-        "Edge of the cubes that points of a cloud are told apart by; it keeps the robot off by up to 1.7 edges more",
+        "Edge of the cubes that distinguish points of a cloud; it keeps the robot off by up to 1.7 edges more",
         "m",
         0.005,
         0.1,

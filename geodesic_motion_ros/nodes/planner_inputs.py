@@ -60,7 +60,7 @@ class PlannerInputs:
 
     Callbacks run in the executor and hold the lock for microseconds; `snapshot` is called by the control
     loop. What a point cloud shows is worked out in a thread of its own, from `start` to `stop`; points on the arm
-    itself are obstacles like all others, and must be taken out by whoever sends the cloud.
+    itself are obstacles like all others, and must be taken out by the sender of the cloud.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class PlannerInputs:
         )
 
     def ages(self) -> dict[str, float]:
-        """Seconds since the newest of what each input has told was taken."""
+        """Seconds since the newest data of each input was taken."""
         now = self._time.running()
         with self._lock:
             ages = self._tracker.ages(now)
@@ -400,6 +400,6 @@ class PlannerInputs:
 
 
 def _transit(stamp: float, arrival: Moment) -> float:
-    """Seconds a message was under way by its stamp; 0 without a stamp, less with one of the future."""
+    """Seconds a message was in transit by its stamp; 0 without a stamp, less with one of the future."""
     # On arrival and never again: what becomes of the clock later makes nothing older.
     return 0.0 if stamp == 0.0 else arrival.now - stamp

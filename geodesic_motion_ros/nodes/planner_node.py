@@ -141,7 +141,7 @@ class PlannerNode(LoopingNode):
         if previous is not None and previous[1].goal_verdict is not output.goal_verdict:
             self._say_goal(output)
         if previous is None or _path_news(previous, (inputs, output)):
-            self._show_way(output)
+            self._publish_path(output)
 
     def _log(self, error: Exception) -> None:
         self.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
@@ -150,7 +150,7 @@ class PlannerNode(LoopingNode):
         if self._kind.may_be_early:
             self._loop.hurry()
 
-    def _show_way(self, output: CycleOutput) -> None:
+    def _publish_path(self, output: CycleOutput) -> None:
         if self._outputs.path_is_watched:
             self._outputs.path(None if output.reference is None else self._kind.tool_poses(output.reference))
 
@@ -225,7 +225,7 @@ class PlannerNode(LoopingNode):
             return
         inputs, output = self._newest
         if output.reference is not None:
-            self._show_way(output)
+            self._publish_path(output)
         if self._outputs.markers_are_watched:
             path = np.zeros((0, 3)) if output.reference is None else self._kind.tool_poses(output.reference)[0]
             is_detour = output.verdict.displacement > 0.0

@@ -110,7 +110,7 @@ class PlannerOutputs:
         """The pose to be at now, and the configuration (eta,) [rad] that holds it; only the control loop calls this."""
         stamp = self._now()
         self._target_message.header.stamp = stamp
-        # Both signs are one orientation, between which a controller may turn the long way round.
+        # Both signs are one orientation, between which a controller may turn along the longer arc.
         self._facing = -quaternion if quaternion @ self._facing < 0.0 else quaternion
         fill_pose(self._target_message.pose, position, self._facing)
         if posture is not None:
@@ -239,7 +239,7 @@ class PlannerOutputs:
         return bool(self._view.get_subscription_count())
 
     def path(self, poses: Pose | None) -> None:
-        """Tool positions (n, 3) and quaternions (n, 4) of the present way; an empty path when there is none."""
+        """Tool positions (n, 3) and quaternions (n, 4) of the present path; an empty path when there is none."""
         positions, quaternions = (np.zeros((0, 3)), np.zeros((0, 4))) if poses is None else poses
         self._path.publish(path_message(positions, quaternions, self._frame, self._now()))
 

@@ -10,7 +10,7 @@ Prepared = TypeVar("Prepared")
 
 
 class Preparation(Generic[Prepared]):
-    """Prepares one thing after the other; of those asked for meanwhile only the newest is next.
+    """Prepares one thing after the other; of those requested meanwhile only the newest is next.
 
     So goals that come faster than they are prepared neither queue up nor keep each other from ever being taken. One
     thread asks.
@@ -23,11 +23,11 @@ class Preparation(Generic[Prepared]):
         self._next: Callable[[], Prepared] | None = None
 
     def ask(self, prepare: Callable[[], Prepared]) -> None:
-        """Prepare this after what is being prepared, in the place of anything else that was asked for."""
+        """Prepare this after what is being prepared, in the place of anything else that was requested."""
         self._next = prepare
 
     def forget(self) -> None:
-        """What has been asked for is not wanted any more."""
+        """What has been requested is not wanted any more."""
         self._running = self._next = None
 
     @property

@@ -1,4 +1,4 @@
-"""Refused inputs and failed callbacks: counted by topic or service, told once a second, the newest remembered."""
+"""Refused inputs and failed callbacks: counted by topic or service, reported once a second, the newest remembered."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Refusals:
     """Counts refusals by topic and warns of them, for each topic at most once in `quiet` seconds.
 
     `with refusals.guard("goal_pose") as guard:` swallows a MessageRefused raised inside and books it. So it does with
-    any other exception, whose traceback is told as well: one message, request or timer must not end the node.
+    any other exception, whose traceback is logged as well: one message, request or timer must not end the node.
     Afterwards `guard.reason` says why, or is empty.
     """
 
@@ -28,8 +28,8 @@ class Refusals:
         self._warned: dict[str, float] = {}
         self._newest, self._newest_at = "", -float("inf")
 
-    def add(self, topic: str, reason: str, details: str = "", told: str = "refused a message on") -> None:
-        """details : lines for the warning alone, told : how it begins."""
+    def add(self, topic: str, reason: str, details: str = "", prefix: str = "refused a message on") -> None:
+        """details : lines for the warning alone, prefix : how it begins."""
         now = time.monotonic()
         with self._lock:
             self._counts[topic] = self._counts.get(topic, 0) + 1
@@ -38,7 +38,7 @@ class Refusals:
             if not quiet:
                 self._warned[topic] = now
         if not quiet:
-            self._warn(f"{told} {topic}: {reason}{details}")
+            self._warn(f"{prefix} {topic}: {reason}{details}")
 
     def guard(self, topic: str) -> Guard:
         return Guard(self, topic)
@@ -81,7 +81,7 @@ class Guard(AbstractContextManager):
         elif isinstance(error, Exception):
             self.reason = f"internal error, see the log: {error!r}"
             details = "\n" + "".join(traceback.format_exception(error))
-            self._refusals.add(self._topic, self.reason, details, told="an error in")
+            self._refusals.add(self._topic, self.reason, details, prefix="an error in")
         else:
             return False
         return True

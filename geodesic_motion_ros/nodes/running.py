@@ -94,7 +94,7 @@ class StopRequest:
 
 
 def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | None) -> int:
-    """Create a node, spin it until it is asked to end, and take it down in the order that never aborts.
+    """Create a node, spin it until it is requested to end, and take it down in the order that never aborts.
 
     Returns the exit code: 0 after SIGINT or SIGTERM, 1 when the node could not start or its loop died.
     """

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Statistics are of the ticks in the last so long [s]: what is said once a second must not be smoothed over many.
+#: Statistics are of the ticks in the last so long [s]: what is published once a second must not be smoothed over many.
 _SPAN = 1.0
 
 
@@ -99,7 +99,7 @@ class SteadyLoop:
 
     Parameters
     ----------
-    tick : is told how many periods have passed since the last call (1, or more after misses). An exception ends the
+    tick : receives how many periods have passed since the last call (1, or more after misses). An exception ends the
         loop and is handed to `failed`.
     rate_hz : ticks a second.
     failed : called once, from the loop's thread, with the exception that ended the loop.

@@ -33,9 +33,9 @@ DEADLINE_SHARE = 0.5
 #: What is commanded moves on by at most this [s] of a simulation in one cycle, so that a late one is no step of the
 #: arm: 4 mm and 0.016 rad at the default speeds.
 LONGEST_ADVANCE = 0.02
-#: What is said where a simulated clock is to be followed and there is none.
+#: What is reported where a simulated clock is to be followed and there is none.
 NO_CLOCK = "use_sim_time is set, and nothing has been received on /clock"
-#: What is said of a goal while it is being prepared.
+#: What is reported of a goal while it is being prepared.
 PREPARING = "the newest goal is being prepared"
 #: An arm that was lost rests when it has stayed this long [s] near one place.
 REST_TIME = 0.5
@@ -271,7 +271,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             return
         verdict = self._take_prepared(prepared)
         self._has_goal = self._has_goal or verdict.ok
-        # What is said is said of the newest goal: of one before it nothing.
+        # What is reported is of the newest goal: of one before it nothing.
         if not (isinstance(goal, Verdict) or self._goals.busy):
             self._goal_verdict = verdict
 
@@ -362,16 +362,16 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         # What was commanded is not known of a time of another clock.
         deviation = None if self._jump else self._deviation(measured, taken)
         if self._jump:
-            said = f"the clock was set by {self._jump:+.1f} s"
+            cause = f"the clock was set by {self._jump:+.1f} s"
         elif deviation is not None:
             where, limit = deviation
             self._drop_goal(f"the arm was {where} from where it was sent")
-            said = f"joint_states: the arm is {where} from where it was sent (allowed by tracking_tolerance: {limit})"
+            cause = f"joint_states: the arm is {where} from where it was sent (allowed by tracking_tolerance: {limit})"
         elif self._missing:
-            said = "joint_states: the arm is back after a long silence"
+            cause = "joint_states: the arm is back after a long silence"
         else:
             return None
-        reason = f"{said}: nothing is commanded until the arm has rested for {REST_TIME:g} s"
+        reason = f"{cause}: nothing is commanded until the arm has rested for {REST_TIME:g} s"
         return Unsettled(Verdict(VerdictCode.BAD_INPUT, reason), measured)
 
     def _rivals(self, inputs: CycleInputs[Place]) -> Verdict | None:
@@ -389,11 +389,11 @@ def _without_clock(inputs: CycleInputs[Any]) -> bool:
 
 def _stale_obstacles(inputs: CycleInputs[Place]) -> str:
     """Which obstacle topics are not to be trusted, why, and what would be right; '' when all are."""
-    said = [f"{source}: {why}" for source, why in inputs.unusable_sources.items()]
+    causes = [f"{source}: {why}" for source, why in inputs.unusable_sources.items()]
     if inputs.silent_sources:
         silent = ", ".join(f"{source} for {age:.2f} s" for source, age in inputs.silent_sources.items())
-        said.append(f"silent: {silent}; publish it again, or call ~/clear_obstacles where nothing is there any more")
+        causes.append(f"silent: {silent}; publish it again, or call ~/clear_obstacles where nothing is there any more")
     if inputs.late_sources:
         late = ", ".join(f"{source} by {age:.2f} s" for source, age in inputs.late_sources.items())
-        said.append(f"stamps lag: {late}; synchronise the clocks, or detect faster")
-    return "; ".join(said)
+        causes.append(f"stamps lag: {late}; synchronise the clocks, or detect faster")
+    return "; ".join(causes)

@@ -63,16 +63,16 @@ from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 _MAKING_UP = 1.0
 # A service waits this long [s] for the physics thread.
 _PATIENCE = 2.0
-# After a reset, commands from before it may still be under way: none counts for this long [s].
+# After a reset, commands from before it may still be in transit: none counts for this long [s].
 _DEAF = 0.3
-# Changes of the topic that commands are told at most once in this time [s]: two streams at once would fill the log.
+# Changes of the topic that commands are logged at most once in this time [s]: two streams at once would fill the log.
 _QUIET = 0.2
 _POSES, _TRAJECTORIES, _POSTURES = "target_pose", "joint_trajectory", "target_posture"
 # A posture belongs to the poses with stamps that are no farther from its own [s].
 _SAME_TIME = 0.1
 _OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
 _IMAGE_SIZE = (320, 240)
-# What `initial_joint_positions` holds where nobody has said otherwise, a parameter file with all defaults included.
+# What `initial_joint_positions` holds where nothing else is given, a parameter file with all defaults included.
 _READY = next(parameter.default for parameter in TWIN if parameter.name == "initial_joint_positions")
 
 
@@ -263,7 +263,7 @@ class TwinNode(LoopingNode):
                 continue
             try:
                 done.set_result(work())
-            except Exception as error:  # whoever has asked is told, and physics goes on
+            except Exception as error:  # the caller gets it, and physics goes on
                 done.set_exception(error)
 
     def _stamp(self) -> Time:
@@ -335,8 +335,8 @@ class TwinNode(LoopingNode):
                 if len(names := publishers_of(self, subscription.topic_name)) > 1
             ]
             if rivals:
-                said = f"{'; '.join(rivals)}: only one may command the arm"
-                self.get_logger().warning(said, throttle_duration_sec=5.0)
+                warning = f"{'; '.join(rivals)}: only one may command the arm"
+                self.get_logger().warning(warning, throttle_duration_sec=5.0)
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._refusals.answered("~/reset", response, partial(self._in_physics_thread, self._reset))

@@ -57,6 +57,6 @@ def usage(name: str, table: Sequence[Parameter]) -> str:
     ]
     for parameter in table:
         lines.append(f"  {parameter.name} = {short_text(parameter.default)}")
-        said = f"{parameter.description}; {parameter.allowed}"
-        lines += textwrap.wrap(said, 110, initial_indent="      ", subsequent_indent="      ")
+        description = f"{parameter.description}; {parameter.allowed}"
+        lines += textwrap.wrap(description, 110, initial_indent="      ", subsequent_indent="      ")
     return "\n".join(lines)

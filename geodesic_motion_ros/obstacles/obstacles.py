@@ -151,7 +151,7 @@ class Obstacles:
         return self.same_places(later) and self.stand and later.stand
 
     def distinct(self) -> Obstacles:
-        """In an order of their own: what is told twice, by two sensors, is one obstacle."""
+        """In an order of their own: what is published twice, by two sensors, is one obstacle."""
         names = "centres", "radii", "velocities", "ages", "velocity_errors"
         solid_names = "solids", "solid_velocities", "solid_ages", "solid_velocity_errors"
         return replace(self, **self._distinct(names), **self._distinct(solid_names))

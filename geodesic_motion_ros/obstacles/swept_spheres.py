@@ -1,4 +1,4 @@
-"""Clearances of spheres on their way: from obstacles that move as well, and from each other, between knots too.
+"""Clearances of moving spheres: from obstacles that move as well, and from each other, between knots too.
 
 Between two knots a sphere's centre moves along a straight segment, but for a bulge: a bound of what it leaves it by.
 Straight segments have exact distances from spheres, also relative to one that itself moves linearly, and distances from
@@ -200,11 +200,11 @@ def lower_by_solids(
         for b in range(-1, len(solids)):
             solid = nearest_solid if b < 0 else b
             vx, vy, vz = solid_velocities[solid, 0], solid_velocities[solid, 1], solid_velocities[solid, 2]
-            speed, half_way = math.sqrt(vx * vx + vy * vy + vz * vz), 0.5 * (first + last)
+            speed, middle_time = math.sqrt(vx * vx + vy * vy + vz * vz), 0.5 * (first + last)
             x, y, z = (
-                solids[solid, 0] + half_way * vx,
-                solids[solid, 1] + half_way * vy,
-                solids[solid, 2] + half_way * vz,
+                solids[solid, 0] + middle_time * vx,
+                solids[solid, 1] + middle_time * vy,
+                solids[solid, 2] + middle_time * vz,
             )
             off = turn * speed + max(0.0, last) * velocity_errors[solid]
             bound = sizes[solid] + off + 0.5 * (last - first) * speed

@@ -2,9 +2,9 @@
 
 Every topic is one source. Within a source an obstacle is identified by its key: (namespace, id) for
 markers, so that several publishers share a topic without disturbing each other. Time is passed in [s, any
-steady clock]: when a message arrived, and for how long what it tells had been under way then, its transit: less than
-nothing by a stamp of the future. What is told is as old as that makes it; lifetimes, and what must be told again and
-again, count from the arrival.
+steady clock]: when a message arrived, and for how long its data had been in transit then: less than nothing by a
+stamp of the future. The data are as old as that makes them; lifetimes, and what must be published again and again,
+count from the arrival.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ Key = tuple[str, int]
 # and so it was where so many in a row go on behind the newest, one after the other.
 REORDER_WINDOW, _GOING_ON = 1.0, 3
 
-# What moves and is not told again for so long [s] may have come to a stand anywhere since: at places that are so far
-# apart [m] at most, each enlarged so that nothing between them is left out, but no more than so many.
+# What moves and is not published again for so long [s] may have come to a stand anywhere since: at places that are so
+# far apart [m] at most, each enlarged so that nothing between them is left out, but no more than so many.
 MOTION_LASTS, _APART, _MOST_PLACES = 0.3, 0.05, 16
-# Until it is told again the stretch grows every so often [s], up to what it comes to in so long [s].
+# Until it is published again the stretch grows every so often [s], up to what it comes to in so long [s].
 _GROWS_EVERY, _GROWS_FOR = 0.05, 2.0
 # What stands is published larger by this share of the noise of one detection, so that it can stay as it is.
 _SLACK = 0.25
-# What was under way for longer [s] tells nothing of now, or two clocks do not agree: nothing is expected to have moved
-# on meanwhile. With clocks that do not agree, whoever keeps on would have obstacles where they never were.
+# What was in transit for longer [s] tells nothing of now, or two clocks do not agree: nothing is expected to have moved
+# on meanwhile. With clocks that do not agree, a prediction would put obstacles where they never were.
 LONGEST_TRANSIT = 1.0
 
 
@@ -146,7 +146,7 @@ class _Track:
 
     @property
     def since(self) -> float:
-        """When it was where it was told to be, as far as its motion goes."""
+        """When it was where it was published to be, as far as its motion goes."""
         return self.taken if self.arrival - self.taken <= LONGEST_TRANSIT else self.arrival
 
     def placed(self, before: _Track | None) -> _Track:
@@ -178,7 +178,7 @@ class _Track:
         return off <= self.solid[6] - other.solid[6] <= by
 
     def places(self, now: float) -> list[_Track]:
-        """Itself, and, once it is not told any more, where it may have come to a stand since it was last seen."""
+        """Itself, and, once it is not published any more, where it may have come to a stand since it was last seen."""
         if not self.doubted(now):
             return [self]
         passed = min(now + _GROWS_EVERY - self.since, _GROWS_FOR)
@@ -189,11 +189,11 @@ class _Track:
         return [self, *(self._standing(share * reach, half, share * grown) for share in np.linspace(0.0, 1.0, count))]
 
     def doubted(self, now: float) -> bool:
-        """Whether it moved and has not been told for too long."""
+        """Whether it moved and has not been published for too long."""
         return now >= self.arrival + MOTION_LASTS and self.moves
 
     def changes(self, now: float) -> float:
-        """When what is told of its places changes by itself [s], inf for never."""
+        """When `places` changes by itself [s], inf for never."""
         if not self.moves:
             return math.inf
         if not self.doubted(now):
@@ -371,7 +371,7 @@ class ObstacleTracker:
         self._changed()
 
     def ages(self, now: float) -> dict[str, float]:
-        """Seconds since the newest of what each expected source has told was taken."""
+        """Seconds since the newest data of each expected source was taken."""
         return {source: now - taken for source, (_, taken) in self._heard.items()}
 
     def unusable(self) -> dict[str, str]:
@@ -392,7 +392,7 @@ class ObstacleTracker:
     def silent(self, now: float, timeout: float) -> dict[str, float]:
         """The expected sources not heard for longer than a timeout [s], with how long it is [s].
 
-        So too, as source/namespace/id, obstacles that moved and have not been told again, though their source talks.
+        So too, as source/namespace/id, obstacles that moved and were not published again, though their source talks.
         """
         return {name: now - arrival for name, arrival, _ in self._old(now, timeout) if now - arrival > timeout}
 
@@ -412,8 +412,8 @@ class ObstacleTracker:
             if now - newest <= timeout:
                 for key, track in tracks.items():
                     moved = track.moves and now - track.taken > timeout
-                    told_late = not track.deleted and track.arrival - track.taken > timeout >= now - track.arrival
-                    if moved or told_late:
+                    received_late = not track.deleted and track.arrival - track.taken > timeout >= now - track.arrival
+                    if moved or received_late:
                         yield _label(source, key), track.arrival, track.taken
 
     def current(self, now: float) -> ObstacleSet:

@@ -1,6 +1,6 @@
 """Detours: where obstacles block every path that was demonstrated, the arm leaves them by as little as it can.
 
-The base path of a query is the one that the skill has where nothing is in the way, first that of the demonstrated mode
+The base path of a query is the one that the skill has where nothing obstructs it, first that of the demonstrated mode
 which obstacles bar least. Beside it the cheapest path is searched that keeps the whole arm clear (`detour_search.py`),
 drawn tight (`detour_band.py`), and timed and certified as every other path is. It is an extension of the method of the
 paper.

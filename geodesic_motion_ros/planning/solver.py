@@ -45,7 +45,7 @@ from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
-#: Clearances are the same up to this share, rounding aside.
+#: Clearances are the same up to this share, apart from rounding.
 _SAME_CLEARANCE = 0.99
 #: So many motions from one state are remembered.
 _MOST_REMEMBERED = 32

@@ -7,7 +7,7 @@ ever. How *late* it is stays the same. So two things are counted: the time after
 was sent, and how far it is off then. An arm that is late by that time, and no farther off, passes what stands as the
 reference does, and meets what moves that much later.
 
-Both count for a second at least, and besides as long as the arm is on its way to the goal with which they were
+Both count for a second at least, and besides as long as the arm moves to the goal with which they were
 measured, or to the next one: they are known when the arm sets out again, and what was a single push is forgotten.
 """
 
@@ -68,7 +68,7 @@ class TrackingMonitor:
         return _worst(self._with_goal, self._with_goal_before, *newest)
 
     def take_goal(self) -> None:
-        """The arm is on its way to another goal from now on."""
+        """The arm moves to another goal from now on."""
         self._with_goal_before, self._with_goal = self._with_goal, Tracking()
 
     def take_collision(self, collision: CollisionModel) -> None:

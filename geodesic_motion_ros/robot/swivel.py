@@ -103,7 +103,7 @@ def _refuse_other_arms(robot: Robot) -> None:
 
 
 def _error(robot: Robot, q: np.ndarray, position: np.ndarray, quaternion: np.ndarray, swivel: float) -> np.ndarray:
-    """Pose error (6,) and swivel error, the short way round, in one (7,)."""
+    """Pose error (6,) and swivel error, along the shorter arc, in one (7,)."""
     around = swivel - _swivel(q, robot.chain)[0]
     return np.append(pose_error(*robot.forward(q), position, quaternion), np.arctan2(np.sin(around), np.cos(around)))
 

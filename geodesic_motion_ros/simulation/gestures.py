@@ -44,9 +44,9 @@ def hand(phase: np.ndarray, size: float, generator: np.random.Generator, compone
 
 
 def outwards(start: np.ndarray, goal: np.ndarray) -> np.ndarray:
-    """Horizontal unit vector (3,) to the right of the way from start to goal."""
-    way = goal - start
-    return np.array([way[1], -way[0], 0.0]) / np.hypot(way[0], way[1])
+    """Horizontal unit vector (3,) to the right of the line from start to goal."""
+    line = goal - start
+    return np.array([line[1], -line[0], 0.0]) / np.hypot(line[0], line[1])
 
 
 def about(axis: str, angle: float | np.ndarray) -> Rotation:

@@ -72,7 +72,7 @@ class JointMotion:
     def follow_joints(self, present: np.ndarray, ahead: np.ndarray, dt: float) -> None:
         """Advance by `dt` [s] along with joint positions (n,) [rad] that are `present` now and `ahead` then.
 
-        On the way of a motion within the limits it is followed exactly; from elsewhere it is caught up with.
+        A motion within the limits is followed exactly from a point on it; from elsewhere it is caught up with.
         """
         settings = self.catch_up
         correction = _approach(
@@ -111,7 +111,7 @@ class JointMotion:
 def _approach(error: np.ndarray, gain: float, deceleration: float, speed: float) -> np.ndarray:
     """Velocity (k,) that closes an error (k,): gain * error when near, sqrt(2 deceleration error) when far.
 
-    Both meet smoothly at deceleration / gain^2, so that the deceleration is never exceeded on the way in.
+    Both meet smoothly at deceleration / gain^2, so that the deceleration is never exceeded in between.
     """
     size = float(np.linalg.norm(error))
     near = deceleration / gain**2

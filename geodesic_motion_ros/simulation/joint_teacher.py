@@ -5,10 +5,10 @@ in `simulation.teacher` (laws, a hidden style of two numbers, a slow unsteady ha
 (`robot.swivel`). Families of demonstrations differ by the swivel angle alone.
 
 *Reach to grasp*: the hand, pointing down beside the robot, is brought before an object and turns by 90 degrees until it
-points at it. *Separated* families keep swivel angles of their own all the way; *connected* ones begin and end with the
-elbow up, and open in between as sin^2, once or several times: then they meet on the way, too.
+points at it. *Separated* families keep swivel angles of their own throughout; *connected* ones begin and end with the
+elbow up, and open in between as sin^2, once or several times: then they meet in between, too.
 
-*Circle*: once around in an upright plane. *Pouring*: three bottles, three cups, the ways of whose pairs cross.
+*Circle*: once around in an upright plane. *Pouring*: three bottles, three cups, the paths of whose pairs cross.
 
 With u in [0, 1] how far a motion has come, the tool follows
 
@@ -97,7 +97,7 @@ CIRCLE_SWIVEL = np.radians(40.0)
 BOTTLE_PLACES = ((0.1, 0.1), (0.5, 0.5), (0.9, 0.9))
 """Where the three bottles of the pouring stand, as shares of `teacher.BOTTLE_REGION`."""
 CUP_PLACES = ((0.9, 0.1), (0.5, 0.5), (0.1, 0.9))
-"""Where the cups of the bottles of `BOTTLE_PLACES` stand, as shares of `teacher.CUP_REGION`: the ways cross."""
+"""Where the cups of the bottles of `BOTTLE_PLACES` stand, as shares of `teacher.CUP_REGION`: the paths cross."""
 PLACE_SPREAD = 0.08
 """Bottles, cups and yaws lie within this share of their ranges of their places."""
 POURING_SWIVEL = np.radians(-45.0)
@@ -133,7 +133,7 @@ def reach_to_grasp(
     families : how many; their swivel angles are spread evenly from -`LARGEST_SWIVEL` to `LARGEST_SWIVEL`, with the
         elbow to the left of the arm first; one alone has its elbow up.
     connected : whether all families begin and end alike, with the elbow up.
-    openings : how often connected families open on the way; they meet in between. Each takes as long as one alone.
+    openings : how often connected families open during a motion; they meet in between. Each takes as long as one alone.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def circle(count: int, seed: int) -> JointDemonstrations:
 
 
 def pouring(count_per_pair: int, seed: int) -> JointDemonstrations:
-    """Three bottles are carried to three cups and tilted over them; the ways of the three pairs cross.
+    """Three bottles are carried to three cups and tilted over them; the paths of the three pairs cross.
 
     First `count_per_pair` times the first bottle to the first cup, then the others. All cups stand there, but of the
     bottles only the one that is poured: the hand would not fit between them.

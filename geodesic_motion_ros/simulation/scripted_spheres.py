@@ -55,11 +55,11 @@ class LineObstacle:
 
     def position(self, time: float) -> np.ndarray:
         """Centre (3,) [m] at `time` [s]."""
-        start, way = np.array(self.start), np.subtract(self.end, self.start)
-        length = np.linalg.norm(way)
+        start, path = np.array(self.start), np.subtract(self.end, self.start)
+        length = np.linalg.norm(path)
         if length == 0.0:
             return start
-        return start + np.clip(self.speed * (time - self.start_time) / length, 0.0, 1.0) * way
+        return start + np.clip(self.speed * (time - self.start_time) / length, 0.0, 1.0) * path
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,8 @@ class CircleObstacle:
         first = across - (across @ axis) * axis
         first /= np.linalg.norm(first)
         angle = 2.0 * np.pi * max(time - self.start_time, 0.0) / self.period
-        way = np.cos(angle) * first + np.sin(angle) * np.cross(axis, first)
-        return np.array(self.centre) + self.amplitude * way
+        radial = np.cos(angle) * first + np.sin(angle) * np.cross(axis, first)
+        return np.array(self.centre) + self.amplitude * radial
 
 
 Obstacle = StaticObstacle | LineObstacle | CircleObstacle
@@ -141,16 +141,18 @@ def crossing(
     ------
     ParameterError : something is not finite or not positive, or the direction is zero.
     """
-    way = np.asarray(direction, dtype=float)
-    length = np.linalg.norm(way)
-    if not (way.shape == (3,) and np.isfinite(length) and length > 0.0):
-        raise ParameterError(f"direction of a crossing obstacle is {way.tolist()}: expected a vector (3,) unequal zero")
+    vector = np.asarray(direction, dtype=float)
+    length = np.linalg.norm(vector)
+    if not (vector.shape == (3,) and np.isfinite(length) and length > 0.0):
+        raise ParameterError(
+            f"direction of a crossing obstacle is {vector.tolist()}: expected a vector (3,) unequal zero"
+        )
     if not (np.isfinite([before, after]).all() and min(before, after) >= 0.0 and speed > 0.0):
         raise ParameterError(
             f"a crossing obstacle has speed {speed}, before {before}, after {after}: speed must be positive, "
             "distances not negative"
         )
-    centre, unit = np.asarray(point, dtype=float), way / length
+    centre, unit = np.asarray(point, dtype=float), vector / length
     return LineObstacle(
         start=tuple(centre - before * unit),
         end=tuple(centre + after * unit),

@@ -28,7 +28,7 @@ class Region:
             raise ParameterError(f"a region from {self.lower} to {self.upper} is empty: lower must be below upper")
 
     def at(self, fractions: np.ndarray) -> np.ndarray:
-        """Points (..., 2) [m] at fractions (..., 2) in [0, 1] of the way between the corners."""
+        """Points (..., 2) [m] at fractions (..., 2) in [0, 1] from the lower to the upper corner."""
         return self.lower + np.asarray(fractions) * np.subtract(self.upper, self.lower)
 
     def contains(self, points: np.ndarray) -> np.ndarray:

@@ -9,10 +9,10 @@ a demonstration is
 
     x(u) = start + h(u) (goal - start) + n(u) . (laws of the distance + style) + hand(u),
 
-h a smooth step. The laws are the same in every demonstration: a longer way is taken in a higher and wider arch. The
-*style* is two hidden numbers of standard normal distribution a demonstration (cut at two): how boldly (arch and
-bulge) and how early (tilt, and where the way bends) it is done this time, worth 5 to 15 mm at one standard
-deviation. The *hand* adds three slow waves that vanish at both ends. Neither can be told from start and goal. The
+h a smooth step. The laws are the same in every demonstration: a longer distance is covered in a higher and wider arch.
+The *style* is two hidden numbers of standard normal distribution a demonstration (cut at two): how boldly (arch and
+bulge) and how early (tilt, and where the path bends) it is done this time, worth 5 to 15 mm at one standard
+deviation. The *hand* adds three slow waves that vanish at both ends. Neither can be inferred from start and goal. The
 wanted curve is then followed by the arm in PyBullet and what is returned is what the arm did: positions and
 orientations of `panda_grasptarget` at 100 Hz, in the base frame `panda_link0`.
 """
@@ -78,7 +78,7 @@ PASS_TURN = np.radians((-30.0, 30.0))
 PILLAR = standing(np.array([0.53, 0.0]), 0.03, 0.18, (0.45, 0.36, 0.30))
 """What stands between the two areas."""
 SIDES = ("left", "right")
-"""Sides of the pillar, seen along the way: left is towards the robot."""
+"""Sides of the pillar, seen along the motion: left is towards the robot."""
 
 GLASS: Colour = (0.25, 0.55, 0.35)
 STAND_COLOUR: Colour = (0.62, 0.48, 0.36)
@@ -149,8 +149,8 @@ def grasp_pose(bottle: np.ndarray, yaw: float) -> Pose:
 
 def pouring_pose(cup: np.ndarray, yaw: float, tilt: float = POURING_TILT) -> Pose:
     """Tool pose in which the bottle, tilted by `tilt` [rad], has its mouth above the cup at (2,) [m]."""
-    aside = about("z", yaw).apply([0.0, 1.0, 0.0])
-    position = np.array([*cup[:2], POURING_HEIGHT]) - MOUTH_ABOVE_GRASP * np.sin(tilt) * aside
+    lateral = about("z", yaw).apply([0.0, 1.0, 0.0])
+    position = np.array([*cup[:2], POURING_HEIGHT]) - MOUTH_ABOVE_GRASP * np.sin(tilt) * lateral
     return position, from_rotation(_side_grasp(yaw, tilt))
 
 

@@ -30,7 +30,7 @@ POSE_SCALE = np.repeat([1.0, METRES_PER_RADIAN], 3)
 
 @dataclass(frozen=True)
 class DemonstratedEnds:
-    """Where N demonstrations began and ended, and which ways they took in between.
+    """Where N demonstrations began and ended, and which modes they took in between.
 
     Attributes
     ----------

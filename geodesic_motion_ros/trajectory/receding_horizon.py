@@ -1,7 +1,7 @@
 """What is sent of a joint reference: so much of it that the arm stops by itself when nothing more is heard.
 
 A reference leads to the goal, seconds away. If all of it were sent, an arm whose planner has died, hangs, or can no
-longer be heard would go there, whatever comes into its way meanwhile. What is sent follows the reference for a horizon
+longer be heard would go there, whatever comes into its path meanwhile. What is sent follows the reference for a horizon
 from now, brakes along its path, and ends at rest; long before that it is sent again, reaching further.
 
 The certificate of the whole reference holds for it: obstacles are expected to stand after `prediction`, the horizon is

@@ -106,7 +106,7 @@ def timed_joint_reference(
 
 def load_references(limits: JointLimits, tool: LimitedTool | None = None) -> None:
     """Load the compiled kernels of `timed_joint_reference`, also those for motions that have to be slowed down: for
-    one that begins by going the other way.
+    one that begins in the opposite direction.
     """
     path = 0.5 * (limits.lower + limits.upper) + 0.1 * limits.velocity * np.linspace(0.0, 1.0, 6)[:, None]
     still = np.zeros_like(limits.velocity)

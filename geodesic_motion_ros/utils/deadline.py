@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Deadline:
-    """A time [s] of a clock. What has been begun before is ended: whoever sets it allows for that."""
+    """A time [s] of a clock. What has been begun before is ended: the caller allows for that."""
 
     at: float = math.inf
     clock: Callable[[], float] = time.monotonic

@@ -1,4 +1,4 @@
-"""Pictures of joint-space skills: the latent tubes in which the arm moves, and the tool's ways. Colours as in `plots`.
+"""Pictures of joint-space skills: the latent tubes in which the arm moves, and the tool's paths. Colours as in `plots`.
 
 The wall of a tube is where the decoder's standard deviation reaches the end of the support: inside moving is cheap,
 outside the latent graph has no nodes.
@@ -37,8 +37,8 @@ from geodesic_motion_ros.visualization.plots import (
     GREY,
     ORANGE,
     VERMILION,
+    DrawnPath,
     Sphere,
-    Way,
     draw_in_space,
     legend_below,
     write_figure,
@@ -50,9 +50,9 @@ _WALL = np.array([0.45, 0.55, 0.70])
 _WALL_ALPHA = 0.16
 #: Step of the central differences of the decoder, of the box.
 _STEP = 1e-4
-#: How strongly the arm is drawn at each moment of a way.
+#: How strongly the arm is drawn at each moment of a path.
 _POSTURE_ALPHA = (0.3, 0.9, 0.3)
-#: Radius [m] of the obstacle that a report puts into the arm's way.
+#: Radius [m] of the obstacle that a report puts into the arm's path.
 _OBSTACLE_RADIUS = 0.05
 
 
@@ -80,56 +80,57 @@ def _derivatives(graph: ConfigurationGraph, of: Callable[[np.ndarray], np.ndarra
     )
 
 
-def way_between(
+def path_between(
     planner: ReactivePlanner, start: np.ndarray, goal: np.ndarray, name: str, colour: str, style: str = "-"
-) -> Way | None:
-    """The planner's way between two configurations (eta,) among its obstacles, to be drawn; None without one."""
+) -> DrawnPath | None:
+    """The planner's path between two configurations (eta,) among its obstacles, to be drawn; None without one."""
     reference = planner.plan_configurations(start, ConfigurationGoal(goal[None], name)).reference
     if reference is None:
         return None
-    return Way(reference.latent, _tool_positions(planner, reference.positions), name, colour, style)
+    return DrawnPath(reference.latent, _tool_positions(planner, reference.positions), name, colour, style)
 
 
-def demonstrated_ways(planner: ReactivePlanner) -> tuple[list[Way], Sphere | None]:
-    """What the skill can do: a geodesic from every start to every goal that demonstrations join, and a way around.
+def example_paths(planner: ReactivePlanner) -> tuple[list[DrawnPath], Sphere | None]:
+    """What the skill can do: a geodesic from every start to every goal that demonstrations join, and a path around.
 
-    The obstacle is a sphere on the arm, half way along the first geodesic, at the first body point from the tool down
-    where that leaves another way; None where no way around was found.
+    The obstacle is a sphere on the arm, halfway along the first geodesic, at the first body point from the tool down
+    where that leaves another path; None where no path around was found.
     """
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
     ends = _shown_ends(planner.skill)
-    found = [way_between(planner, *pair, "geodesic", BLUE) for pair in ends]
-    ways = [way for way in found if way is not None]
+    found = [path_between(planner, *pair, "geodesic", BLUE) for pair in ends]
+    paths = [drawn for drawn in found if drawn is not None]
     if found[0] is None:
-        return ways, None
+        return paths, None
     middle = planner.graph.decoder.configurations(found[0].latent[len(found[0].latent) // 2][None])
     body = planner.graph.body
     for centre in place_body_points(middle, body.frames, body.offsets, planner.robot.chain)[0, ::-1]:
         planner.set_obstacles(centre[None], np.array([_OBSTACLE_RADIUS]))
-        around = way_between(planner, *ends[0], "geodesic around the obstacle", VERMILION)
+        around = path_between(planner, *ends[0], "geodesic around the obstacle", VERMILION)
         planner.set_obstacles(np.empty((0, 3)), np.empty(0))
         if around is not None:
-            return [*ways, around], Sphere(centre, _OBSTACLE_RADIUS, centre[None])
-    return ways, None
+            return [*paths, around], Sphere(centre, _OBSTACLE_RADIUS, centre[None])
+    return paths, None
 
 
 def joint_report(skill: Skill, path: str | os.PathLike[str]) -> None:
-    """What a joint-space skill holds: left its latent space with tubes, demonstrations, geodesics and the way around
-    an obstacle on one; right the same ways in space.
+    """What a joint-space skill holds: left its latent space with tubes, demonstrations, geodesics and the path around
+    an obstacle on one; right the same paths in space.
     """
     planner = ReactivePlanner(skill)
-    ways, obstacle = demonstrated_ways(planner)
+    paths, obstacle = example_paths(planner)
     figure = Figure(figsize=(13.0, 6.0), layout="constrained")
     title = f"Latent space of {skill.name}"
-    handles = draw_latent_tubes(figure, (1, 2, 1), planner, ways, _listed(obstacle), title)
+    handles = draw_latent_tubes(figure, (1, 2, 1), planner, paths, _listed(obstacle), title)
     space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
     shown = [_tool_positions(planner, skill.decoder.configurations(code)) for code in skill.codes]
-    postures = [_postures(planner, way) for way in ways]
-    draw_in_space(space, shown, ways, obstacle, zoom=1.1, also=[part for arm in postures for part in arm])
-    for way, arm in zip(ways, postures, strict=True):
+    postures = [_postures(planner, drawn) for drawn in paths]
+    draw_in_space(space, shown, paths, obstacle, zoom=1.1, also=[part for arm in postures for part in arm])
+    for drawn, arm in zip(paths, postures, strict=True):
         for posture, alpha in zip(arm, _POSTURE_ALPHA, strict=True):
-            space.plot(*(100.0 * posture.T), "o-", color=way.colour, linewidth=2.5, markersize=3, alpha=alpha, zorder=3)
-    space.set_title("The tool's ways, and the arm at three moments of each", loc="left", fontsize=11)
+            points = 100.0 * posture.T
+            space.plot(*points, "o-", color=drawn.colour, linewidth=2.5, markersize=3, alpha=alpha, zorder=3)
+    space.set_title("The tool's paths, and the arm at three moments of each", loc="left", fontsize=11)
     if obstacle is not None:
         handles.append(Patch(facecolor=ORANGE, label="obstacle"))
     legend_below(figure, handles)
@@ -139,14 +140,14 @@ def joint_report(skill: Skill, path: str | os.PathLike[str]) -> None:
 def draw_tubes(
     path: str | os.PathLike[str],
     planner: ReactivePlanner,
-    ways: Sequence[Way] = (),
+    paths: Sequence[DrawnPath] = (),
     obstacle: Sphere | None = None,
     title: str = "",
 ) -> None:
-    """The latent space of a joint-space skill alone: tubes, demonstrations, footprint of an obstacle, ways."""
+    """The latent space of a joint-space skill alone: tubes, demonstrations, footprint of an obstacle, paths."""
     figure = Figure(figsize=(8.0, 7.0), layout="constrained")
     title = title or f"Latent space of {planner.skill.name}"
-    handles = draw_latent_tubes(figure, (1, 1, 1), planner, ways, _listed(obstacle), title)
+    handles = draw_latent_tubes(figure, (1, 1, 1), planner, paths, _listed(obstacle), title)
     legend_below(figure, handles)
     write_figure(figure, path)
 
@@ -155,12 +156,12 @@ def draw_latent_tubes(
     figure: Figure,
     place: tuple[int, int, int] | SubplotSpec,
     planner: ReactivePlanner,
-    ways: Sequence[Way],
+    paths: Sequence[DrawnPath],
     obstacles: Sequence[Sphere] = (),
     title: str = "",
     zoom: float = 1.1,
 ) -> list[Line2D | Patch]:
-    """One panel: tubes, demonstrations, where the arm would touch obstacles, ways. Returns what a legend shows.
+    """One panel: tubes, demonstrations, where the arm would touch obstacles, paths. Returns what a legend shows.
 
     Parameters
     ----------
@@ -187,13 +188,13 @@ def draw_latent_tubes(
         said = "demonstrations" if modes.max() == 0 else f"demonstrations, family {mode}"
         handles.append(Line2D([], [], color=FAMILY_COLOURS[mode], linewidth=1.2, label=said))
     named: dict[str, Line2D | Patch] = {}
-    for way in ways:
-        axes.plot(*way.latent.T, color="white", linewidth=4.0, zorder=5)
-        (named[way.name],) = axes.plot(
-            *way.latent.T, way.style, color=way.colour, linewidth=2.4, label=way.name, zorder=6
+    for drawn in paths:
+        axes.plot(*drawn.latent.T, color="white", linewidth=4.0, zorder=5)
+        (named[drawn.name],) = axes.plot(
+            *drawn.latent.T, drawn.style, color=drawn.colour, linewidth=2.4, label=drawn.name, zorder=6
         )
-        axes.plot(*way.latent[0, :, None], "o", color=way.colour, markersize=6, markeredgecolor="white", zorder=7)
-        axes.plot(*way.latent[-1, :, None], "s", color=way.colour, markersize=6, markeredgecolor="white", zorder=7)
+        axes.plot(*drawn.latent[0, :, None], "o", color=drawn.colour, markersize=6, markeredgecolor="white", zorder=7)
+        axes.plot(*drawn.latent[-1, :, None], "s", color=drawn.colour, markersize=6, markeredgecolor="white", zorder=7)
     _frame(axes, skill, solid, zoom)
     axes.set_title(title, loc="left", fontsize=11)
     return [*handles, *named.values()]
@@ -250,11 +251,11 @@ def _touched(planner: ReactivePlanner, obstacle: Sphere) -> np.ndarray:
     return clearances(placed, radii, obstacle.centre[None], np.array([obstacle.radius]), 0.0) <= 0.0
 
 
-def _postures(planner: ReactivePlanner, way: Way) -> list[np.ndarray]:
-    """The arm as a polyline (n, 3) [m] from its base to the tool, at a few moments of a way."""
+def _postures(planner: ReactivePlanner, drawn: DrawnPath) -> list[np.ndarray]:
+    """The arm as a polyline (n, 3) [m] from its base to the tool, at a few moments of a path."""
     joints = BodyPoints.of(planner.robot)
-    at = (len(way.latent) - 1) * np.arange(1, len(_POSTURE_ALPHA) + 1) // (len(_POSTURE_ALPHA) + 1)
-    configurations = planner.graph.decoder.configurations(way.latent[at])
+    at = (len(drawn.latent) - 1) * np.arange(1, len(_POSTURE_ALPHA) + 1) // (len(_POSTURE_ALPHA) + 1)
+    configurations = planner.graph.decoder.configurations(drawn.latent[at])
     placed = place_body_points(configurations, joints.frames, joints.offsets, planner.robot.chain)
     return [np.concatenate([np.zeros((1, 3)), points]) for points in placed]
 

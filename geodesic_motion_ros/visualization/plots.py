@@ -1,7 +1,7 @@
 """Pictures of skills and motions, by matplotlib. Nothing of this is for a control loop.
 
 Colours are those of Okabe and Ito, which colour-blind people can tell apart; what belongs together has one colour in
-every picture: demonstrations grey, the way without obstacle blue, the way around it vermilion, obstacles orange.
+every picture: demonstrations grey, the path without obstacle blue, the path around it vermilion, obstacles orange.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _RESOLUTION = 400
 
 
 @dataclass(frozen=True)
-class Way:
-    """A motion to be drawn: latent (n, d), positions (m, 3) [m], name and colour."""
+class DrawnPath:
+    """A path or a motion to be drawn: latent (n, d), positions (m, 3) [m], name and colour."""
 
     latent: np.ndarray
     positions: np.ndarray
@@ -45,7 +45,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Sphere:
-    """An obstacle to be drawn: where it was when it mattered (3,) [m], its radius [m], and its way (n, 3) [m]."""
+    """An obstacle to be drawn: where it was when it mattered (3,) [m], its radius [m], and its path (n, 3) [m]."""
 
     centre: np.ndarray
     radius: float
@@ -59,11 +59,11 @@ def demonstrations_of(skill: Skill) -> np.ndarray:
     return skill.codes[:count]
 
 
-def _codes_around(skill: Skill, ways: Sequence[Way]) -> np.ndarray:
-    """Codes of the demonstrations on the sheet of the ways: those of q or those of -q, (N, T, d)."""
+def _codes_around(skill: Skill, paths: Sequence[DrawnPath]) -> np.ndarray:
+    """Codes of the demonstrations on the sheet of the paths: those of q or those of -q, (N, T, d)."""
     count = len(demonstrations_of(skill))
     sheets = [skill.codes[i : i + count] for i in range(0, len(skill.codes), count)]
-    starts = np.array([way.latent[0] for way in ways])
+    starts = np.array([drawn.latent[0] for drawn in paths])
     return min(sheets, key=lambda sheet: np.linalg.norm(sheet[:, 0].mean(axis=0) - starts.mean(axis=0)))
 
 
@@ -71,16 +71,16 @@ def draw_latent(
     path: str | os.PathLike[str],
     skill: Skill,
     settings: PlannerSettings,
-    ways: Sequence[Way],
+    paths: Sequence[DrawnPath],
     obstacle: Sphere | None = None,
     title: str = "",
 ) -> None:
-    """The latent space: magnification factor, demonstrations, footprint of an obstacle, ways.
+    """The latent space: magnification factor, demonstrations, footprint of an obstacle, paths.
 
     Parameters
     ----------
     path : picture to write.
-    skill, settings : whose ways these are, and its tool spheres.
+    skill, settings : whose paths these are, and its tool spheres.
 
     Raises
     ------
@@ -88,11 +88,11 @@ def draw_latent(
     """
     figure = Figure(figsize=(7.4, 5.6), layout="constrained")
     axes = figure.add_subplot()
-    codes = np.concatenate([*_codes_around(skill, ways), *(way.latent for way in ways)])
+    codes = np.concatenate([*_codes_around(skill, paths), *(drawn.latent for drawn in paths)])
     handles = latent_background(figure, axes, skill)
     if obstacle is not None:
         handles.append(_footprint(axes, skill, settings, obstacle))
-    handles += draw_latent_ways(axes, ways)
+    handles += draw_latent_paths(axes, paths)
     _frame_codes(axes, skill, codes)
     axes.set_title(title, loc="left", fontsize=11)
     legend_below(figure, handles)
@@ -102,30 +102,32 @@ def draw_latent(
 def draw_paths(
     path: str | os.PathLike[str],
     skill: Skill,
-    ways: Sequence[Way],
+    paths: Sequence[DrawnPath],
     obstacle: Sphere | None = None,
     title: str = "",
 ) -> None:
-    """Ways of the tool among the decoded demonstrations: in space, and their heights seen along the x axis."""
+    """Paths of the tool among the decoded demonstrations: in space, and their heights seen along the x axis."""
     figure = Figure(figsize=(10.0, 3.4), layout="constrained")
     columns = figure.add_gridspec(1, 2, width_ratios=(1.25, 1.0))
     decoded = [skill.decoder.decode(code).positions for code in demonstrations_of(skill)]
     space = figure.add_subplot(columns[0], projection="3d", computed_zorder=False)
-    handles = draw_in_space(space, decoded, ways, obstacle, zoom=1.25)
-    _side_view(figure.add_subplot(columns[1]), decoded, ways, obstacle)
+    handles = draw_in_space(space, decoded, paths, obstacle, zoom=1.25)
+    _side_view(figure.add_subplot(columns[1]), decoded, paths, obstacle)
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     legend_below(figure, handles)
     write_figure(figure, path)
 
 
-def _side_view(axes: Axes, demonstrations: Sequence[np.ndarray], ways: Sequence[Way], obstacle: Sphere | None) -> None:
+def _side_view(
+    axes: Axes, demonstrations: Sequence[np.ndarray], paths: Sequence[DrawnPath], obstacle: Sphere | None
+) -> None:
     for positions in demonstrations:
         axes.plot(*(100.0 * positions[:, 1:].T), color=GREY, linewidth=0.8, alpha=0.7)
     if obstacle is not None:
         axes.add_patch(Circle(100.0 * obstacle.centre[1:], 100.0 * obstacle.radius, facecolor=ORANGE, alpha=0.85))
-    for way in ways:
-        axes.plot(*(100.0 * way.positions[:, 1:].T), color="white", linewidth=3.4)
-        axes.plot(*(100.0 * way.positions[:, 1:].T), way.style, color=way.colour, linewidth=2.0)
+    for drawn in paths:
+        axes.plot(*(100.0 * drawn.positions[:, 1:].T), color="white", linewidth=3.4)
+        axes.plot(*(100.0 * drawn.positions[:, 1:].T), drawn.style, color=drawn.colour, linewidth=2.0)
     axes.set_aspect("equal")
     axes.set_xlabel("y [cm]")
     axes.set_ylabel("z [cm]")
@@ -153,13 +155,13 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     figure = Figure(figsize=(11.5, 5.2), layout="constrained")
     axes = figure.add_subplot(1, 2, 1)
     handles = latent_background(figure, axes, skill)
-    ways = [Way(latent, skill.decoder.decode(latent).positions, "geodesics", BLUE) for latent in geodesics]
-    ways.append(Way(line, skill.decoder.decode(line).positions, "straight latent line", VERMILION, "--"))
-    handles += draw_latent_ways(axes, ways)
+    paths = [DrawnPath(latent, skill.decoder.decode(latent).positions, "geodesics", BLUE) for latent in geodesics]
+    paths.append(DrawnPath(line, skill.decoder.decode(line).positions, "straight latent line", VERMILION, "--"))
+    handles += draw_latent_paths(axes, paths)
     _frame_codes(axes, skill, np.concatenate([*codes, line, *geodesics]))
     axes.set_title(f"Latent space of {skill.name}", loc="left", fontsize=11)
     space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
-    draw_in_space(space, [skill.decoder.decode(code).positions for code in codes], ways, zoom=0.9)
+    draw_in_space(space, [skill.decoder.decode(code).positions for code in codes], paths, zoom=0.9)
     space.set_title("The same curves, decoded", loc="left", fontsize=11)
     legend_below(figure, handles)
     write_figure(figure, path)
@@ -211,16 +213,16 @@ def _footprint(axes: Axes, skill: Skill, settings: PlannerSettings, obstacle: Sp
     return Patch(facecolor=ORANGE, alpha=0.55, edgecolor=ORANGE, label="the hand would touch the obstacle")
 
 
-def draw_latent_ways(axes: Axes, ways: Sequence[Way]) -> list[Line2D | Patch]:
-    """Ways in a two-dimensional latent space, a dot at their beginnings, a square at their ends; for a legend."""
+def draw_latent_paths(axes: Axes, paths: Sequence[DrawnPath]) -> list[Line2D | Patch]:
+    """Paths in a two-dimensional latent space, a dot at their beginnings, a square at their ends; for a legend."""
     handles: dict[str, Line2D | Patch] = {}
-    for way in ways:
-        axes.plot(*way.latent.T, color="white", linewidth=3.8, alpha=0.9, zorder=4)
-        (line,) = axes.plot(*way.latent.T, way.style, color=way.colour, linewidth=2.2, label=way.name, zorder=5)
-        handles[way.name] = line
-    for way in ways:
-        axes.plot(*way.latent[0], "o", color=way.colour, markersize=6, markeredgecolor="white", zorder=6)
-        axes.plot(*way.latent[-1], "s", color=way.colour, markersize=7, markeredgecolor="white", zorder=6)
+    for drawn in paths:
+        axes.plot(*drawn.latent.T, color="white", linewidth=3.8, alpha=0.9, zorder=4)
+        (line,) = axes.plot(*drawn.latent.T, drawn.style, color=drawn.colour, linewidth=2.2, label=drawn.name, zorder=5)
+        handles[drawn.name] = line
+    for drawn in paths:
+        axes.plot(*drawn.latent[0], "o", color=drawn.colour, markersize=6, markeredgecolor="white", zorder=6)
+        axes.plot(*drawn.latent[-1], "s", color=drawn.colour, markersize=7, markeredgecolor="white", zorder=6)
     return list(handles.values())
 
 
@@ -236,7 +238,7 @@ def _frame_codes(axes: Axes, skill: Skill, codes: np.ndarray) -> None:
 def draw_in_space(
     axes: Axes,
     demonstrations: Sequence[np.ndarray],
-    ways: Sequence[Way],
+    paths: Sequence[DrawnPath],
     obstacle: Sphere | None = None,
     zoom: float = 1.0,
     also: Sequence[np.ndarray] = (),
@@ -249,15 +251,17 @@ def draw_in_space(
     handles: dict[str, Line2D | Patch] = {
         "demonstrations": Line2D([], [], color=GREY, linewidth=0.9, label="demonstrations")
     }
-    everything = [*demonstrations, *also, *(way.positions for way in ways)]
+    everything = [*demonstrations, *also, *(drawn.positions for drawn in paths)]
     if obstacle is not None:
         everything += [obstacle.centre + obstacle.radius, obstacle.centre - obstacle.radius]
         _ball(axes, obstacle)
-        handles["obstacle"] = Patch(facecolor=ORANGE, label="obstacle when it was nearest (dotted: its way)")
-    for way in ways:
-        line = 100.0 * way.positions.T
+        handles["obstacle"] = Patch(facecolor=ORANGE, label="obstacle when it was nearest (dotted: its path)")
+    for drawn in paths:
+        line = 100.0 * drawn.positions.T
         axes.plot(*line, color="white", linewidth=3.4, zorder=3)
-        (handles[way.name],) = axes.plot(*line, way.style, color=way.colour, linewidth=2.0, label=way.name, zorder=4)
+        (handles[drawn.name],) = axes.plot(
+            *line, drawn.style, color=drawn.colour, linewidth=2.0, label=drawn.name, zorder=4
+        )
     points = 100.0 * np.concatenate([np.atleast_2d(part) for part in everything])
     lower, upper = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * np.max(upper - lower)

@@ -32,7 +32,7 @@ def test_a_csv_keeps_every_sample(tmp_path) -> None:
 
 
 def test_demonstrations_of_the_tool_are_written_in_metres(tmp_path) -> None:
-    file = tmp_path / "two_ways.npz"
+    file = tmp_path / "two_sides.npz"
     assert main(["demonstrate", "passing", "--count", "1", "--out", str(file)]) == 0
     assert len(read_demonstrations(file, "m")) == 2
 

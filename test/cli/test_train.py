@@ -22,9 +22,9 @@ def _small_networks() -> Iterator[None]:
     """What the command has no option for: networks that are quickly trained, and quickly decoded for the pictures."""
     thoroughly = training.train_task_space_skill
 
-    def briefly(shown, settings, *told):
+    def briefly(shown, settings, *progress):
         small = {"hidden": (48, 32), "samples": 80, "precision_samples": 2, "precision_iterations": 40}
-        return thoroughly(shown, replace(settings, **small), *told)
+        return thoroughly(shown, replace(settings, **small), *progress)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(training, "train_task_space_skill", briefly)

@@ -32,10 +32,10 @@ def trained(joint_recording, tmp_path_factory) -> tuple[Path, Path]:
     arguments += ["--kernels", "100", "--held-out", "3", "--json", str(folder / "reach.json"), "--joint-weight", "0.04"]
     thoroughly = joint_training.train_joint_space_skill
 
-    def briefly(shown, robot, settings, *told):
+    def briefly(shown, robot, settings, *progress):
         # Less than this leaves a support so wide that its graph takes longer than the training.
         small = {"hidden": (64, 32), "samples": 100, "batch": 128, "precision_samples": 2, "precision_iterations": 60}
-        return thoroughly(shown, robot, replace(settings, **small), *told)
+        return thoroughly(shown, robot, replace(settings, **small), *progress)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(joint_training, "train_joint_space_skill", briefly)
@@ -43,7 +43,7 @@ def trained(joint_recording, tmp_path_factory) -> tuple[Path, Path]:
     return folder / "reach", folder / "reach.json"
 
 
-def test_a_recording_of_joints_becomes_a_joint_space_skill_without_being_told(trained) -> None:
+def test_a_recording_of_joints_becomes_a_joint_space_skill_without_an_option(trained) -> None:
     folder, figures = trained
     skill = Skill.load(folder)
     assert (skill.space, skill.sheet, skill.metric.joint_weight) == ("joint", "canonical", 0.04)

@@ -11,8 +11,8 @@ from geodesic_motion_ros.demo.demo_run import Recording
 def test_instants_of_motion_leave_out_where_the_arm_stands() -> None:
     """A second of standing, two of motion, three of trembling: five pictures show start and motion."""
     times = np.arange(0.0, 6.0, 0.01)
-    ways = np.clip(times - 1.0, 0.0, 2.0) * 0.1 + 1e-4 * np.sin(40.0 * times)
-    instants = instants_of_motion(times, ways[:, None] * [1.0, 0.0, 0.0], 5)
+    covered = np.clip(times - 1.0, 0.0, 2.0) * 0.1 + 1e-4 * np.sin(40.0 * times)
+    instants = instants_of_motion(times, covered[:, None] * [1.0, 0.0, 0.0], 5)
     assert instants[0] == 0.0
     np.testing.assert_allclose(instants[1:], [1.5, 2.0, 2.5, 3.0], atol=0.11)
 
@@ -24,7 +24,7 @@ def test_what_does_not_move_is_shown_at_even_times() -> None:
 
 
 def test_an_obstacle_was_met_where_it_was_nearest() -> None:
-    """It comes down onto a point that moves along; they are nearest at two seconds, though the way ends elsewhere."""
+    """It comes down onto a point that moves along; they are nearest at two seconds, though the path ends elsewhere."""
     times = np.linspace(0.0, 4.0, 81)
     points = times[:, None] * [0.1, 0.0, 0.0]
     obstacles = [np.array([0.2, 0.0, 0.1 + 0.1 * abs(time - 2.0)]) for time in times]

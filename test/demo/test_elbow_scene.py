@@ -1,4 +1,4 @@
-"""The demo of a skill of the whole arm: the sphere is in the elbow's way alone, and there is time to turn back."""
+"""The demo of a skill of the whole arm: the sphere is in the elbow's path alone, and there is time to turn back."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_the_undisturbed_arm_would_be_hit_near_its_elbow(scene: ElbowScene) -> N
     assert link in ("panda_link2", "panda_link3", "panda_link4", "panda_link5")
 
 
-def test_the_hand_is_never_in_its_way(scene: ElbowScene) -> None:
+def test_the_hand_is_never_in_its_path(scene: ElbowScene) -> None:
     planner, obstacle = scene.planner, scene.obstacle
     model = planner.collision
     hand = [sphere for sphere in range(len(model.radii)) if model.link_of(sphere) in HAND]

@@ -28,15 +28,15 @@ def tool_at(scene: HandScene, time: float) -> np.ndarray:
 def test_the_obstacle_moves_from_outside_into_the_undisturbed_motion(scene: HandScene) -> None:
     nominal, obstacle = scene.nominal, scene.obstacle
     meeting = hand_scene.MEETING_SHARE * nominal.duration
-    way = [tool_at(scene, time) for time in np.linspace(0.0, nominal.duration, 100)]
+    path = [tool_at(scene, time) for time in np.linspace(0.0, nominal.duration, 100)]
     tool = tool_at(scene, meeting)
-    assert min(np.linalg.norm(np.array(way) - obstacle.position(0.0), axis=1)) > 0.1
+    assert min(np.linalg.norm(np.array(path) - obstacle.position(0.0), axis=1)) > 0.1
     assert np.linalg.norm(obstacle.position(meeting) - tool) < obstacle.radius + 0.02
     assert not np.allclose(obstacle.position(0.0), obstacle.position(0.5))
 
 
 def test_half_of_the_demonstrations_pass_the_obstacle(scene: HandScene) -> None:
-    """The scene leaves room: the tool's way in most demonstrations keeps outside of the sphere at rest."""
+    """The scene leaves room: the tool's path in most demonstrations keeps outside of the sphere at rest."""
     obstacle, skill = scene.obstacle, scene.skill
     end = np.array(obstacle.end)
     free = 0

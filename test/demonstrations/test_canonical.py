@@ -108,9 +108,9 @@ def test_the_mean_pose_of_turns_about_a_middle_is_that_middle():
 
 def test_samples_along_the_arc_are_evenly_spaced_with_turning_counted():
     turn = np.concatenate([np.zeros(50), np.linspace(0.0, np.pi, 50)])
-    way = np.concatenate([np.linspace(0.0, 0.3, 50), np.full(50, 0.3)])
+    line = np.concatenate([np.linspace(0.0, 0.3, 50), np.full(50, 0.3)])
     quaternions = np.stack([np.cos(turn / 2), np.sin(turn / 2), 0.0 * turn, 0.0 * turn], axis=1)
-    positions = np.stack([way, 0.0 * way, 0.0 * way], axis=1)
+    positions = np.stack([line, 0.0 * line, 0.0 * line], axis=1)
     shown = Demonstration(positions, quaternions, 0.01 * np.arange(100), "turn")
     moved, turned = along_arc(shown, 201, 0.1)
     steps = np.hypot(np.linalg.norm(np.diff(moved, axis=0), axis=1), 0.1 * angle_between(turned[1:], turned[:-1]))

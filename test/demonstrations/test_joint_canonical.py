@@ -69,9 +69,9 @@ def test_one_that_begins_elsewhere_is_named(reach_demonstrations):
     items = list(reach_demonstrations)[:2]
     odd = items[1].configurations + np.array([3.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     items[1] = JointDemonstration(odd, items[1].times, "odd")
-    told = JointDemonstrations(tuple(items), reach_demonstrations.joint_names, "panda")
+    mixed = JointDemonstrations(tuple(items), reach_demonstrations.joint_names, "panda")
     with pytest.raises(DemonstrationError, match="starts further than"):
-        canonical_joint_form(told, ROBOT, METRIC, 60)
+        canonical_joint_form(mixed, ROBOT, METRIC, 60)
 
 
 def test_the_order_of_demonstrations_does_not_matter(form, reach_demonstrations):

@@ -11,7 +11,7 @@ ROBOT = Robot.panda()
 
 
 def arrays(samples: int = 50) -> dict[str, np.ndarray]:
-    """A bent way through joint space from the ready posture, sampled unevenly in time."""
+    """A bent path through joint space from the ready posture, sampled unevenly in time."""
     s = np.linspace(0.0, 1.0, samples)[:, None]
     far = np.array([0.5, 0.3, -0.4, 0.2, 0.1, 0.3, -0.2])
     return {

@@ -1,4 +1,4 @@
-"""Modes: one where people differ evenly, two where they go two ways, whatever the order."""
+"""Modes: one where people differ evenly, two where they take two paths, whatever the order."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ S = np.linspace(0.0, 1.0, 50)[:, None]
 
 
 def bundle(random: np.random.Generator, bulge: float, count: int, noise: float = 0.015) -> np.ndarray:
-    """Curves (count, 50, 3) around one way past the middle, which differ by smooth waves."""
-    way = np.hstack([0.6 * S, bulge * np.sin(np.pi * S), 0.3 + 0.0 * S])
+    """Curves (count, 50, 3) around one path past the middle, which differ by smooth waves."""
+    path = np.hstack([0.6 * S, bulge * np.sin(np.pi * S), 0.3 + 0.0 * S])
     waves = np.stack([np.sin((k + 1) * np.pi * S) for k in range(3)])[:, :, 0]
-    return way + np.einsum("nka,ks->nsa", random.normal(scale=noise, size=(count, 3, 3)), waves)
+    return path + np.einsum("nka,ks->nsa", random.normal(scale=noise, size=(count, 3, 3)), waves)
 
 
 def test_a_fan_is_one_mode(varying_fan):
@@ -31,7 +31,7 @@ def test_noise_is_never_split(seed):
 
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("sizes", [(2, 2), (3, 6), (5, 5)])
-def test_two_ways_are_two_modes_in_any_order(seed, sizes):
+def test_two_paths_are_two_modes_in_any_order(seed, sizes):
     random = np.random.default_rng(seed)
     curves = np.concatenate([bundle(random, 0.15, sizes[0]), bundle(random, -0.15, sizes[1])])
     truth = np.repeat([0, 1], sizes)
@@ -42,7 +42,7 @@ def test_two_ways_are_two_modes_in_any_order(seed, sizes):
     assert len(set(zip(found.tolist(), truth[order].tolist(), strict=True))) == 2
 
 
-def test_three_ways_are_numbered_as_they_appear():
+def test_three_modes_are_numbered_as_they_appear():
     random = np.random.default_rng(0)
     curves = np.concatenate([bundle(random, bulge, 3, 0.005) for bulge in (0.2, -0.2, 0.0)])
     np.testing.assert_array_equal(cluster_modes(curves), [0, 0, 0, 1, 1, 1, 2, 2, 2])
@@ -63,7 +63,7 @@ def test_equal_curves_are_one_mode():
 def test_families_of_elbows_are_two_modes_whose_blends_stay_apart(
     reach_demonstrations, separated_demonstrations, connected
 ):
-    """Even where all begin and end alike: a mean of both ways would be a third one that nobody showed."""
+    """Even where all begin and end alike: a mean of both modes would be a third one that nobody showed."""
     demonstrations = reach_demonstrations if connected else separated_demonstrations
     curves = demonstrations.resampled(60).configurations_array()
     modes = cluster_modes(curves)

@@ -205,8 +205,8 @@ def test_pickles_are_refused(tmp_path, recording):
 
 
 def test_missing_foreign_and_damaged_files_are_refused(tmp_path, recording):
-    with pytest.raises(DemonstrationError, match=r"gone.npy: cannot be read \(No such file"):
-        read_demonstrations(tmp_path / "gone.npy", "cm")
+    with pytest.raises(DemonstrationError, match=r"missing.npy: cannot be read \(No such file"):
+        read_demonstrations(tmp_path / "missing.npy", "cm")
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(DemonstrationError, match=r"folder.csv: is a directory; a regular file is needed"):
         read_demonstrations(tmp_path / "folder.csv", "cm")

@@ -32,12 +32,12 @@ def test_the_field_is_never_optimistic_and_loses_a_cube_at_most(seed, count, edg
     points = cloud(seed, count, spread)
     field = DistanceField.of(points, edge, RADIUS, THICKNESS)
     places = around(points, seed)
-    told = field_distances(places, *field)
+    computed = field_distances(places, *field)
     true = np.minimum(cKDTree(points).query(places)[0], REACH) - RADIUS
-    assert np.all(told <= true + 1e-9)
+    assert np.all(computed <= true + 1e-9)
     # The cube's half diagonal to and fro, and what interpolation loses, which is less than that.
-    assert np.all(told >= true - 1.5 * np.sqrt(3.0) * field.edge - 1e-9)
-    assert np.median(true - told) < np.sqrt(3.0) * field.edge
+    assert np.all(computed >= true - 1.5 * np.sqrt(3.0) * field.edge - 1e-9)
+    assert np.median(true - computed) < np.sqrt(3.0) * field.edge
 
 
 def test_at_the_middles_of_cubes_it_is_the_distance_transform():
@@ -63,9 +63,9 @@ def test_it_is_continuous_from_the_cloud_to_beyond_its_rim():
 
 def test_far_away_it_tells_its_reach():
     field = DistanceField.of(cloud(2, 100), 0.02, RADIUS, THICKNESS)
-    told = field_distances(np.array([[5.0, 5.0, 5.0], [-9.0, 0.0, 0.0]]), *field)
-    np.testing.assert_allclose(told, REACH - field.surface, atol=field.edge)
-    assert np.all(told <= REACH - field.surface)
+    computed = field_distances(np.array([[5.0, 5.0, 5.0], [-9.0, 0.0, 0.0]]), *field)
+    np.testing.assert_allclose(computed, REACH - field.surface, atol=field.edge)
+    assert np.all(computed <= REACH - field.surface)
 
 
 @pytest.mark.parametrize("length", [0.0, 0.003, 0.05, 0.6])
@@ -79,8 +79,8 @@ def test_an_approach_is_never_optimistic_and_costs_a_millimetre(length):
         line = begin + shares * (end - begin)
         bound = field_approach(begin, end, *field, np.inf)
         assert bound <= np.min(tree.query(line)[0]) - RADIUS + 1e-9
-        told = np.min(field_distances(line, *field))
-        assert bound >= told - 1e-3 - 1e-9
+        computed = np.min(field_distances(line, *field))
+        assert bound >= computed - 1e-3 - 1e-9
         assert field_approach(begin, end, *field, bound - 0.01) == bound - 0.01
 
 

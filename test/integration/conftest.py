@@ -87,7 +87,7 @@ class Bench:
             self.executor.spin()
         except ExternalShutdownException:
             return
-        except Exception as error:  # raised in a callback: whoever waits must not wait in vain
+        except Exception as error:  # raised in a callback: the waiting test gets it
             self._error = error
             self._notify()
 
@@ -124,7 +124,7 @@ class Bench:
             value = self._changed.wait_for(lambda: self._error or condition(), PATIENCE)
         if self._error is not None:
             raise self._error
-        assert value, f"waited {PATIENCE:g} s in vain for: {what}; status: {self.status()}"
+        assert value, f"waited {PATIENCE:g} s without success for: {what}; status: {self.status()}"
         return value
 
     def publisher(self, kind: type, topic: str) -> Any:
@@ -200,7 +200,7 @@ class Bench:
     ) -> Any:
         """Publish an arm fifty times a second, which is at once where `target_posture` says; returns the timer.
 
-        names : of joints of an arm that rests, whatever it is told; so too where it does not follow.
+        names : of joints of an arm that rests, whatever is commanded; so too where it does not follow.
         """
         publisher = self.publisher(JointState, "joint_states")
         self.arm = arm = np.array(positions)
@@ -306,7 +306,7 @@ def ready(bench: Bench, planner_options: dict[str, Any], start_joints: np.ndarra
 
 @pytest.fixture
 def moving(ready: Bench, skill: Skill) -> Bench:
-    """The same, on its way to the skill's goal."""
+    """The same, moving to the skill's goal."""
     ready.send_goal(skill.goal_pose)
     ready.wait_for_code("OK")
     return ready

@@ -27,7 +27,7 @@ from geodesic_motion_ros.utils.errors import ParameterError
 # What moves in real time does so evenly where it has the machine to itself.
 pytestmark = pytest.mark.realtime
 
-#: Processes that are told to end do so in 2 s; a busy machine may take longer [s].
+#: Processes that are requested to end do so in 2 s; a busy machine may take longer [s].
 ENDED = 5.0
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 # A ball in the middle of every demonstration, small enough to be passed on either side.
@@ -119,7 +119,7 @@ def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options,
 
 
 @pytest.mark.parametrize("avoidance", [False, True], ids=["control: avoidance off", "avoidance on"])
-def test_a_ball_on_the_way_is_hit_without_avoidance_and_not_with_it(bench, options, skill, start_joints, avoidance):
+def test_a_ball_on_the_path_is_hit_without_avoidance_and_not_with_it(bench, options, skill, start_joints, avoidance):
     watch(bench)
     bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), spheres=BALL, spawn_at_start=True)
     planner = bench.add(PlannerNode, **options, avoidance=avoidance)
@@ -139,7 +139,7 @@ def test_a_ball_on_the_way_is_hit_without_avoidance_and_not_with_it(bench, optio
     [("skill_folder", ""), ("skill_folder", "none"), ("skill_folder", "table"), ("table_skill_folder", "")],
     ids=["control: no scene is declared", "none", "table", "the skill's table"],
 )
-def test_what_blocks_every_demonstrated_path_is_gone_round_once_a_scene_is_declared(
+def test_what_blocks_every_demonstrated_path_is_passed_by_a_detour_once_a_scene_is_declared(
     bench, options, skill, start_joints, request, folder, scene
 ):
     watch(bench)

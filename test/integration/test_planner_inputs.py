@@ -163,7 +163,7 @@ class TestTaskFrame:
         frame = make_pose(np.concatenate([self.FRAME.origin, self.FRAME.quaternion]))
         bench.publisher(PoseStamped, "task_frame").publish(frame)
         bench.wait(lambda: bench.planner._inputs.snapshot().task_frame is not None, "the frame")
-        # Statuses that are still on their way are of cycles before.
+        # Statuses that are still in transit are of cycles before.
         ticks = bench.planner._loop.ticks
         bench.wait(lambda: int(bench.status()["tick"]) > ticks + 2, "cycles that have taken it")
 

@@ -165,7 +165,7 @@ class TestPlanService:
         assert len(plans) == 1
         assert not [thread for thread in threading.enumerate() if thread.name.startswith("plan_")]
 
-    def test_is_empty_when_there_is_no_way(self, ready, skill, make_pose, wall):
+    def test_is_empty_when_there_is_no_path(self, ready, skill, make_pose, wall):
         ready.send_spheres(wall)
         ready.wait(lambda: len(ready.planner._inputs.snapshot().obstacles.radii), "the obstacle")
         assert not ready.call(GetPlan, "plan", self.request(make_pose, skill.start_pose, skill.goal_pose)).plan.poses
@@ -179,7 +179,7 @@ class TestPlanService:
 
 
 class TestFaults:
-    """Errors that nobody expected are told, and the node goes on."""
+    """Errors that nobody expected are reported, and the node goes on."""
 
     def test_in_a_callback(self, moving, start_joints, monkeypatch):
         def fail(*arguments):
@@ -232,7 +232,7 @@ class TestFaults:
 
 
 class TestPictures:
-    def test_the_latent_view_is_drawn_for_whoever_looks(self, bench, planner_options, start_joints, skill, monkeypatch):
+    def test_the_latent_view_is_drawn_for_a_subscriber(self, bench, planner_options, start_joints, skill, monkeypatch):
         node = bench.add(PlannerNode, **planner_options | {"latent_view_rate": 5.0, "latent_view_size": 128})
         bench.watch_planner()
         bench.send_joint_states(start_joints)

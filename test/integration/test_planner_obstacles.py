@@ -32,7 +32,7 @@ def sphere(centre: np.ndarray, radius: float = 0.2) -> Marker:
 
 
 class TestObstacles:
-    def test_all_ways_blocked_then_freed(self, moving, wall):
+    def test_all_paths_blocked_then_freed(self, moving, wall):
         moving.send_spheres(wall)
         moving.wait_for_code("NO_FEASIBLE_PATH")
         moving.delete_spheres()
@@ -60,7 +60,7 @@ class TestObstacles:
             bench.call(Trigger, "planner/clear_obstacles", Trigger.Request())
             bench.wait_for_code("OK")
         else:
-            bench.wait(lambda: float(bench.health().get("age_obstacles", "0")) > 1.0, "an obstacle topic gone silent")
+            bench.wait(lambda: float(bench.health().get("age_obstacles", "0")) > 1.0, "a silent obstacle topic")
             assert bench.status()["code"] == "OK"
 
     def test_a_topic_whose_stamps_lag_is_not_believed(self, bench, planner_options, start_joints, skill):
@@ -144,7 +144,7 @@ class TestObstacles:
         moving.wait_for_code("NO_FEASIBLE_PATH")
 
     def test_every_kind_of_obstacle_counts(self, moving, wall, make_cloud):
-        """Each topic alone blocks the way, and its obstacle is gone when it is told to go."""
+        """Each topic alone blocks the path, and its obstacle vanishes when it is deleted."""
         grid = np.arange(-0.3, 0.3, 0.05)
         points = np.array([wall[0] + np.array([x, 0.0, z]) for x in grid for z in grid])
         cloud = make_cloud(points)

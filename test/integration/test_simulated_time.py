@@ -20,7 +20,7 @@ pytestmark = pytest.mark.realtime
 
 ROBOT = Robot.panda()
 BEGIN = 1000.0
-#: The clock is told so often [s].
+#: The clock is published so often [s].
 TICK = 0.005
 
 
@@ -74,9 +74,9 @@ def tool(bench) -> np.ndarray:
     return ROBOT.forward(np.array(bench.heard["joint_states"][-1].position))[0]
 
 
-def wait_until_under_way(bench) -> None:
+def wait_until_in_motion(bench) -> None:
     start = tool(bench)
-    bench.wait(lambda: np.linalg.norm(tool(bench) - start) > 0.05, "the arm on its way")
+    bench.wait(lambda: np.linalg.norm(tool(bench) - start) > 0.05, "the arm in motion")
 
 
 def wait_until_there(bench) -> None:
@@ -105,7 +105,7 @@ def check_commands(bench) -> None:
 def test_slowly_or_not_at_all_the_motion_is_that_of_the_simulation(bench, clock) -> None:
     clock.speed = 0.5
     go(bench)
-    wait_until_under_way(bench)
+    wait_until_in_motion(bench)
     clock.speed = 0.0
     wait_for_ticks(bench, 20)
     before, heard = tool(bench), len(bench.heard["joint_states"])
@@ -133,7 +133,7 @@ def test_slowly_or_not_at_all_the_motion_is_that_of_the_simulation(bench, clock)
 def test_a_clock_that_is_set_stops_the_arm_until_the_goal_is_sent_again(bench, jump) -> None:
     clock = make(bench, "panda_reach_to_grasp")
     go(bench)
-    wait_until_under_way(bench)
+    wait_until_in_motion(bench)
     clock.time += jump
     bench.wait_for_code("NO_GOAL", f"goal dropped: the clock was set by {jump:+.1f} s")
     rest = tool(bench)

@@ -101,7 +101,7 @@ def test_bad_targets_are_refused_and_do_not_move_the_arm(twin, skill, make_pose,
     np.testing.assert_allclose(position(twin.heard["ee_pose"][-1]), before, atol=1e-3)
 
 
-def test_obstacles_move_and_are_published_both_ways(twin):
+def test_obstacles_move_and_are_published_as_markers_and_as_points(twin):
     assert spawn(twin, TWO).message.startswith("2 obstacles: ball, post")
     twin.wait(lambda: len(twin.heard["obstacle_point"]) > 30, "the moving obstacle as a point")
     markers = twin.heard["obstacles"][-1].markers
@@ -203,7 +203,7 @@ def test_spheres_that_yaml_makes_something_strange_of_are_refused(twin, spheres)
 
 
 class TestFaults:
-    """Errors that nobody expected are told and counted, and the twin goes on."""
+    """Errors that nobody expected are reported and counted, and the twin goes on."""
 
     @pytest.mark.parametrize("service", ["reset", "spawn_obstacles"])
     def test_in_a_service(self, twin, monkeypatch, service):
@@ -227,8 +227,8 @@ class TestFaults:
 
     def test_in_a_timer(self, twin, monkeypatch):
         monkeypatch.setattr(twin_node, "publishers_of", fail)
-        told = "the search for other commanders"
-        twin.wait(lambda: twin.twin._refusals.counts.get(told, 0) > 1, "the timer to fail twice")
+        topic = "the search for other commanders"
+        twin.wait(lambda: twin.twin._refusals.counts.get(topic, 0) > 1, "the timer to fail twice")
 
     def test_in_a_parameter(self, twin, monkeypatch):
         with monkeypatch.context() as patch:

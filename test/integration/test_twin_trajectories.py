@@ -33,7 +33,7 @@ GOAL = START + np.array([0.6, 0.3, -0.4, 0.3, 0.4, -0.3, 0.5])
 OTHER_GOAL = START + np.array([-0.3, 0.5, 0.2, 0.1, -0.4, 0.2, 0.0])
 
 
-def way(
+def motion(
     start: np.ndarray, goal: np.ndarray, velocity: np.ndarray | None = None, acceleration: np.ndarray | None = None
 ) -> JointReference:
     reference = timed_joint_reference(np.stack([start, goal]), np.zeros((2, 1)), LIMITS, velocity, acceleration)
@@ -76,7 +76,7 @@ def wait_for_rest(bench, goal: np.ndarray) -> None:
 
 
 def check_followed(bench, pieces: list[tuple[JointReference, float, float]]) -> None:
-    """The states heard are those of references, each played from its begin and told about until an end [s].
+    """The states heard are those of references, each played from its begin and published until an end [s].
 
     Compared is with the nearest position within 60 ms, which a tick on a busy machine may be late by. Where a machine
     stood still for longer, what was heard soon after does not count.
@@ -101,7 +101,7 @@ def check_followed(bench, pieces: list[tuple[JointReference, float, float]]) -> 
 
 
 def test_a_trajectory_is_followed_to_its_goal_and_held_without_a_stream(twin):
-    reference = way(START, GOAL)
+    reference = motion(START, GOAL)
     twin.publisher(JointTrajectory, "joint_trajectory")
     begin = now(twin) + 0.1
     send(twin, reference, begin)
@@ -111,7 +111,7 @@ def test_a_trajectory_is_followed_to_its_goal_and_held_without_a_stream(twin):
     check_followed(twin, [(reference, begin, begin + reference.duration)])
 
 
-def test_an_arm_whose_process_stood_still_stays_on_the_way(bench):
+def test_an_arm_whose_process_stood_still_stays_on_the_path(bench):
     """The motion bends, so that an arm which made for where it should be by now would leave it."""
     angles = np.linspace(0.0, np.pi, 60)
     bend = 0.5 * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1)
@@ -139,7 +139,7 @@ def test_an_arm_whose_process_stood_still_stays_on_the_way(bench):
 
 
 def test_a_replacement_in_motion_gives_no_jump(twin):
-    old = way(START, GOAL)
+    old = motion(START, GOAL)
     twin.publisher(JointTrajectory, "joint_trajectory")
     begin = now(twin) + 0.1
     send(twin, old, begin)
@@ -148,7 +148,7 @@ def test_a_replacement_in_motion_gives_no_jump(twin):
     since, switch = old.times[ahead - 12], old.times[ahead]
     position, velocity, acceleration = old.sample(switch)
     assert np.max(np.abs(velocity)) > 0.2
-    new = way(position, OTHER_GOAL, velocity, acceleration)
+    new = motion(position, OTHER_GOAL, velocity, acceleration)
     send(twin, joined(old, since, new, switch), begin + since)
     wait_for_rest(twin, OTHER_GOAL)
     check_followed(twin, [(old, begin, begin + switch), (new, begin + switch, begin + switch + new.duration)])
@@ -164,12 +164,12 @@ def test_a_replacement_in_motion_gives_no_jump(twin):
     ids=["in the message", "in its time", "empty"],
 )
 def test_a_bad_one_is_refused_and_the_old_one_goes_on(twin, spoil, reason):
-    reference = way(START, GOAL)
+    reference = motion(START, GOAL)
     twin.publisher(JointTrajectory, "joint_trajectory")
     begin = now(twin) + 0.1
     send(twin, reference, begin)
     wait_for_time(twin, begin + 0.3 * reference.duration)
-    other = way(START, OTHER_GOAL)
+    other = motion(START, OTHER_GOAL)
     knots = other.times, other.positions, other.velocities, other.accelerations
     message = deserialize_message(joint_trajectory_bytes(ROBOT.joint_names, *knots, now(twin)), JointTrajectory)
     spoil(message)
@@ -181,7 +181,7 @@ def test_a_bad_one_is_refused_and_the_old_one_goes_on(twin, spoil, reason):
 
 def test_whichever_spoke_last_commands_and_the_change_is_logged(twin, make_pose):
     twin.listen(Log, "/rosout", 100)
-    send(twin, way(START, GOAL), 0.0)
+    send(twin, motion(START, GOAL), 0.0)
     wait_for_rest(twin, GOAL)
     pose = make_pose(np.concatenate(ROBOT.forward(START)))
     publisher = twin.publisher(PoseStamped, "target_pose")
@@ -190,7 +190,7 @@ def test_whichever_spoke_last_commands_and_the_change_is_logged(twin, make_pose)
     twin.wait(lambda: np.linalg.norm(tool() - ROBOT.forward(START)[0]) < 2e-3, "the arm at the pose")
     twin.probe.destroy_timer(timer)
     twin.wait(lambda: twin.twin._world._target is None, "the hold after the last pose")
-    send(twin, way(measured(twin), GOAL), 0.0)
+    send(twin, motion(measured(twin), GOAL), 0.0)
     wait_for_rest(twin, GOAL)
     said = [
         "joint_trajectory commands the arm from now on",
@@ -205,18 +205,18 @@ def test_whichever_spoke_last_commands_and_the_change_is_logged(twin, make_pose)
 def test_when_nothing_new_comes_after_the_end_the_twin_says_so_once_and_the_arm_stays(twin):
     assert twin.twin.set_parameters([Parameter("cmd_timeout", value=0.1)])[0].successful
     twin.listen(Log, "/rosout", 100)
-    told = lambda: [log.msg for log in twin.heard["/rosout"] if "cmd_timeout" in log.msg]  # noqa: E731
+    warnings = lambda: [log.msg for log in twin.heard["/rosout"] if "cmd_timeout" in log.msg]  # noqa: E731
     for count, goal in enumerate((GOAL, START), 1):
-        send(twin, way(measured(twin), goal), 0.0)
-        twin.wait(lambda count=count: len(told()) == count, "the warning")
+        send(twin, motion(measured(twin), goal), 0.0)
+        twin.wait(lambda count=count: len(warnings()) == count, "the warning")
         wait_for_rest(twin, goal)
-        assert len(told()) == count
+        assert len(warnings()) == count
 
 
 def test_reset_ends_a_trajectory(twin):
     twin.publisher(JointTrajectory, "joint_trajectory")
     begin = now(twin) + 0.1
-    reference = way(START, GOAL)
+    reference = motion(START, GOAL)
     send(twin, reference, begin)
     wait_for_time(twin, begin + 0.4 * reference.duration)
     assert np.max(np.abs(measured(twin) - START)) > 0.05

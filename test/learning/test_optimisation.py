@@ -38,18 +38,18 @@ def test_threads_and_the_global_generator_come_back_even_after_an_error() -> Non
 
 
 @pytest.mark.parametrize("fit", ["adam", "lbfgs"])
-def test_a_bowl_is_fitted_to_its_bottom_and_every_step_is_told(fit) -> None:
+def test_a_bowl_is_fitted_to_its_bottom_and_every_step_is_reported(fit) -> None:
     at = torch.zeros(3, dtype=torch.double, requires_grad=True)
-    told: list[tuple[str, int, int]] = []
+    reported: list[tuple[str, int, int]] = []
 
     def height() -> torch.Tensor:
         return ((at - TARGET) ** 2 * torch.tensor([1.0, 5.0, 0.5])).sum()
 
     if fit == "adam":
-        descend(lambda _: height(), [at], 600, 0.05, "bowl", lambda *where: told.append(where))
+        descend(lambda _: height(), [at], 600, 0.05, "bowl", lambda *where: reported.append(where))
     else:
-        minimise(height, [at], 25, "bowl", lambda *where: told.append(where))
+        minimise(height, [at], 25, "bowl", lambda *where: reported.append(where))
     torch.testing.assert_close(at.detach(), TARGET, atol=1e-3, rtol=0.0)
     steps = 600 if fit == "adam" else 25
-    assert told[-1] == ("bowl", steps, steps)
-    assert [step for _, step, _ in told] == sorted({step for _, step, _ in told})
+    assert reported[-1] == ("bowl", steps, steps)
+    assert [step for _, step, _ in reported] == sorted({step for _, step, _ in reported})

@@ -45,7 +45,7 @@ def test_decoder_agrees_with_its_numpy_twin(vae):
     np.testing.assert_allclose(exported.kappa, precisions.kappa, rtol=1e-10)
 
 
-def test_decoder_survives_the_way_to_numpy_and_back(vae):
+def test_decoder_survives_the_conversion_to_numpy_and_back(vae):
     exported = vae.decoder.to_numpy()
     again = type(vae.decoder).from_numpy(exported).to_numpy()
     for name, array in exported.arrays().items():

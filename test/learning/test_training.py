@@ -175,12 +175,12 @@ def test_joint_schedule_learns_too(demonstrations):
     assert np.all(decoded.sigma < 0.1)
 
 
-def test_poses_are_spread_over_turns_as_well_as_over_ways():
+def test_poses_are_spread_over_turns_as_well_as_over_lengths():
     """Half a turn on the spot in the middle of a straight line."""
     turn = np.concatenate([np.zeros(50), np.linspace(0.0, np.pi, 50), np.full(50, np.pi)])
-    way = np.concatenate([np.linspace(0.0, 0.2, 50), np.full(50, 0.2), np.linspace(0.2, 0.4, 50)])
+    line = np.concatenate([np.linspace(0.0, 0.2, 50), np.full(50, 0.2), np.linspace(0.2, 0.4, 50)])
     quaternions = np.stack([np.cos(turn / 2), np.sin(turn / 2), 0.0 * turn, 0.0 * turn], axis=1)
-    positions = np.stack([way, 0.0 * way, 0.0 * way], axis=1)
+    positions = np.stack([line, 0.0 * line, 0.0 * line], axis=1)
     shown = Demonstrations((Demonstration(positions, quaternions, np.arange(150) * 0.01, "turn"),))
     largest = {}
     for rotation_length in (0.0, 0.1):

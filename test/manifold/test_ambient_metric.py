@@ -72,7 +72,7 @@ def test_clearance_is_the_gap_between_surfaces():
     assert clearances(where, POINT_RADII, np.empty((0, 3)), np.empty(0), np.inf)[0] == np.inf
 
 
-def test_what_is_further_than_asked_for_is_not_told():
+def test_what_is_further_than_asked_for_is_not_computed():
     where, centres, radii = points(), np.random.default_rng(2).uniform(-1, 1, (5, 3)), np.full(5, 0.2)
     everything = clearances(where, POINT_RADII, centres, radii, np.inf)
     near = clearances(where, POINT_RADII, centres, radii, 0.05)
@@ -195,7 +195,7 @@ def test_the_completed_factor_falls_from_infinity_at_the_surface_to_one(kind):
 
 
 def test_the_completed_surface_is_infinitely_far_away():
-    """The length of the way to it, the integral of sqrt(m), grows by as much with every halving of what is left."""
+    """The length of the path to it, the integral of sqrt(m), grows by as much with every halving of what is left."""
 
     def length(first: float, last: float) -> float:
         at = np.geomspace(last, first, 4001)
@@ -208,8 +208,8 @@ def test_the_completed_surface_is_infinitely_far_away():
 
 def test_the_completed_factor_of_a_cloud_is_continuous_and_falls():
     field = DistanceField.of(np.zeros((1, 3)), 0.02, 0.02, 0.05)
-    way = np.linspace(0.0, 0.6, 3001)[:, None] * [1.0, 0.0, 0.0]
-    found = np.array([1.0 + cloud_factor(*x, 0.05, *field, 1e3, 0.5, True) for x in way])
+    line = np.linspace(0.0, 0.6, 3001)[:, None] * [1.0, 0.0, 0.0]
+    found = np.array([1.0 + cloud_factor(*x, 0.05, *field, 1e3, 0.5, True) for x in line])
     assert np.isinf(found[0])
     assert found[-1] == 1.0
     assert np.all(found >= 1.0)

@@ -61,7 +61,7 @@ def test_among_obstacles_of_all_kinds_the_cost_is_that_of_dijkstra(Scene, shape,
     assert lengthened > 50
 
 
-def test_when_all_obstacles_have_gone_the_path_is_what_it_was_to_the_last_bit(Scene):
+def test_when_all_obstacles_have_vanished_the_path_is_what_it_was_to_the_last_bit(Scene):
     scene = Scene(1, (30, 30), 16)
     source, target = 3, len(scene.points) - 3
     before = scene.from_both_ends(scene.reshaped(0), 0.0, source, target)
@@ -173,13 +173,13 @@ def test_stopped_at_any_time_the_answer_is_a_path_with_a_true_gap_or_none_with_a
     assert stops > 10
 
 
-def test_a_search_in_a_hurry_finds_some_way_long_before_the_cheapest(Scene, monkeypatch):
+def test_a_search_in_a_hurry_finds_some_path_long_before_the_cheapest(Scene, monkeypatch):
     monkeypatch.setattr(searches, "_BATCHES", 1)
     patience = searches._PATIENCE
     scene = Scene(0, (30, 30, 30), 26)
     ends = 3, len(scene.points) - 3
-    way = scene.points[scene.from_both_ends(scene.reshaped(0), 0.0, *ends).nodes, 0]
-    middle = way[len(way) // 2]
+    path = scene.points[scene.from_both_ends(scene.reshaped(0), 0.0, *ends).nodes, 0]
+    middle = path[len(path) // 2]
     for radius in (0.2, 0.4):
         reshaping = scene.among(middle[None], np.array([radius]))
         whole = scene.from_both_ends(reshaping, 0.0, *ends)
@@ -194,7 +194,7 @@ def test_a_search_in_a_hurry_finds_some_way_long_before_the_cheapest(Scene, monk
         scene.check(hurried, reshaping, 0.0, *ends)
 
 
-def test_a_search_in_a_hurry_that_has_reached_every_node_it_can_knows_that_there_is_no_way(Scene, monkeypatch):
+def test_a_search_in_a_hurry_that_has_reached_every_node_it_can_knows_that_there_is_no_path(Scene, monkeypatch):
     monkeypatch.setattr(searches, "_BATCHES", 1)
     monkeypatch.setattr(searches, "_PATIENCE", 1)
     scene = Scene(0, (30, 30, 30), 26)

@@ -87,7 +87,7 @@ def _faults(scene: Scene, reshaping: Reshaping, curve: np.ndarray) -> int:
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(("shape", "neighbours"), SHAPES)
 @pytest.mark.parametrize("kept", [1.0, 0.93])
-def test_refined_is_between_the_same_ends_and_never_longer_whatever_is_in_the_way(shape, neighbours, kept, seed):
+def test_refined_is_between_the_same_ends_and_never_longer_whatever_obstacles_there_are(shape, neighbours, kept, seed):
     scene = Scene(shape, neighbours, seed, kept)
     for count in (0, 3):
         reshaping = scene.among(scene.points[scene.random.integers(len(scene.points), size=count), 0], 0.12)

@@ -1,4 +1,4 @@
-"""Ridges: never cheaper than 1, 1 on the way most people took, dearer with every step off it."""
+"""Ridges: never cheaper than 1, 1 on the path most people took, dearer with every step off it."""
 
 from __future__ import annotations
 

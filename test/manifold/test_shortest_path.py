@@ -42,7 +42,7 @@ def test_the_heuristic_is_exact_under_every_law(Scene, shape, neighbours, seed, 
     scene = Scene(seed, shape, neighbours)
     obstacles = scene.obstacles(3, 1, 20)
     source, target = scene.random.choice(len(scene.points), 2, replace=False)
-    # Without the removal of nodes the law alone keeps ways off.
+    # Without the removal of nodes the law alone keeps paths off.
     for margin in (-np.inf, 0.05):
         costs = [
             scene.solve(scene.among_all(obstacles, law), margin, source, target, heuristic)[2]
@@ -52,7 +52,7 @@ def test_the_heuristic_is_exact_under_every_law(Scene, shape, neighbours, seed, 
         assert costs == pytest.approx([expected] * 2, rel=1e-9)
 
 
-def test_when_all_obstacles_have_gone_every_weight_is_what_it_was(Scene):
+def test_when_all_obstacles_have_vanished_every_weight_is_what_it_was(Scene):
     """To the last bit, after 1 to 50 obstacles; while they are there many weigh more."""
     scene = Scene(1, (30, 30), 16)
     before = scene.weights(scene.reshaped(0))
@@ -89,7 +89,7 @@ def test_more_obstacles_never_shorten_a_path(Scene, seed):
         cost = longer
 
 
-def test_no_way_through_a_wall_is_said(Scene):
+def test_no_path_through_a_wall_is_reported(Scene):
     scene = Scene(0, (20, 20), 8)
     around = scene.adjacency.node[scene.adjacency.first[0] : scene.adjacency.first[1]]
     wall = scene.among(scene.points[around, 0], np.full(len(around), 1e-3))

@@ -14,7 +14,7 @@ from geodesic_motion_ros.skill.skill import Skill
 def flat_skill() -> Skill:
     """The square [-1, 1]^2 of latent space laid on a nearly flat, half a metre wide sheet above the table.
 
-    The first latent axis runs along y and is the way of the demonstrations, the second along z; the tool looks down.
+    The first latent axis runs along y, as the demonstrations do, the second along z; the tool looks down.
     """
     scale = 0.05
     first = np.zeros((2, 2))
@@ -31,8 +31,8 @@ def flat_skill() -> Skill:
         sigma_weights=np.full((3, len(centres)), 100.0), sigma_floor=np.full(3, 1.0),
         kappa_weights=np.full(len(centres), 400.0), kappa_floor=np.array(1.0),
     )  # fmt: skip
-    way = np.linspace(-0.9, 0.9, 100)
-    codes = np.stack([np.stack([way, np.full(100, height)], axis=1) for height in (-0.5, -0.2, 0.1, 0.4)])
+    along = np.linspace(-0.9, 0.9, 100)
+    codes = np.stack([np.stack([along, np.full(100, height)], axis=1) for height in (-0.5, -0.2, 0.1, 0.4)])
     ends = decoder.decode(np.array([[-0.9, 0.0], [0.9, 0.0]]))
     poses = np.concatenate([ends.positions, ends.quaternions], axis=1)
     return Skill(

@@ -48,7 +48,7 @@ class Asked:
         since = self.node.get_clock().now()
         while not condition():
             self.turn()
-            assert (self.node.get_clock().now() - since).nanoseconds < PATIENCE * 1e9, "waited in vain"
+            assert (self.node.get_clock().now() - since).nanoseconds < PATIENCE * 1e9, "waited too long"
 
     def close(self) -> None:
         self.service.stop()

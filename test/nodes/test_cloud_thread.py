@@ -1,4 +1,4 @@
-"""Clouds beside the control loop: the newest wins, none waits behind another, a fault is told and forgotten."""
+"""Clouds beside the control loop: the newest wins, none waits behind another, a fault is reported and forgotten."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ def test_a_search_that_took_too_long_is_followed_by_a_stop_from_the_present_on(p
     cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: time[0])
     follow(cycle, arm, inputs, 1.0)
     monkeypatch.setattr(planner._solver, "solve", stalled)
-    # A new goal: the way being gone leads elsewhere, and another one is looked for.
+    # A new goal: the path being followed leads elsewhere, and another one is looked for.
     back = dataclasses.replace(inputs, goal=arm.states[0][0], goal_number=2)
     before = arm.played
     output = cycle.run(dataclasses.replace(back, measured=arm.measured(), now=arm.now, heard=arm.now), PERIOD)
@@ -205,7 +205,7 @@ def test_a_search_that_took_too_long_is_followed_by_a_stop_from_the_present_on(p
 
 
 @pytest.mark.parametrize("obstructed", [False, True], ids=["hold", "obstacle"])
-def test_a_way_on_which_no_stop_was_found_in_time_is_not_sent_again(planner, arm, inputs, obstructed):
+def test_a_path_on_which_no_stop_was_found_in_time_is_not_sent_again(planner, arm, inputs, obstructed):
     """Cycles that all take too long: the arm comes to rest where what was sent before them ends."""
     planner.clear_goal()
     time, passing = [0.0], [0.0]
@@ -252,7 +252,7 @@ def test_a_goal_pose_is_reached_in_one_of_the_demonstrated_families(cycle, arm, 
     ],
     ids=["old state", "hold", "silent obstacles"],
 )
-def test_a_reason_to_hold_stops_on_the_way_and_its_end_resumes(cycle, arm, inputs, change, code):
+def test_a_reason_to_hold_stops_on_the_path_and_its_end_resumes(cycle, arm, inputs, change, code):
     follow(cycle, arm, inputs, 1.5)
     assert np.max(np.abs(arm.states[-1][1])) > 0.05
     stopping = follow(cycle, arm, dataclasses.replace(inputs, **change), 1.0)

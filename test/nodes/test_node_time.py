@@ -60,7 +60,7 @@ def test_simulated_time_is_that_of_the_ros_clock_at_any_speed(steps) -> None:
 
 @pytest.mark.parametrize("simulated", [False, True])
 @pytest.mark.parametrize("jump", [5.0, -5.0])
-def test_it_goes_on_over_a_jump_which_is_told(simulated, jump) -> None:
+def test_it_goes_on_over_a_jump_which_is_reported(simulated, jump) -> None:
     clocks = Clocks(simulated)
     before = clocks.time.running()
     clocks.go_on(jump, 0.01)

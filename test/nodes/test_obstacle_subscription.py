@@ -94,7 +94,7 @@ def test_a_best_effort_publisher_is_received_beside_reliable_ones(topic):
     sent = []
 
     def arrives() -> bool:
-        # One that was lost on its way is sent under another number.
+        # One that was lost in transit is sent under another number.
         if not set(sent) & set(topic.received):
             sent.append(100 + len(sent))
             best_effort.publish(Marker(id=sent[-1]))

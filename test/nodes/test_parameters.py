@@ -129,7 +129,7 @@ def test_an_empty_list_of_numbers_is_shown_as_it_was_written():
 
 
 @pytest.mark.parametrize("name", ["/b", "/robot/b", "~/b"])
-def test_a_text_with_a_slash_too_many_is_told(name):
+def test_a_text_with_a_slash_too_many_is_named(name):
     with pytest.raises(ParameterError, match=r"expected a list of a, b; .*; write b, without a slash$"):
         NAMES.check(["a", name])
 

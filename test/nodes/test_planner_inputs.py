@@ -137,7 +137,7 @@ class TestLate:
         assert bench.inputs.snapshot().silent_sources == {"obstacles": pytest.approx(0.6)}
         assert not bench.inputs.snapshot().late_sources
 
-    def test_whoever_keeps_on_does_so_among_what_is_late_too(self, node):
+    def test_the_keep_policy_keeps_late_obstacles_too(self, node):
         bench = Bench(node, obstacle_silence_policy="keep")
         bench.move(late=2.0)
         assert not bench.inputs.snapshot().late_sources
@@ -161,7 +161,7 @@ class TestLate:
         assert inputs.snapshot().silent_sources == {topic: pytest.approx(0.6)}
 
     @pytest.mark.parametrize("speed", [SPEED, 0.0])
-    def test_of_two_who_share_a_topic_the_late_one_is_told_by_its_obstacles(self, bench, speed):
+    def test_of_two_who_share_a_topic_the_late_one_is_named_by_its_obstacles(self, bench, speed):
         for _ in range(30):
             bench.go(1.0 / 60.0)
             bench.tell(bench.sphere(speed * bench.true_time, 2.0, ns="late"))
@@ -192,7 +192,7 @@ class TestLate:
         bench.go(0.2)
         assert len(bench.inputs.snapshot().obstacles) == 0
 
-    def test_what_moved_and_is_not_told_again_may_stand_anywhere_since_its_stamp(self, bench):
+    def test_what_moved_and_is_not_published_again_may_stand_anywhere_since_its_stamp(self, bench):
         bench.move(late=0.4)
         bench.go(0.3)
         obstacles = bench.inputs.snapshot().obstacles

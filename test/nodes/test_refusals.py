@@ -1,4 +1,4 @@
-"""Refusals are swallowed, counted by topic and told once in a while; so are errors that nobody expected."""
+"""Refusals are swallowed, counted by topic and reported once in a while; so are errors that nobody expected."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_warns_again_when_the_quiet_time_is_over():
     assert len(warnings) == 2
 
 
-def test_any_other_error_is_counted_and_told_with_its_type_and_place():
+def test_any_other_error_is_counted_and_reported_with_its_type_and_place():
     warnings: list[str] = []
     refusals = Refusals(warnings.append)
     with refusals.guard("goal_pose"):

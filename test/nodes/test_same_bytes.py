@@ -1,10 +1,10 @@
 """Same skill, same inputs: the same commands, byte for byte, in 100 runs, half of them in another process.
 
 A run of either kind of skill holds 45 ticks in 1.8 s: the goal is another one after 0.6 s and the first again after
-1.5 s; of two spheres, told in every tick, one stands beside the way, the other comes and goes through it at 0.3 m/s, so
-that the arm stops and sets out again more than once; after 1.2 s both are deleted.
+1.5 s; of two spheres, published in every tick, one stands beside the path, the other comes and goes through it at 0.3
+m/s, so that the arm stops and sets out again more than once; after 1.2 s both are deleted.
 
-Time is told by hand, for a deadline that has passed ends what a tick may look at.
+Time is set by hand, for a deadline that has passed ends what a tick may look at.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from geodesic_motion_ros.skill.skill import Skill
 REPOSITORY = Path(__file__).resolve().parents[2]
 PERIOD, CYCLES = 0.04, 45
 #: In these ticks the goal is another one; from this one on no obstacle is left.
-OTHER_GOAL, GONE = range(15, 38), 30
+OTHER_GOAL, NO_OBSTACLE = range(15, 38), 30
 #: Of one planner, in each process; one of a new planner follows.
 RUNS = 49
-#: Where the sphere that goes through the way sets out, seen from between start and goal [m].
+#: Where the sphere that goes through the path sets out, seen from between start and goal [m].
 BEGINS = {"panda_pouring": (0.5, 0.0, 0.1), "panda_reach_to_grasp": (0.35, 0.1, 0.1)}
 
 
 def inputs_at(cycle: int, skill: Skill, tracker: ObstacleTracker) -> CycleInputs:
-    """A sphere that goes through the way, another one beside it; another goal for a while; an emptied table."""
+    """A sphere that goes through the path, another one beside it; another goal for a while; an emptied table."""
     now = 100.0 + cycle * PERIOD
     middle = 0.5 * (skill.start_pose[:3] + skill.goal_pose[:3])
-    if cycle == GONE:
+    if cycle == NO_OBSTACLE:
         tracker.delete_all("obstacles", now)
-    elif cycle < GONE:
+    elif cycle < NO_OBSTACLE:
         across = np.array(BEGINS[skill.name]) - [0.3 * cycle * PERIOD, 0.0, 0.0]
         tracker.put("obstacles", ("moving", 0), middle + across, 0.04, now)
         tracker.put("obstacles", ("beside", 1), middle + [0.0, 0.0, -0.3], 0.04, now)
@@ -54,14 +54,14 @@ def inputs_at(cycle: int, skill: Skill, tracker: ObstacleTracker) -> CycleInputs
 def digest(
     cycle: StreamCycle, skill: Skill, measured: Callable[[float], object], sent: Callable[[CycleOutput], bytes]
 ) -> tuple[str, str]:
-    """SHA-256 of all that is sent, and for each cycle whether it had a way: 1 or 0."""
-    found, tracker, ways = hashlib.sha256(), ObstacleTracker(), []
+    """SHA-256 of all that is sent, and for each cycle whether it had a path: 1 or 0."""
+    found, tracker, found_paths = hashlib.sha256(), ObstacleTracker(), []
     for number in range(CYCLES):
         inputs = inputs_at(number, skill, tracker)
         output = cycle.run(dataclasses.replace(inputs, measured=measured(inputs.now)), PERIOD)
         found.update(sent(output))
-        ways.append(str(int(output.verdict.ok)))
-    return found.hexdigest(), "".join(ways)
+        found_paths.append(str(int(output.verdict.ok)))
+    return found.hexdigest(), "".join(found_paths)
 
 
 class Arm:
@@ -93,7 +93,7 @@ LAUNCH = "import geodesic_motion_ros.nodes, runpy, sys; runpy.run_path(sys.argv.
 
 
 def launched(hash_seed: str) -> subprocess.Popen:
-    """A process that prints, for each kind, ways and digests of its runs; its hashes and its memory are its own."""
+    """A process that prints, for each kind, paths and digests of its runs; its hashes and its memory are its own."""
     environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     environment |= {"PYTHONHASHSEED": hash_seed, "PYTHONPATH": str(REPOSITORY)}
     command = [sys.executable, "-c", LAUNCH, __file__]
@@ -106,9 +106,9 @@ def test_every_run_and_every_process_sends_the_same_bytes() -> None:
     assert [process.returncode for process in processes] == [0, 0]
     assert said[0] == said[1]
     for line in said[0]:
-        ways, *digests = line.split()
-        assert "10" in ways[:GONE], "the arm is to stop while there are obstacles"
-        assert ways.endswith("1"), "and to go on after them"
+        found_paths, *digests = line.split()
+        assert "10" in found_paths[:NO_OBSTACLE], "the arm is to stop while there are obstacles"
+        assert found_paths.endswith("1"), "and to go on after them"
         assert len(digests) == RUNS + 1
         assert len(set(digests)) == 1
     assert len({line.split()[-1] for line in said[0]}) == 2

@@ -1,4 +1,4 @@
-"""When the view thread draws: for whoever begins to look, and never for nobody."""
+"""When the view thread draws: for a new subscriber, and never for nobody."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def seldom(drawn, onlooker) -> Iterator[ViewThread]:
     thread.stop()
 
 
-def test_whoever_begins_to_look_is_drawn_a_fresh_picture_at_once(seldom, drawn, onlooker) -> None:
+def test_a_new_subscriber_is_drawn_a_fresh_picture_at_once(seldom, drawn, onlooker) -> None:
     onlooker.look(True)
     assert drawn.get(timeout=PATIENCE) == "picture"
     onlooker.look(False)
@@ -66,14 +66,14 @@ def test_nothing_is_drawn_for_nobody(seldom, drawn, onlooker) -> None:
     assert drawn.empty()
 
 
-def test_whoever_goes_on_looking_is_drawn_one_picture_after_the_other(drawn) -> None:
+def test_a_lasting_subscriber_is_drawn_one_picture_after_the_other(drawn) -> None:
     thread = ViewThread(lambda: drawn.put("picture"), lambda: True, 0.01, lambda error: drawn.put(repr(error)))
     thread.start()
     assert [drawn.get(timeout=PATIENCE) for _ in range(3)] == ["picture"] * 3
     thread.stop()
 
 
-def test_an_error_is_told_once_and_ends_it(drawn) -> None:
+def test_an_error_is_reported_once_and_ends_it(drawn) -> None:
     def fail() -> None:
         raise ZeroDivisionError
 

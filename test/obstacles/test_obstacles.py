@@ -78,7 +78,7 @@ def test_scenes_are_the_same_where_all_places_are():
     assert Obstacles.none().same_places(Obstacles.none())
 
 
-def test_what_is_told_twice_is_one_obstacle():
+def test_what_is_published_twice_is_one_obstacle():
     one = scene()
     twice = replace(
         one,

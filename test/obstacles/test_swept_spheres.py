@@ -1,4 +1,4 @@
-"""Spheres on straight ways among obstacles that move: the clearance is that of dense samples, from below."""
+"""Spheres on straight paths among obstacles that move: the clearance is that of dense samples, from below."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ def test_a_cloud_replaces_the_one_before_and_is_cleared_with_the_rest():
     assert len(tracker.current(0.3)) == 0
 
 
-def test_solids_stand_beside_spheres_and_are_told_apart_from_them():
+def test_solids_stand_beside_spheres_and_are_distinguished_from_them():
     tracker = ObstacleTracker()
     for time in (0.0, 0.1):
         tracker.put("obstacles", ("a", 0), HERE + [time, 0.0, 0.0], 0.0, now=time, solid=box(HERE + [time, 0.0, 0.0]))
@@ -314,7 +314,7 @@ def test_what_has_turned_is_larger_the_longer_ago_it_was_seen(solid: bool) -> No
     np.testing.assert_array_equal(later.solid_velocity_errors if solid else later.velocity_errors, errors)
 
 
-def test_velocities_are_told_by_stamps_where_there_are_any():
+def test_velocities_are_measured_by_stamps_where_there_are_any():
     tracker = ObstacleTracker()
     moved(tracker, 0.5, stamped=True)
     np.testing.assert_allclose(tracker.current(0.6).velocities, [[0.4, 0.0, 0.0]], atol=1e-6)
@@ -345,15 +345,15 @@ def test_an_empty_set_has_the_shapes_of_a_full_one():
 
 
 def moving_sphere(tracker: ObstacleTracker, speed: float, until: float = 0.2, solid: bool = False) -> np.ndarray:
-    """A sphere or a box that is told 50 times a second until a time [s]; its last place."""
+    """A sphere or a box that is published 50 times a second until a time [s]; its last place."""
     for now in np.arange(0.0, until + 1e-9, 0.02):
         centre = HERE + [speed * now, 0.0, 0.0]
         tracker.put("obstacles", ("a", 1), centre, 0.05, now=now, solid=box(centre) if solid else None)
     return centre
 
 
-def test_what_moved_and_is_not_told_again_may_have_stopped_anywhere_since():
-    """Another one of the same topic is told all the time: the topic is not silent."""
+def test_what_moved_and_is_not_published_again_may_have_stopped_anywhere_since():
+    """Another one of the same topic is published all the time: the topic is not silent."""
     tracker = ObstacleTracker()
     last = moving_sphere(tracker, 0.4)
     for now in np.arange(0.2, 0.6, 0.02):
@@ -375,7 +375,7 @@ def test_what_moved_and_is_not_told_again_may_have_stopped_anywhere_since():
         gaps = np.linalg.norm(on - obstacles.centres[standing], axis=2) - obstacles.radii[standing]
         assert np.max(np.min(gaps, axis=1)) < 1e-9
     assert set(seen.labels) == {"obstacles/a/1", "obstacles/b/2"}
-    # Told again, it moves on.
+    # Published again, it moves on.
     tracker.put("obstacles", ("a", 1), last, 0.05, now=0.6)
     assert len(tracker.current(0.6).radii) == 2
 
@@ -392,7 +392,7 @@ def test_that_comes_by_itself_without_another_message():
     assert last[0] < last[1] < last[2] == last[3]
 
 
-def test_a_solid_that_moved_and_is_not_told_again_likewise():
+def test_a_solid_that_moved_and_is_not_published_again_likewise():
     tracker = ObstacleTracker()
     last = moving_sphere(tracker, 0.4, solid=True)
     solids = tracker.current(0.2 + MOTION_LASTS).moved_on(0.5, 1.6, 0.5).solids
@@ -404,7 +404,7 @@ def test_a_solid_that_moved_and_is_not_told_again_likewise():
 
 
 @pytest.mark.parametrize(("speed", "silent"), [(0.4, ["obstacles/a/1"]), (0.0, []), (0.005, [])])
-def test_what_moves_must_be_told_again_and_what_stands_need_not(speed, silent):
+def test_what_moves_must_be_published_again_and_what_stands_need_not(speed, silent):
     tracker = ObstacleTracker()
     moving_sphere(tracker, speed)
     tracker.put("obstacles", ("b", 2), THERE, 0.05, now=0.8)

@@ -28,7 +28,7 @@ def seen(centres: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), rate=st.floats(3.0, 240.0))
-def test_even_motion_is_told_from_the_second_position_on(seed: int, rate: float) -> None:
+def test_even_motion_is_recognised_from_the_second_position_on(seed: int, rate: float) -> None:
     generator = np.random.default_rng(seed)
     velocity = generator.uniform(-1.0, 1.0, 3)
     times = STAMP + np.cumsum(generator.uniform(0.5, 1.5, 40)) / rate

@@ -38,7 +38,7 @@ class FanPlanner(PosePathPlanner):
         return verdict
 
     def middle(self) -> np.ndarray:
-        """Position (3,) [m] half way along the path."""
+        """Position (3,) [m] halfway along the path."""
         positions = self.nominal().positions
         return positions[len(positions) // 2]
 

@@ -99,7 +99,7 @@ def test_it_is_never_optimistic_and_costs_a_millimetre():
         own_costs.append(own - certificate.self_clearance)
     assert np.median(np.concatenate(costs)) < 1e-3
     assert np.median(np.concatenate(own_costs)) < 2e-3
-    # An obstacle that stops between knots costs up to a quarter of its way in that interval, here 10 mm at 2 m/s.
+    # An obstacle that stops between knots costs up to a quarter of its path in that interval, here 10 mm at 2 m/s.
     assert np.max(np.concatenate(costs)) < 0.015
 
 
@@ -154,13 +154,13 @@ def test_beyond_the_horizon_what_moves_may_be_left_out_but_not_what_stands_nor_w
         reference, obstacles = scene(seed)
         obstacles.velocities[:2] = 0.0
         certain = certified(reference, obstacles)
-        trusting = CERTIFIER.certify(reference, obstacles, HORIZON, beyond=False)
+        optimistic = CERTIFIER.certify(reference, obstacles, HORIZON, beyond=False)
         standing = certified(reference, obstacles.at_rest)
         later = reference.times[:-1] >= HORIZON
-        np.testing.assert_allclose(trusting.clearance[~later], certain.clearance[~later], atol=1e-12)
-        np.testing.assert_allclose(trusting.clearance[later], standing.clearance[later], atol=1e-12)
-        assert np.all(trusting.clearance >= certain.clearance - 1e-12)
-        gained += np.any(trusting.clearance > certain.clearance + 1e-3)
+        np.testing.assert_allclose(optimistic.clearance[~later], certain.clearance[~later], atol=1e-12)
+        np.testing.assert_allclose(optimistic.clearance[later], standing.clearance[later], atol=1e-12)
+        assert np.all(optimistic.clearance >= certain.clearance - 1e-12)
+        gained += np.any(optimistic.clearance > certain.clearance + 1e-3)
     assert gained > 5
 
 
@@ -221,9 +221,9 @@ def test_among_the_points_of_a_cloud_it_is_never_optimistic():
         times = np.linspace(reference.times[:-1], reference.times[1:], 60, axis=1).ravel()
         dense = placed_at(reference, times)[:, MOVING]
         true = (cKDTree(points).query(dense)[0] - 0.01 - RADII[MOVING]).min(axis=1).reshape(-1, 60).min(axis=1)
-        told = field_distances(dense.reshape(-1, 3), *cloud.cloud).reshape(dense.shape[:2]) - RADII[MOVING]
+        computed = field_distances(dense.reshape(-1, 3), *cloud.cloud).reshape(dense.shape[:2]) - RADII[MOVING]
         assert np.all(certificate.clearance <= true + 1e-9)
-        assert np.median(told.min(axis=1).reshape(-1, 60).min(axis=1) - certificate.clearance) < 3e-3
+        assert np.median(computed.min(axis=1).reshape(-1, 60).min(axis=1) - certificate.clearance) < 3e-3
         both = CERTIFIER.certify(reference, replace(spheres, cloud=cloud.cloud), HORIZON)
         np.testing.assert_allclose(
             both.clearance, np.minimum(certificate.clearance, certified(reference, spheres).clearance), atol=1.1e-3

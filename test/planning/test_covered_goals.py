@@ -176,7 +176,7 @@ def test_an_arm_that_has_approached_stands_whatever_little_the_obstacle_moves(pl
 
 
 def test_what_covers_the_goal_and_comes_nearer_is_not_touched(planner: ReactivePlanner) -> None:
-    """The sphere grows towards the arm, half on its way and where it then stands; the control: it would be met."""
+    """The sphere grows towards the arm, half in motion and where it then stands; the control: it would be met."""
     played = Played(planner)
     planner.take_obstacles(played.on_goal())
     first = played.run(TICK)[0].reference
@@ -210,7 +210,7 @@ def test_what_moves_towards_an_approaching_arm_is_not_met_in_motion(planner: Rea
     assert min(moved, default=1.0) > 0.0
 
 
-def test_a_goal_that_is_covered_while_the_arm_is_on_its_way(planner: ReactivePlanner) -> None:
+def test_a_goal_that_is_covered_while_the_arm_is_in_motion(planner: ReactivePlanner) -> None:
     played = Played(planner)
     played.run(0.3 * played.nominal.duration)
     planner.take_obstacles(played.on_goal())

@@ -183,7 +183,7 @@ def test_a_detour_stays_out_of_the_scene(skill: Skill) -> None:
     assert least(other, found.reference.positions, scene) >= 0.0
 
 
-def test_an_arm_that_stands_in_the_scene_is_told_where(skill: Skill) -> None:
+def test_an_arm_that_stands_in_the_scene_is_located(skill: Skill) -> None:
     """Beyond a wall that no demonstration comes to."""
     alone, planner = between(skill, None)
     start = alone.reference.positions[0]

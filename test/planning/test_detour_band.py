@@ -37,7 +37,7 @@ def lattice_cost(path: LatticePath, arm: ArmInScene) -> float:
 
 @pytest.fixture(scope="module", params=["hand", "wrist"])
 def found(request: pytest.FixtureRequest) -> tuple[ArmInScene, LatticePath, Band]:
-    """A sphere that the hand, or the wrist, meets half way; the lattice's path and its band."""
+    """A sphere that the hand, or the wrist, meets halfway; the lattice's path and its band."""
     frames = PANDA.link_frames(FRAME.configurations[len(FRAME) // 2])[1]
     above_the_wrist = frames[6] + [0.0, 0.0, 0.12]
     centre = FRAME.positions[len(FRAME) // 2] if request.param == "hand" else above_the_wrist

@@ -1,4 +1,4 @@
-"""The search of detours: the base path where nothing is in the way, the cheapest one around what is, or which part of
+"""The search of detours: the base path where nothing obstructs it, the cheapest one around what is, or which part of
 the arm cannot pass.
 """
 
@@ -170,7 +170,7 @@ def cheapest_by_dijkstra(frame: DetourFrame, arm: ArmInScene, reach: float, marg
 
 @pytest.mark.parametrize("kind", ["none", "sphere", "box"])
 def test_it_costs_what_the_cheapest_of_all_paths_costs(kind, six: Robot) -> None:
-    """With six joints a pose is held in one way near the base path, however it is come to."""
+    """With six joints a pose is held in one configuration near the base path, however it is come to."""
     frame, model = frame_along(six), model_of_six(six)
     arm = in_scene(of_kind(kind, frame.positions[len(frame) // 2]), six, model)
     path = cheapest_detour(frame, arm, 0.2, MARGIN)

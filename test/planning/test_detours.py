@@ -85,7 +85,7 @@ def halfway(played: Played) -> np.ndarray:
 
 
 @pytest.mark.parametrize("reach", [0.0, REACH])
-def test_what_blocks_all_that_was_demonstrated_is_gone_round_where_that_is_allowed(planner, reach: float) -> None:
+def test_what_blocks_every_demonstrated_path_is_passed_by_a_detour_where_allowed(planner, reach: float) -> None:
     played = Played(planner, reach)
     blocker = on_the_hand(planner, halfway(played))
     planner.take_obstacles(blocker)
@@ -107,7 +107,7 @@ def test_what_blocks_all_that_was_demonstrated_is_gone_round_where_that_is_allow
     assert 0.0 < begun.verdict.clearance <= played.least_clearance(blocker) + 1e-4
 
 
-def test_what_goes_while_the_arm_waits_is_not_gone_round(planner) -> None:
+def test_what_goes_while_the_arm_waits_needs_no_detour(planner) -> None:
     played = Played(planner)
     planner.take_obstacles(on_the_hand(planner, halfway(played)))
     played.ask()
@@ -118,7 +118,7 @@ def test_what_goes_while_the_arm_waits_is_not_gone_round(planner) -> None:
     assert {plan.verdict.displacement for plan in plans} == {0.0}
 
 
-def test_what_has_stood_for_long_is_gone_round_at_once(planner) -> None:
+def test_what_has_stood_for_long_is_passed_by_a_detour_at_once(planner) -> None:
     played = Played(planner)
     planner.take_obstacles(on_the_hand(planner, halfway(played)))
     played.run(PATIENCE)
@@ -211,7 +211,7 @@ def test_a_detour_stays_where_something_else_changes_and_a_blocked_one_is_left_w
     plans = played.run(0.3)
     assert all(plan.verdict.ok for plan in plans)
     np.testing.assert_array_equal(planner.to_goal()[0].positions[-1], reference.positions[-1])
-    # Half way on what is left another sphere falls onto the detour.
+    # Halfway on what is left another sphere falls onto the detour.
     ahead = reference.sample(played.now - begin + 0.5 * (begin + reference.duration - played.now))[0]
     centres = np.concatenate([blocker.centres, planner.robot.forward(ahead)[0][None]])
     more = replace(both, centres=centres, radii=np.array([0.06, 0.03]))

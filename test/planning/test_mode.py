@@ -25,7 +25,7 @@ def planner(reach_skill: Skill) -> ReactivePlanner:
 
 
 def test_an_arm_passes_through_all_modes(planner: ReactivePlanner) -> None:
-    """The goal is covered while it is on its way, and it goes near; something falls to where it stands, and past; then
+    """The goal is covered while it moves, and it goes near; something falls to where it stands, and past; then
     the goal is free again, and a hold is requested in motion.
     """
     sheet, modes = planner.skill.canonical, []

@@ -100,7 +100,7 @@ def test_the_conformal_factor_leaves_the_field_a_lower_bound(planner):
 
 
 @pytest.mark.parametrize("seed", range(15))
-def test_a_sphere_on_the_way_of_a_carried_query_is_passed(planner, seed):
+def test_a_sphere_on_the_path_of_a_carried_query_is_passed(planner, seed):
     random = np.random.default_rng(seed)
     start, goal = shown_ends(planner.skill, seed)
     direct = planned(planner, start, goal)
@@ -184,7 +184,7 @@ def test_without_an_obstacle_the_geodesic_follows_the_mean_of_the_fan(planner):
     assert gap_to(mean, mean_path(planner).positions) < 0.02
 
 
-def test_conditioning_changes_the_way_only_where_the_skill_regresses(canonical_fan_skill, planner):
+def test_conditioning_changes_the_path_only_where_the_skill_regresses(canonical_fan_skill, planner):
     start, goal = shown_ends(planner.skill, 3)
     free = planned(planner, start, goal).positions
     without = PosePathPlanner(canonical_fan_skill, PlannerSettings(query_conditioning=False))

@@ -99,7 +99,7 @@ def test_poses_beside_a_path_are_held_in_its_posture() -> None:
     np.testing.assert_allclose(off, 0.0, atol=1e-5)
 
 
-def test_nodes_follow_from_their_neighbours_and_lost_ones_are_told() -> None:
+def test_nodes_follow_from_their_neighbours_and_lost_ones_are_reported() -> None:
     """A chain of nodes that leaves the path at its middle; the last of them is out of reach."""
     positions, quaternions, start = line(PANDA)
     path = hold_path(PANDA, positions, quaternions, start)

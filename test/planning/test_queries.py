@@ -138,8 +138,8 @@ class Asked:
             return partial(self.planner.set_goal_configuration, self._draw.configuration(random))
         return partial(self.planner.set_goal, *self._draw.pose(random))
 
-    def way(self, random: np.random.Generator) -> Callable[[], Plan]:
-        """A way between two poses."""
+    def plan(self, random: np.random.Generator) -> Callable[[], Plan]:
+        """A plan between two poses."""
         return partial(self.planner.plan, *self._draw.pose(random), *self._draw.pose(random))
 
     def tick(self, random: np.random.Generator) -> Callable[[], Plan]:
@@ -159,10 +159,10 @@ def asked(request: pytest.FixtureRequest) -> Asked:
     ("kind", "count", "expected"),
     [
         ("goal", QUERIES, {"OK", "GOAL_OUT_OF_SUPPORT", "BAD_INPUT"}),
-        ("way", QUERIES // 10, {"OK", "GOAL_OUT_OF_SUPPORT", "START_OUT_OF_SUPPORT"}),
+        ("plan", QUERIES // 10, {"OK", "GOAL_OUT_OF_SUPPORT", "START_OUT_OF_SUPPORT"}),
         ("tick", QUERIES // 10, {"OK", "START_OUT_OF_SUPPORT", "IN_COLLISION"}),
     ],
-    ids=["goals", "ways", "ticks"],
+    ids=["goals", "plans", "ticks"],
 )
 def test_no_query_raises(asked: Asked, kind: str, count: int, expected: set[str]) -> None:
     verdicts: Counter[str] = Counter()

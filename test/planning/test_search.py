@@ -1,4 +1,4 @@
-"""The cheapest way through a skill's graph when time runs out."""
+"""The cheapest path through a skill's graph when time runs out."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ def bench(reach_skill) -> SkillBench:
     return SkillBench(reach_skill)
 
 
-def way(bench: SkillBench, obstacles: Obstacles, *deadline: Deadline):
+def search(bench: SkillBench, obstacles: Obstacles, *deadline: Deadline):
     reshaping = mark(bench.problem, obstacles)
     return cheapest_path(bench.planner.graph, bench.query, bench.query.start_latent, reshaping, 0.005, *deadline)
 
 
-def test_out_of_time_before_a_way_is_found_the_verdict_says_so(bench, monkeypatch) -> None:
+def test_out_of_time_before_a_path_is_found_the_verdict_says_so(bench, monkeypatch) -> None:
     monkeypatch.setattr(bidirectional_astar, "_BATCHES", 1)
     blocked = spheres_on_way(bench.problem, 1).at(0)
-    whole = way(bench, blocked)
+    whole = search(bench, blocked)
     assert isinstance(whole, LatentPath)
     assert whole.gap == 0.0
-    missed = way(bench, blocked, PASSED)
+    missed = search(bench, blocked, PASSED)
     assert missed.code is VerdictCode.DEADLINE_MISSED
     assert "out of time" in missed.reason
 
 
-def test_a_free_way_needs_no_time(bench, monkeypatch) -> None:
+def test_a_free_path_needs_no_time(bench, monkeypatch) -> None:
     monkeypatch.setattr(bidirectional_astar, "_BATCHES", 1)
-    found = way(bench, Obstacles.none(), PASSED)
+    found = search(bench, Obstacles.none(), PASSED)
     assert isinstance(found, LatentPath)
     assert found.gap == 0.0
-    np.testing.assert_array_equal(found.nodes, way(bench, Obstacles.none()).nodes)
+    np.testing.assert_array_equal(found.nodes, search(bench, Obstacles.none()).nodes)
 
 
-def test_a_way_is_the_same_where_its_end_is_whatever_node_it_enters_the_graph_by() -> None:
+def test_a_path_is_the_same_where_its_end_is_whatever_node_it_enters_the_graph_by() -> None:
     known = np.arange(10, 30)
     assert is_same_path(known, known)
     assert is_same_path(known[5:], known)
@@ -72,7 +72,7 @@ def along(nodes: np.ndarray, undisturbed: bool = True) -> LatentPath:
         (True, True, False, False),
     ],
 )
-def test_where_no_obstacle_is_felt_a_way_over_other_nodes_is_judged_once(
+def test_where_no_obstacle_is_felt_a_path_over_other_nodes_is_judged_once(
     followed: bool, rejected: bool | None, found: bool, known: bool
 ) -> None:
     before, other, another = np.arange(10, 30), np.arange(40, 60), np.arange(70, 90)
@@ -81,8 +81,8 @@ def test_where_no_obstacle_is_felt_a_way_over_other_nodes_is_judged_once(
     assert paths.include(along(before[5:], found))
 
 
-def test_a_way_is_undisturbed_where_no_obstacle_is_felt_in_its_search(bench) -> None:
+def test_a_path_is_undisturbed_where_no_obstacle_is_felt_in_its_search(bench) -> None:
     far = Obstacles.of_spheres(np.array([[0.0, 0.0, 4.0]]), np.array([0.06]))
-    assert way(bench, Obstacles.none()).undisturbed
-    assert way(bench, far).undisturbed
-    assert not way(bench, spheres_on_way(bench.problem, 1).at(0)).undisturbed
+    assert search(bench, Obstacles.none()).undisturbed
+    assert search(bench, far).undisturbed
+    assert not search(bench, spheres_on_way(bench.problem, 1).at(0)).undisturbed

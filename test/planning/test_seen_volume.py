@@ -121,7 +121,7 @@ def found(planner: ReactivePlanner, obstacles: Obstacles) -> JointReference:
 
 
 def blocker(name: str, radius: float = 0.06) -> Obstacles:
-    """A sphere where the hand is half way."""
+    """A sphere where the hand is halfway."""
     planner = free_planner(name)
     nominal = found(planner, Obstacles.none())
     posture = nominal.sample(0.5 * nominal.duration)[0]

@@ -173,8 +173,8 @@ def test_an_arm_that_was_stopped_goes_on_where_its_goal_would_be_reached_if_sent
     those of one from where it stands are not.
     """
     obstacle = LineObstacle(start, end, speed, 0.035, leaves)
-    way = np.subtract(end, start)
-    velocity, halts = speed * way / np.linalg.norm(way), leaves + np.linalg.norm(way) / speed
+    line = np.subtract(end, start)
+    velocity, halts = speed * line / np.linalg.norm(line), leaves + np.linalg.norm(line) / speed
     stand_at_the_start(planner)
     codes = []
     for number in range(1000):

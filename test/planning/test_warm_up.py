@@ -50,10 +50,10 @@ planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
 before = loaded()
 ends = skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:]
 codes = set()
-for way in ways(planner):
-    planner.stand_at(way[0], 0.0)
-    planner.set_goal_configuration(way[-1])
-    places = end_effector_poses(way[:: len(way) // 10].copy(), planner.robot.chain)[0]
+for path in example_paths(planner):
+    planner.stand_at(path[0], 0.0)
+    planner.set_goal_configuration(path[-1])
+    places = end_effector_poses(path[:: len(path) // 10].copy(), planner.robot.chain)[0]
     for (time_of, obstacles), deadline in zip(scenes(places), deadlines()):
         planner.take_obstacles(obstacles)
         codes.add(planner.tick(time_of, deadline).verdict.code.name)
@@ -62,24 +62,24 @@ for way in ways(planner):
     planner.stop(time_of + 0.2, Verdict(VerdictCode.NO_GOAL))
 planner.plan(*ends)
 # The goal is covered.
-planner.stand_at(way[0], 5.0)
-planner.set_goal_configuration(way[-1])
-covered = end_effector_poses(way[-1:].copy(), planner.robot.chain)[0]
+planner.stand_at(path[0], 5.0)
+planner.set_goal_configuration(path[-1])
+covered = end_effector_poses(path[-1:].copy(), planner.robot.chain)[0]
 planner.take_obstacles(Obstacles.of_spheres(covered, np.full(1, 0.05), np.zeros((1, 3)), 5.0))
 modes = [planner.tick(5.0 + 0.01 * number).mode.value for number in range(5)]
 assert "approaching" in modes, modes
-# No way, and something comes to where the arm stands.
-planner.stand_at(way[len(way) // 2], 10.0)
-planner.set_goal_configuration(way[-1])
-hand, goal = end_effector_poses(way[[len(way) // 2, -1]].copy(), planner.robot.chain)[0]
+# No path, and something comes to where the arm stands.
+planner.stand_at(path[len(path) // 2], 10.0)
+planner.set_goal_configuration(path[-1])
+hand, goal = end_effector_poses(path[[len(path) // 2, -1]].copy(), planner.robot.chain)[0]
 centres, velocities = np.stack([goal, hand + [0.0, 0.0, 0.5]]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.3]])
 planner.take_obstacles(Obstacles.of_spheres(centres, np.full(2, 0.05), velocities, 10.0))
 reasons = [planner.tick(10.0 + 0.01 * number).verdict.reason for number in range(5)]
 assert any("evading" in reason for reason in reasons), reasons
 # What comes leaves no place on the graph free.
-middle, from_right = way[len(way) // 2], np.array([[0.0, -1.0, 0.0]])
+middle, from_right = path[len(path) // 2], np.array([[0.0, -1.0, 0.0]])
 planner.stand_at(middle, 20.0)
-planner.set_goal_configuration(way[-1])
+planner.set_goal_configuration(path[-1])
 for number in range(60):
     now = 20.0 + 0.01 * number
     hand = planner.robot.forward(planner.commanded(now)[0])[0]
@@ -92,13 +92,13 @@ print(len(before) > 40, sorted(codes), sorted(loaded() - before))
 
 JOINTS = """
 skill = Skill.load("panda_reach_to_grasp")
-def ways(planner):
+def example_paths(planner):
     return [skill.canonical.configurations[skill.canonical.modes == mode].mean(axis=0) for mode in (0, 1)]
 """
 
 TOOL = """
 skill = Skill.load("panda_pouring")
-def ways(planner):
+def example_paths(planner):
     return [np.array(planner.plan(*ends).reference.positions)]
 """
 

@@ -200,7 +200,7 @@ def test_no_configuration_exceeds_the_levers_and_some_come_near(robot: Robot) ->
     levers = lever_bounds(robot, points.frames, points.offsets)
     turning = ~robot.chain[4][robot.chain[3] >= 0]
     generator = np.random.default_rng(8)
-    # revolute joints all the way round: the bounds do not rest on their limits
+    # revolute joints throughout: the bounds do not rest on their limits
     configurations = robot.sample(3000, generator)
     configurations[:, turning] = generator.uniform(-np.pi, np.pi, (3000, np.sum(turning)))
     largest = np.max([axis_distances(robot, points, q) for q in configurations], axis=0)[turning]

@@ -78,7 +78,7 @@ def test_a_swept_swivel_moves_the_elbow_alone_and_without_a_leap() -> None:
     assert np.linalg.norm(elbows[-1] - elbows[0]) > 0.2
     tools = np.array([ROBOT.forward(q)[0] for q in swept])
     np.testing.assert_allclose(tools - position, 0.0, atol=1e-6)
-    # and back again: no other branch was entered on the way
+    # and back again: no other branch was entered in between
     for swivel in np.radians(np.arange(75.0, -1.0, -1.0)):
         q = solve_with_swivel(ROBOT, position, quaternion, swivel, q)
     np.testing.assert_allclose(q, swept[0], atol=1e-6)

@@ -149,7 +149,7 @@ def test_each_bottle_is_brought_to_its_cup_and_tilted(pourings: Shown) -> None:
         assert angle_between(tool.quaternions[0], tool.quaternions[-1]) > np.radians(90.0)
 
 
-def test_the_ways_of_the_pairs_cross(pourings: Shown) -> None:
+def test_the_paths_of_the_pairs_cross(pourings: Shown) -> None:
     """The order of the pairs from near to far is the opposite at the cups of what it is at the bottles."""
     tools = pourings[1].tool_demonstrations(ROBOT)
     starts, goals = (np.array([tool.positions[sample] for tool in tools]) for sample in (0, -1))
@@ -169,7 +169,7 @@ def test_the_picture_shows_the_paths(circles: Shown) -> None:
 
 
 def shortened(item: JointDemonstration) -> JointDemonstration:
-    """The end of a demonstration alone: the arm is where it was, the path is gone."""
+    """The end of a demonstration alone: the arm is where it was, the path is not."""
     return JointDemonstration(item.configurations[-3:], item.times[-3:], item.name)
 
 

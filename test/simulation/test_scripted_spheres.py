@@ -34,11 +34,11 @@ def test_a_line_of_no_length_is_a_point() -> None:
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (1.0, -2.0, 0.5)])
 def test_a_circle_obstacle_stays_on_its_circle(axis: tuple[float, float, float]) -> None:
     orbit = CircleObstacle((0.4, 0.1, 0.3), amplitude=0.2, period=4.0, radius=0.05, axis=axis, start_time=1.0)
-    ways = np.array([orbit.position(t) for t in np.linspace(1.0, 5.0, 41)]) - [0.4, 0.1, 0.3]
-    np.testing.assert_allclose(np.linalg.norm(ways, axis=1), 0.2)
-    np.testing.assert_allclose(ways @ np.array(axis), 0.0, atol=1e-12)
-    np.testing.assert_allclose(ways[0], ways[-1], atol=1e-12)
-    np.testing.assert_allclose(ways[0], -ways[20], atol=1e-12)
+    offsets = np.array([orbit.position(t) for t in np.linspace(1.0, 5.0, 41)]) - [0.4, 0.1, 0.3]
+    np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), 0.2)
+    np.testing.assert_allclose(offsets @ np.array(axis), 0.0, atol=1e-12)
+    np.testing.assert_allclose(offsets[0], offsets[-1], atol=1e-12)
+    np.testing.assert_allclose(offsets[0], -offsets[20], atol=1e-12)
     np.testing.assert_array_equal(orbit.position(0.0), orbit.position(1.0))
 
 

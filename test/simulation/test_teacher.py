@@ -114,7 +114,7 @@ def test_drawn_passings_start_and_end_like_those_shown(passing: Shown) -> None:
             assert angle_between(drawn[1], shown_end[1]) < 1e-6
 
 
-def test_no_two_demonstrations_of_one_way_are_alike() -> None:
+def test_no_two_demonstrations_of_one_place_are_alike() -> None:
     """The hidden style and the hand, not only start and goal, differ: the same place, shown twice."""
     place = np.full(6, 0.5)
     generator = np.random.default_rng(3)
@@ -138,7 +138,7 @@ def test_left_and_right_are_far_apart_and_each_is_narrow(passing: Shown) -> None
         positions = performance.demonstration.positions
         beside.append(positions[np.argmin(np.abs(positions[:, 1] - pillar[1])), 0] - pillar[0])
     left, right = np.array(beside[:3]), np.array(beside[3:])
-    # the way leads along y, so that its left is towards the robot
+    # the motion leads along y, so that its left is towards the robot
     assert np.max(left) < -0.1
     assert np.min(right) > 0.1
     assert np.min(right) - np.max(left) > 0.2

@@ -103,7 +103,7 @@ def test_one_that_begins_later_replaces_the_old_at_once_too() -> None:
 
 
 def test_a_first_waypoint_at_the_begin_is_not_led_to() -> None:
-    """The controller jumps there; whoever sends it must begin where the arm is."""
+    """The controller jumps there; a sender must begin where the arm is."""
     new = random_waypoints(13)
     new = JointWaypoints(new.times - new.times[0], new.positions, new.velocities, new.accelerations)
     player = resting()

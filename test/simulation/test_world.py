@@ -120,7 +120,7 @@ def test_a_joint_trajectory_is_followed(world: PandaWorld) -> None:
     assert measured[-1] < 1e-4
 
 
-def test_begins_of_trajectories_are_of_the_clock_that_is_told(world: PandaWorld) -> None:
+def test_begins_of_trajectories_are_of_the_clock_that_is_set(world: PandaWorld) -> None:
     start = world.joint_positions
     waypoints = swinging(start)
     world.clock_offset = 1000.0

@@ -218,7 +218,7 @@ def test_a_foreign_yaml_is_refused(folder, content):
         Skill.load(folder)
 
 
-def test_who_mistypes_a_skill_is_told_the_shipped_ones():
+def test_who_mistypes_a_skill_is_given_the_shipped_ones():
     shipped = r"\(panda_bottle2shelf, panda_pouring, panda_reach_to_grasp, paper_pouring, paper_reach\)$"
     with pytest.raises(SkillError, match=shipped):
         Skill.load("bottle2shelf")

@@ -20,7 +20,7 @@ LENGTH = 1.0
 
 @pytest.fixture(params=range(5))
 def reference(request: pytest.FixtureRequest) -> JointReference:
-    """A bent way of some seconds."""
+    """A bent path of some seconds."""
     random = np.random.default_rng(request.param)
     middle, goal = random.uniform(-0.5, 0.5, (2, 7))
     share = np.linspace(0.0, 1.0, 100)[:, None]
@@ -69,7 +69,7 @@ def test_in_the_first_second_of_a_stream_it_is_sent_again_ten_times_a_second(ref
     assert not horizon.must_renew(min(1.1, sent.brakes - 0.5 * LENGTH - 1e-3))
 
 
-def test_it_is_renewed_long_before_the_arm_brakes_and_an_overrun_is_told(reference):
+def test_it_is_renewed_long_before_the_arm_brakes_and_an_overrun_is_reported(reference):
     horizon = Horizon(LENGTH, LIMITS)
     assert not horizon.must_renew(1e9)
     horizon.bounded(reference, -9.0, -9.0)

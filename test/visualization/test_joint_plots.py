@@ -14,7 +14,7 @@ from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.visualization import joint_plots
-from geodesic_motion_ros.visualization.plots import BLUE, ORANGE, VERMILION, Sphere, Way
+from geodesic_motion_ros.visualization.plots import BLUE, ORANGE, VERMILION, DrawnPath, Sphere
 
 
 @pytest.fixture(scope="module")
@@ -23,8 +23,8 @@ def planner(reach_skill) -> ReactivePlanner:
 
 
 @pytest.fixture(scope="module")
-def shown(planner) -> tuple[list[Way], Sphere | None]:
-    return joint_plots.demonstrated_ways(planner)
+def shown(planner) -> tuple[list[DrawnPath], Sphere | None]:
+    return joint_plots.example_paths(planner)
 
 
 def pixels_of(path: Path, colour: str, tolerance: int = 30) -> int:
@@ -34,16 +34,16 @@ def pixels_of(path: Path, colour: str, tolerance: int = 30) -> int:
     return int(np.count_nonzero(np.abs(picture - wanted).max(axis=-1) < tolerance))
 
 
-def test_a_report_shows_the_geodesic_the_obstacle_and_the_way_around(reach_skill, tmp_path) -> None:
+def test_a_report_shows_the_geodesic_the_obstacle_and_the_path_around(reach_skill, tmp_path) -> None:
     joint_plots.joint_report(reach_skill, tmp_path / "deep" / "report.png")
     for colour in (BLUE, VERMILION, ORANGE):
         assert pixels_of(tmp_path / "deep" / "report.png", colour) > 300
 
 
-def test_the_way_around_goes_elsewhere_and_the_obstacle_is_on_the_other(planner, shown) -> None:
+def test_the_path_around_goes_elsewhere_and_the_obstacle_is_on_the_other(planner, shown) -> None:
     (straight, around), obstacle = shown
     assert obstacle is not None
-    middles = [way.latent[len(way.latent) // 2] for way in (straight, around)]
+    middles = [drawn.latent[len(drawn.latent) // 2] for drawn in (straight, around)]
     assert np.linalg.norm(middles[0] - middles[1]) > 1.0
     touched = joint_plots._touched(planner, obstacle)
     near = [touched[np.argmin(np.linalg.norm(planner.graph.latent - middle, axis=1))] for middle in middles]
@@ -52,7 +52,7 @@ def test_the_way_around_goes_elsewhere_and_the_obstacle_is_on_the_other(planner,
 
 def test_nothing_is_drawn_that_was_not_asked_for(planner, shown, tmp_path) -> None:
     joint_plots.draw_tubes(tmp_path / "bare.png", planner)
-    joint_plots.draw_tubes(tmp_path / "full.png", planner, *shown, title="both ways")
+    joint_plots.draw_tubes(tmp_path / "full.png", planner, *shown, title="both paths")
     for colour in (BLUE, VERMILION):
         assert pixels_of(tmp_path / "bare.png", colour) == 0
         assert pixels_of(tmp_path / "full.png", colour) > 300

@@ -17,16 +17,16 @@ from geodesic_motion_ros.visualization import plots
 
 
 @pytest.fixture(scope="module")
-def way(fan_skill: Skill) -> plots.Way:
+def drawn(fan_skill: Skill) -> plots.DrawnPath:
     start, goal = fan_skill.start_pose, fan_skill.goal_pose
     path = PosePathPlanner(fan_skill).plan(start[:3], start[3:], goal[:3], goal[3:])
     assert isinstance(path, PosePath)
-    return plots.Way(path.latent, path.positions, "path", plots.VERMILION)
+    return plots.DrawnPath(path.latent, path.positions, "path", plots.VERMILION)
 
 
 @pytest.fixture
-def obstacle(way: plots.Way) -> plots.Sphere:
-    middle = way.positions[len(way.positions) // 2]
+def obstacle(drawn: plots.DrawnPath) -> plots.Sphere:
+    middle = drawn.positions[len(drawn.positions) // 2]
     return plots.Sphere(middle, 0.03, np.array([middle - [0.1, 0.0, 0.0], middle]))
 
 
@@ -37,21 +37,21 @@ def pixels_of(path: Path, colour: str, tolerance: int = 45) -> int:
     return int(np.sum(np.max(np.abs(picture - wanted), axis=2) < tolerance))
 
 
-def test_latent_picture_shows_the_way_and_the_footprint(
-    tmp_path: Path, fan_skill: Skill, way: plots.Way, obstacle: plots.Sphere
+def test_latent_picture_shows_the_path_and_the_footprint(
+    tmp_path: Path, fan_skill: Skill, drawn: plots.DrawnPath, obstacle: plots.Sphere
 ) -> None:
-    plots.draw_latent(tmp_path / "without.png", fan_skill, PlannerSettings(), [way])
-    plots.draw_latent(tmp_path / "with.png", fan_skill, PlannerSettings(), [way], obstacle)
+    plots.draw_latent(tmp_path / "without.png", fan_skill, PlannerSettings(), [drawn])
+    plots.draw_latent(tmp_path / "with.png", fan_skill, PlannerSettings(), [drawn], obstacle)
     assert pixels_of(tmp_path / "without.png", plots.VERMILION) > 500
-    # the rim of the footprint is drawn in full colour; smoothed edges of the way come close to it in places
+    # the rim of the footprint is drawn in full colour; smoothed edges of the path come close to it in places
     assert pixels_of(tmp_path / "with.png", plots.ORANGE) > 500 + pixels_of(tmp_path / "without.png", plots.ORANGE)
 
 
-def test_paths_picture_shows_the_way_and_the_obstacle(
-    tmp_path: Path, fan_skill: Skill, way: plots.Way, obstacle: plots.Sphere
+def test_paths_picture_shows_the_path_and_the_obstacle(
+    tmp_path: Path, fan_skill: Skill, drawn: plots.DrawnPath, obstacle: plots.Sphere
 ) -> None:
-    plots.draw_paths(tmp_path / "new" / "without.png", fan_skill, [way])
-    plots.draw_paths(tmp_path / "with.png", fan_skill, [way], obstacle)
+    plots.draw_paths(tmp_path / "new" / "without.png", fan_skill, [drawn])
+    plots.draw_paths(tmp_path / "with.png", fan_skill, [drawn], obstacle)
     assert pixels_of(tmp_path / "new" / "without.png", plots.VERMILION) > 500
     assert pixels_of(tmp_path / "with.png", plots.ORANGE) > pixels_of(tmp_path / "new" / "without.png", plots.ORANGE)
 
@@ -62,10 +62,10 @@ def test_training_report_shows_geodesics_and_the_straight_line(tmp_path: Path, f
     assert pixels_of(tmp_path / "report.png", plots.VERMILION) > 200
 
 
-def test_a_deeper_latent_space_is_refused(tmp_path: Path, fan_skill: Skill, way: plots.Way) -> None:
+def test_a_deeper_latent_space_is_refused(tmp_path: Path, fan_skill: Skill, drawn: plots.DrawnPath) -> None:
     deep = replace(fan_skill, latent_lower=np.zeros(3), latent_upper=np.ones(3))
     with pytest.raises(PlanningError, match="two dimensions, fan has 3"):
-        plots.draw_latent(tmp_path / "no.png", deep, PlannerSettings(), [way])
+        plots.draw_latent(tmp_path / "no.png", deep, PlannerSettings(), [drawn])
 
 
 def test_codes_of_the_demonstrations_leave_out_antipodal_copies(fan_skill: Skill) -> None:

@@ -51,7 +51,7 @@ from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
-from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
+from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, Sphere, legend_below, write_figure
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import JointTrainingSettings
@@ -351,7 +351,7 @@ def draw_grasp_joint(report: GraspJointReport, path: Path) -> None:
     named: dict[str, Any] = {}
     for column, (drawn, answers, title) in enumerate(panels):
         ways = [
-            Way(answer.played.latent, np.empty((0, 3)), *_MARKED[answer.kind])
+            DrawnPath(answer.played.latent, np.empty((0, 3)), *_MARKED[answer.kind])
             for answer in answers if answer.played is not None
         ]  # fmt: skip
         spheres = [Sphere(centre, RADIUS, centre[None]) for centre in answers[0].scene.centres]

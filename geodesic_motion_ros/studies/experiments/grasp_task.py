@@ -70,8 +70,8 @@ from geodesic_motion_ros.visualization.plots import (
     GREEN,
     GREY,
     VERMILION,
-    Way,
-    draw_latent_ways,
+    DrawnPath,
+    draw_latent_paths,
     latent_background,
     write_figure,
 )
@@ -340,9 +340,9 @@ def draw_grasp_task(report: GraspTaskReport, path: Path) -> None:
     grid = figure.add_gridspec(3, 2, height_ratios=(1.15, 1.0, 0.5))
     axes = figure.add_subplot(grid[0, 0])
     handles = latent_background(figure, axes, drawn.skill)
-    handles += draw_latent_ways(axes, [
-        Way(drawn.within, np.empty((0, 3)), "within a cluster", BLUE),
-        Way(drawn.across, np.empty((0, 3)), "across the clusters", VERMILION),
+    handles += draw_latent_paths(axes, [
+        DrawnPath(drawn.within, np.empty((0, 3)), "within a cluster", BLUE),
+        DrawnPath(drawn.across, np.empty((0, 3)), "across the clusters", VERMILION),
     ])  # fmt: skip
     flip = drawn.across[drawn.flip : drawn.flip + 2].mean(axis=0)
     axes.plot(*flip, "X", color="black", markersize=11, markeredgecolor="white", zorder=7)

@@ -52,7 +52,7 @@ from geodesic_motion_ros.studies.tools.panda_solutions import MOST, panda_soluti
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
-from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, Sphere, Way, legend_below, write_figure
+from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, Sphere, legend_below, write_figure
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import TrainingSettings
@@ -384,9 +384,9 @@ def draw_limbs(report: LimbsReport, path: Path) -> None:
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, None), xlabel="share of the geodesic", ylabel="touch the sphere [%]")
     axes.grid(alpha=0.3)
     axes.set_title("b  The same along the tool's geodesic", loc="left", fontsize=11)
-    ways = [Way(report.nominal.latent, np.empty((0, 3)), "geodesic without the sphere", BLUE)]
+    ways = [DrawnPath(report.nominal.latent, np.empty((0, 3)), "geodesic without the sphere", BLUE)]
     if report.avoiding is not None:
-        ways.append(Way(report.avoiding.latent, np.empty((0, 3)), "geodesic with the sphere", VERMILION))
+        ways.append(DrawnPath(report.avoiding.latent, np.empty((0, 3)), "geodesic with the sphere", VERMILION))
     ball = Sphere(report.centre, report.radius, report.centre[None])
     handles = draw_latent_tubes(
         figure, grid[0, 2], report.joint_planner, ways, [ball], "c  A skill of joint space", zoom=0.95

@@ -39,7 +39,7 @@ from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
-from geodesic_motion_ros.visualization.plots import BLUE, Way, write_figure
+from geodesic_motion_ros.visualization.plots import BLUE, DrawnPath, write_figure
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import JointTrainingSettings
@@ -258,7 +258,7 @@ def draw_pouring_joint(report: PouringJointReport, path: Path) -> None:
     grid = figure.add_gridspec(
         1 + len(strips), 3, height_ratios=(4.9, *(2.0 for _ in strips)), width_ratios=(1.6, 0.6, 1.3)
     )
-    way = Way(example.latent, np.empty((0, 3)), f"geodesic, bottle {example.bottle} to cup {example.cup}", BLUE)
+    way = DrawnPath(example.latent, np.empty((0, 3)), f"geodesic, bottle {example.bottle} to cup {example.cup}", BLUE)
     title = "a  Ours: latent space, three groups"
     handles = draw_latent_tubes(figure, grid[0, 0], report.drawn, [way], (), title, zoom=1.0)
     _from_above(figure.add_subplot(grid[0, 1]), report, example, FAMILY_COLOURS)

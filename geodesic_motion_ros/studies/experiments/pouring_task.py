@@ -56,8 +56,8 @@ from geodesic_motion_ros.visualization.plots import (
     BLUE,
     GREY,
     VERMILION,
-    Way,
-    draw_latent_ways,
+    DrawnPath,
+    draw_latent_paths,
     latent_background,
     write_figure,
 )
@@ -299,11 +299,11 @@ def draw_pouring_task(report: PouringTaskReport, path: Path) -> None:
     grid = figure.add_gridspec(3, 2, height_ratios=(5.2, 2.4, 2.2), width_ratios=(1.0, 1.0))
     pairs = [item for item in report.pairs if (item.sheet, item.seed) == ("raw", seed) and item.path is not None]
     names = {True: ("geodesic of a pair that was shown", BLUE), False: ("geodesic of another pair", VERMILION)}
-    ways = [Way(item.path.latent, item.path.positions, *names[item.bottle == item.cup]) for item in pairs]
+    ways = [DrawnPath(item.path.latent, item.path.positions, *names[item.bottle == item.cup]) for item in pairs]
     ways.sort(key=lambda way: way.colour == BLUE)
     axes = figure.add_subplot(grid[0, 0])
     handles = latent_background(figure, axes, report.raw)
-    handles += draw_latent_ways(axes, ways)
+    handles += draw_latent_paths(axes, ways)
     axes.set_title(f"a  Raw sheet: {len(pairs)} of {len(PLACES) ** 2} pairs, 3 shown", loc="left", fontsize=11)
     _from_above(figure.add_subplot(grid[0, 1]), report.shown, ways)
     for column, (letter, moment) in enumerate(zip("cd", report.stream.moments, strict=True)):
@@ -323,7 +323,7 @@ def draw_pouring_task(report: PouringTaskReport, path: Path) -> None:
     draw_reshaped_metric(report.reshaped, path.with_stem(f"{path.stem}_metric"))
 
 
-def _from_above(axes: Any, shown: Demonstrations, ways: Sequence[Way]) -> None:
+def _from_above(axes: Any, shown: Demonstrations, ways: Sequence[DrawnPath]) -> None:
     """The tool's ways among the demonstrations; the y axis, from bottles to cups, to the right."""
     for item in shown:
         axes.plot(*(100.0 * item.positions[:, 1::-1].T), color=GREY, linewidth=0.7, alpha=0.7)

@@ -1,4 +1,4 @@
-"""A joint-space planner that is ticked, with its way without obstacles and a sphere on it."""
+"""A joint-space planner that is ticked, with its path without obstacles and a sphere on it."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def stream(planner: ReactivePlanner, start: np.ndarray, goal: np.ndarray) -> Str
 
 @pytest.fixture(scope="module")
 def nominal(planner: ReactivePlanner, start: np.ndarray, goal: np.ndarray) -> JointReference:
-    """The way without obstacles."""
+    """The path without obstacles."""
     planner.take_obstacles(Obstacles.none())
     planner.stand_at(start, 0.0)
     planner.set_goal_configuration(goal)
@@ -101,7 +101,7 @@ def nominal(planner: ReactivePlanner, start: np.ndarray, goal: np.ndarray) -> Jo
 
 @pytest.fixture(scope="module")
 def on_elbow(planner: ReactivePlanner, nominal: JointReference) -> tuple[np.ndarray, np.ndarray]:
-    """A sphere where the elbow is halfway on that way."""
+    """A sphere where the elbow is halfway on that path."""
     halfway = nominal.sample(0.5 * nominal.duration)[0]
     return elbow_position(planner.robot, halfway)[None], np.array([0.04])
 

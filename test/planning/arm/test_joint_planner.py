@@ -1,4 +1,4 @@
-"""ReactivePlanner: the arm goes another way, by what was asked, in the time that there is."""
+"""ReactivePlanner: the arm takes another path, by what was requested, in the time that there is."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_the_goal_is_reached_at_rest_and_stays_reached(stream, nominal, goal) ->
     assert nominal.keeps(stream.planner.limits)
 
 
-def test_an_elbow_that_is_in_the_way_goes_on_the_other_side(stream, nominal, on_elbow, least_clearance) -> None:
+def test_an_elbow_that_is_in_the_path_goes_on_the_other_side(stream, nominal, on_elbow, least_clearance) -> None:
     stream.planner.set_obstacles(*on_elbow)
     plan = stream.planner.tick(0.0)
     assert plan.verdict.ok
@@ -39,7 +39,7 @@ def test_an_elbow_that_is_in_the_way_goes_on_the_other_side(stream, nominal, on_
 
 
 @pytest.mark.parametrize("kind", ["box", "capsule", "cloud"])
-def test_obstacles_of_every_kind_are_hit_on_the_old_way_and_passed_on_the_new(stream, nominal, on_elbow, kind) -> None:
+def test_obstacles_of_every_kind_are_hit_on_the_old_path_and_passed_on_the_new(stream, nominal, on_elbow, kind) -> None:
     planner, (centre, _) = stream.planner, on_elbow
     turn = Rotation.from_rotvec([0.4, 0.3, 0.9]).as_matrix()[None]
     extents, radius = ([[0.03, 0.02, 0.04]], [0.0]) if kind == "box" else ([[0.0, 0.0, 0.03]], [0.025])

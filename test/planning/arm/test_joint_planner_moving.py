@@ -18,11 +18,11 @@ from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.utils.deadline import Deadline
 
 
-def test_what_comes_into_the_way_stops_the_arm_before_it_and_it_goes_on_when_it_is_gone(
+def test_what_comes_into_the_path_stops_the_arm_before_it_until_it_is_removed(
     stream, nominal, goal, least_clearance
 ) -> None:
     stream.run(0.5 * nominal.duration)
-    # On the way of the hand, which no family goes around.
+    # On the path of the hand, which no family goes around.
     hand, _ = stream.planner.robot.forward(nominal.sample(0.8 * nominal.duration)[0])
     sphere = hand[None], np.array([0.05])
     stream.planner.set_obstacles(*sphere)
@@ -61,7 +61,7 @@ def test_the_stream_is_smooth_whatever_comes_and_goes(stream, reach_skill, nomin
 
 
 def test_spheres_that_come_nearer_are_certified_as_they_move(stream, nominal, least_clearance) -> None:
-    """An arm that moves is never touched by what moves on as it was told."""
+    """An arm that moves is never touched by what moves on as it was published."""
     elbow = elbow_position(stream.planner.robot, nominal.sample(0.5 * nominal.duration)[0])
     velocity = np.array([[0.0, -0.25, 0.0]])
     centre, radius = elbow[None] - 0.5 * nominal.duration * velocity, np.array([0.05])
@@ -76,7 +76,7 @@ def test_spheres_that_come_nearer_are_certified_as_they_move(stream, nominal, le
     assert 0.0 < min(moved) < 0.1
 
 
-def test_an_arm_that_is_covered_stands_and_is_told_which_link(stream, start) -> None:
+def test_an_arm_that_is_covered_stands_and_the_link_is_named(stream, start) -> None:
     sphere = elbow_position(stream.planner.robot, start)[None], np.array([0.05])
     stream.planner.set_obstacles(*sphere)
     plan = stream.run(0.1)[-1]
@@ -97,7 +97,7 @@ def test_a_goal_that_is_covered_is_waited_for(stream, goal, nominal) -> None:
     assert stream.off(goal) < 1e-9
 
 
-def test_what_was_tried_in_vain_is_not_tried_again_until_something_changes(stream, goal, nominal, monkeypatch) -> None:
+def test_what_has_failed_is_not_tried_again_until_something_changes(stream, goal, nominal, monkeypatch) -> None:
     planner, searches = stream.planner, []
     solve = planner._solver.solve
     monkeypatch.setattr(planner._solver, "solve", lambda *arguments: searches.append(0) or solve(*arguments))
@@ -119,7 +119,7 @@ def test_what_was_tried_in_vain_is_not_tried_again_until_something_changes(strea
     assert stream.off(goal) < 1e-9
 
 
-def test_a_goal_that_is_about_to_be_passed_long_before_the_arm_is_there_is_gone_to(stream, goal, nominal) -> None:
+def test_a_goal_that_is_about_to_be_passed_long_before_the_arm_is_there_is_approached(stream, goal, nominal) -> None:
     """The control: one that stands there is waited for."""
     planner = stream.planner
     hand, _ = planner.robot.forward(goal)
@@ -181,7 +181,7 @@ def test_an_arm_that_has_no_path_evades_what_comes_to_where_it_stands(
 
 
 def test_an_arm_that_can_only_evade_narrowly_does(stream, start, goal, nominal, least_clearance) -> None:
-    """What is coming is first seen 2 cm beside the hand, where the arm has stopped half way. The control: the arm as it
+    """What is coming is first seen 2 cm beside the hand, where the arm has stopped halfway. The control: the arm as it
     stands would be hit.
     """
     settings = replace(stream.planner.settings, approach_covered_goal=False)
@@ -213,13 +213,13 @@ def test_an_arm_that_can_only_evade_narrowly_does(stream, start, goal, nominal, 
 def stopping_sphere(stream, shown: float) -> float:
     """Least clearance [m] of the arm's collision spheres from one of 4 cm that is shown at a time [s].
 
-    It comes from outside at 0.25 m/s to 30 cm ahead of the tool on its way, and stops there. That it stands is told
-    50 ms late, as its track does.
+    It comes from outside at 0.25 m/s to 30 cm ahead of the tool on its path, and stops there. That it stands is
+    reported 50 ms late, as its track does.
     """
     planner, speed, radius = stream.planner, 0.25, 0.04
     stream.run(shown)
-    way = stream.dense(stream.played[0].rest(stream.now - stream.played[1]))
-    tool = np.array([planner.robot.forward(posture)[0] for posture in way])
+    rest = stream.dense(stream.played[0].rest(stream.now - stream.played[1]))
+    tool = np.array([planner.robot.forward(posture)[0] for posture in rest])
     place = tool[np.argmax(np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)) >= 0.30)]
     outside = place * [1.0, 1.0, 0.0] / np.linalg.norm(place[:2])
     least = np.inf
