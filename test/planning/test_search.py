@@ -10,7 +10,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, cheapest_path, is_same_path
 from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.studies.benchmarks.engine import mark
-from geodesic_motion_ros.studies.benchmarks.scenes import spheres_on_way
+from geodesic_motion_ros.studies.benchmarks.scenes import spheres_on_path
 from geodesic_motion_ros.studies.benchmarks.stages import SkillBench
 from geodesic_motion_ros.utils.deadline import Deadline
 
@@ -29,7 +29,7 @@ def search(bench: SkillBench, obstacles: Obstacles, *deadline: Deadline):
 
 def test_out_of_time_before_a_path_is_found_the_verdict_says_so(bench, monkeypatch) -> None:
     monkeypatch.setattr(bidirectional_astar, "_BATCHES", 1)
-    blocked = spheres_on_way(bench.problem, 1).at(0)
+    blocked = spheres_on_path(bench.problem, 1).at(0)
     whole = search(bench, blocked)
     assert isinstance(whole, LatentPath)
     assert whole.gap == 0.0
@@ -85,4 +85,4 @@ def test_a_path_is_undisturbed_where_no_obstacle_is_felt_in_its_search(bench) ->
     far = Obstacles.of_spheres(np.array([[0.0, 0.0, 4.0]]), np.array([0.06]))
     assert search(bench, Obstacles.none()).undisturbed
     assert search(bench, far).undisturbed
-    assert not search(bench, spheres_on_way(bench.problem, 1).at(0)).undisturbed
+    assert not search(bench, spheres_on_path(bench.problem, 1).at(0)).undisturbed

@@ -29,9 +29,9 @@ from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch, no_garbage_collection
 from geodesic_motion_ros.studies.comparison.arena import Arena
+from geodesic_motion_ros.studies.comparison.demonstrated_motions import DemonstratedMotions
 from geodesic_motion_ros.studies.comparison.families import FREE_END, draw_standing
 from geodesic_motion_ros.studies.comparison.scene import moved_demonstrations
-from geodesic_motion_ros.studies.comparison.ways import Ways
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.utils.errors import ParameterError
 
@@ -41,11 +41,11 @@ _ENDS, _SPHERES = 20, 30_000
 
 @dataclass(frozen=True, eq=False)
 class BlockedMotion:
-    """Between two demonstrations: the planner's query, the arm at rest where it begins, the demonstrations' ways."""
+    """Between two demonstrations: the planner's query, the arm at rest where it begins, the demonstrated motions."""
 
     query: HeldQuery
     state: MotionState
-    ways: Ways
+    demonstrated: DemonstratedMotions
 
 
 @dataclass
@@ -115,8 +115,8 @@ class DetourBench:
                 continue
             still = np.zeros_like(start)
             state = MotionState(0.0, start, still, still, prepared.query.start_latent)
-            ways = Ways(arena, moved_demonstrations(arena, start, goal), tool_chased=True)
-            return BlockedMotion(prepared.query, state, ways)
+            moved = moved_demonstrations(arena, start, goal)
+            return BlockedMotion(prepared.query, state, DemonstratedMotions(arena, moved, tool_chased=True))
         raise ParameterError(f"skill '{arena.skill.name}' has no path between {_ENDS} pairs of its demonstrations")
 
     def spheres(self, motion: BlockedMotion, count: int, random: np.random.Generator) -> Obstacles:
@@ -126,11 +126,11 @@ class DetourBench:
         """
         drawn: list[MovingSphere] = []
         for _ in range(_SPHERES):
-            drawn.extend(draw_standing(motion.ways, random) or ())
+            drawn.extend(draw_standing(motion.demonstrated, random) or ())
             if len(drawn) == count:
                 centres = np.array([sphere.begin for sphere in drawn])
                 obstacles = Obstacles.of_spheres(centres, np.array([sphere.radius for sphere in drawn]))
-                if not np.any(motion.ways.free_of(drawn)) and self._blocks(motion, obstacles):
+                if not np.any(motion.demonstrated.free_of(drawn)) and self._blocks(motion, obstacles):
                     return obstacles
                 drawn.clear()
         raise ParameterError(

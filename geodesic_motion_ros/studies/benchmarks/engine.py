@@ -27,7 +27,7 @@ class SearchProblem:
     name : of the graph, for a person.
     body : what feels obstacles at the nodes, and must stay clear of them; its body point number `tool` is the tool's.
     to_goal, from_start : (n,) obstacle-free costs to the target and from the source.
-    cost_limit : ways that cost more count as blocked.
+    cost_limit : paths that cost more count as blocked.
     settings : of the ambient metric, and the margin that nodes keep from obstacles.
     """
 
@@ -68,11 +68,11 @@ class SearchProblem:
 
 @dataclass(frozen=True)
 class Answer:
-    """The cheapest way's nodes (p,) and cost; no nodes and inf without one.
+    """The cheapest path's nodes (p,) and cost; no nodes and inf without one.
 
     Attributes
     ----------
-    bound : no way costs less; where time ran out, less than the cost and the limit. nan where that was not asked for.
+    bound : no path costs less; where time ran out, less than the cost and the limit. nan where that was not asked for.
     """
 
     nodes: np.ndarray
@@ -90,7 +90,7 @@ def mark(problem: SearchProblem, obstacles: Obstacles) -> Reshaping:
 
 
 def search(problem: SearchProblem, reshaping: Reshaping, limited: bool = True, deadline: Deadline = NEVER) -> Answer:
-    """The cheapest way; with `limited`, as the planner searches, none that costs more than the limit."""
+    """The cheapest path; with `limited`, as the planner searches, none that costs more than the limit."""
     graph = problem.graph
     found = shortest_path_from_both_ends(
         problem.adjacency, graph.base, graph.fixed, graph.shares, reshaping, problem.settings.obstacle_margin,
@@ -100,7 +100,7 @@ def search(problem: SearchProblem, reshaping: Reshaping, limited: bool = True, d
     return Answer(found.nodes, found.cost, found.bound)
 
 
-def search_one_way(problem: SearchProblem, obstacles: Obstacles) -> Answer:
+def search_from_source(problem: SearchProblem, obstacles: Obstacles) -> Answer:
     """A* from the source, with the obstacle-free field as heuristic and without a limit."""
     graph, reshaping = problem.graph, mark(problem, obstacles)
     nodes, _, cost = shortest_path(
@@ -127,5 +127,5 @@ def looked_at(reshaping: Reshaping) -> int:
 
 
 def free_path(problem: SearchProblem) -> np.ndarray:
-    """Nodes (p,) of the cheapest way without obstacles."""
+    """Nodes (p,) of the cheapest path without obstacles."""
     return search(problem, mark(problem, Obstacles.none())).nodes

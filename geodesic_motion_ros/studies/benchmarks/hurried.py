@@ -18,7 +18,7 @@ from geodesic_motion_ros.utils.deadline import Deadline
 
 DEADLINE_MS = 10.0
 """A tick that takes no longer than this counts as answered in time."""
-#: The search is told to end so much sooner [s]: it looks at the time now and then.
+#: The search gets a deadline so much sooner [s]: it reads the clock now and then.
 _ALLOWANCE = 1.5e-3
 
 
@@ -29,8 +29,8 @@ class HurriedTicks:
     Attributes
     ----------
     cpu : [s] of every tick.
-    gaps : of every tick with a way, how much more it may cost than the cheapest one at most, as a share of that.
-    found, refused : share of the ticks that found a way; that proved that there is none below the limit.
+    gaps : of every tick with a path, how much more it may cost than the cheapest one at most, as a share of that.
+    found, refused : share of the ticks that found a path; that proved that there is none below the limit.
     """
 
     cpu: list[float]
@@ -45,12 +45,12 @@ class HurriedTicks:
 
     @property
     def undecided(self) -> float:
-        """Share of the ticks with neither a way nor that proof: the planner stays on the way it has, or stops."""
+        """Share of the ticks with neither a path nor that proof: the planner keeps its path, or stops."""
         return 1.0 - self.found - self.refused
 
     @property
     def gap(self) -> float:
-        """The largest; nan without a way."""
+        """The largest; nan without a path."""
         return max(self.gaps, default=math.nan)
 
     @classmethod

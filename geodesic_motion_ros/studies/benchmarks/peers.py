@@ -1,6 +1,6 @@
 """The same ticks by other means: well-known graph libraries, and this package's own Dijkstra.
 
-A tick of a library is: weigh all edges anew under the obstacles, hand the weights over, search, name the way. All get
+A tick of a library is: weigh all edges anew under the obstacles, hand the weights over, search, name the path. All get
 their weights from `EdgeWeights`, plain numpy that finds what obstacles touch in a tree and leaves the rest as it is;
 that time counts for each of them. networkx is used as in the method's public scheme: copy the graph, rewrite its
 weights, search. Libraries run on one thread.
@@ -93,7 +93,7 @@ class EdgeWeights:
 
 
 class Peer(Protocol):
-    """A library that finds the cheapest way of one problem under given weights.
+    """A library that finds the cheapest path of one problem under given weights.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Peer(Protocol):
     def __init__(self, problem: SearchProblem) -> None: ...
 
     def answer(self, weights: np.ndarray) -> Answer:
-        """The cheapest way under edge weights (m,)."""
+        """The cheapest path under edge weights (m,)."""
         ...
 
 

@@ -31,7 +31,7 @@ class SceneFigures:
     Attributes
     ----------
     spheres : how many. wall, cpu : [s] of every tick. looked : nodes looked at in every tick.
-    no_way : share of the ticks in which there is none below the limit.
+    no_path : share of the ticks in which there is none below the limit.
     cost_error : largest relative difference of the cost from scipy's.
     hurried : the same ticks with a deadline.
     """
@@ -40,7 +40,7 @@ class SceneFigures:
     wall: list[float]
     cpu: list[float]
     looked: list[int]
-    no_way: float
+    no_path: float
     cost_error: float
     hurried: HurriedTicks
     peers: dict[str, PeerFigures]
@@ -61,7 +61,7 @@ class SceneFigures:
                 "found": self.hurried.found, "refused": self.hurried.refused, "undecided": self.hurried.undecided,
                 "gap_max": None if math.isnan(self.hurried.gap) else self.hurried.gap,
             },
-            "no_way": self.no_way,
+            "no_path": self.no_path,
             "ticks": len(self.wall),
             "peers": {
                 name: {
@@ -100,7 +100,7 @@ class GraphFigures:
         for name, scene in self.scenes.items():
             times = [percentiles_ms(of)[share] for of in (scene.wall, scene.cpu) for share in ("p50", "p99")]
             rows.append([
-                name, *map(_short, times), int(np.median(scene.looked)), f"{scene.no_way:.0%}",
+                name, *map(_short, times), int(np.median(scene.looked)), f"{scene.no_path:.0%}",
                 f"{scene.cost_error:.0e}",
                 *(_short(scene.ratio(peer)) for peer in peers),
             ])  # fmt: skip
@@ -202,7 +202,7 @@ class BenchReport:
                 wall, cpu = percentiles_ms(watch.wall), percentiles_ms(watch.cpu)
                 rows.append([name, len(watch.wall), *(f"{value:.3f}" for value in (*wall.values(), *cpu.values()))])
         head = ["stage", "runs", "p50", "p99", "max", "cpu p50", "cpu p99", "cpu max"]
-        title = f"{self.skill.name}: stages of the planner's tick among one sphere of 5 cm that moves on the way, in ms"
+        title = f"{self.skill.name}: stages of the planner's tick among a sphere of 5 cm that moves on the path, in ms"
         return "\n".join([title, text_table(head, rows)])
 
     def _scaling(self) -> str:
@@ -212,7 +212,7 @@ class BenchReport:
             wall = [_short(value) for value in percentiles_ms(row.wall).values()]
             cpu, looked = _short(percentiles_ms(row.cpu)["p50"]), int(np.median(row.looked))
             rows.append([row.varied, row.value, row.nodes, row.points, row.spheres, *wall, cpu, looked])
-        title = "scaling: a tick in ms; one sphere of 5 cm in the middle of the way, or so many along it"
+        title = "scaling: a tick in ms; one sphere of 5 cm in the middle of the path, or so many along it"
         return "\n".join([title, text_table(head, rows)])
 
 

@@ -1,7 +1,7 @@
 """The benchmark of the search engine: every scene on two graphs beside its peers, stages of the tick, and scaling.
 
 Ratios to peers are of processor time of the thread, the median over the median: they hold on a loaded machine too.
-The engine's tick is the planner's: ways that cost more than a limit count as blocked. Costs are held against scipy's
+The engine's tick is the planner's: paths that cost more than a limit count as blocked. Costs are held against scipy's
 Dijkstra on the graph with all edges weighed anew: that of the search without the limit everywhere, and that of the tick
 where it is below.
 """
@@ -29,7 +29,7 @@ from geodesic_motion_ros.studies.benchmarks.engine import (
     looked_at,
     mark,
     search,
-    search_one_way,
+    search_from_source,
     search_plainly,
 )
 from geodesic_motion_ros.studies.benchmarks.hurried import HurriedTicks
@@ -41,7 +41,7 @@ from geodesic_motion_ros.studies.benchmarks.report import (
     ScalingRow,
     SceneFigures,
 )
-from geodesic_motion_ros.studies.benchmarks.scenes import NAMES, Scene, scenes_of, spheres_on_way
+from geodesic_motion_ros.studies.benchmarks.scenes import NAMES, Scene, scenes_of, spheres_on_path
 from geodesic_motion_ros.studies.benchmarks.stages import SkillBench
 from geodesic_motion_ros.studies.benchmarks.stopwatch import (
     Stopwatch,
@@ -118,7 +118,7 @@ def measure(skill: Skill, settings: BenchSettings, show_progress: bool = True) -
 
     Raises
     ------
-    ParameterError : the skill is not of joint space, or has no way along its first demonstration.
+    ParameterError : the skill is not of joint space, or has no path along its first demonstration.
     """
     before = os.getloadavg()[0]
     peers, missing = installed()
@@ -161,9 +161,9 @@ def _measure_scene(
     shown = np.linspace(0, settings.ticks - 1, settings.peer_ticks).astype(int)
     moments = [scene.at(int(tick)) for tick in shown]
     exact, exact_answers = _repeated(lambda one: search(problem, mark(problem, one), limited=False), moments)
-    one_way, _ = _repeated(lambda one: search_one_way(problem, one), moments)
+    from_source, _ = _repeated(lambda one: search_from_source(problem, one), moments)
     plain, _ = _repeated(lambda one: search_plainly(problem, one), moments)
-    own = {_EXACT: exact, _ASTAR: one_way, _DIJKSTRA: plain}
+    own = {_EXACT: exact, _ASTAR: from_source, _DIJKSTRA: plain}
     figures = {name: PeerFigures(one.wall, one.cpu, one.wall) for name, one in own.items()}
     weighing, lengths = _repeated(weights.under, moments)
     error = 0.0
@@ -178,9 +178,9 @@ def _measure_scene(
             for tick, ours, best in zip(shown, exact_answers, answers, strict=True):
                 limited = best.cost if best.cost < problem.cost_limit else math.inf
                 error = max(error, _difference(ours.cost, best.cost), _difference(costs[tick], limited))
-    no_way = float(np.mean(np.isinf(costs)))
+    no_path = float(np.mean(np.isinf(costs)))
     hurried = HurriedTicks.of(problem, scene, settings.ticks)
-    return SceneFigures(len(scene.radii), watch.wall, watch.cpu, looked, no_way, error, hurried, figures)
+    return SceneFigures(len(scene.radii), watch.wall, watch.cpu, looked, no_path, error, hurried, figures)
 
 
 def _repeated(call: Callable[[Input], Output], inputs: Sequence[Input]) -> tuple[Stopwatch, list[Output]]:
@@ -244,17 +244,17 @@ def _measure_scaling(large: SearchProblem, settings: BenchSettings, bar: tqdm) -
 
     for shape in settings.grids:
         problem = large if shape == settings.shape else synthetic_problem(shape)
-        row("grid", problem.name, problem, spheres_on_way(problem, 1))
+        row("grid", problem.name, problem, spheres_on_path(problem, 1))
     for count in settings.obstacles:
-        row("obstacles", str(count), large, spheres_on_way(large, count))
+        row("obstacles", str(count), large, spheres_on_path(large, count))
     for points in settings.points:
         problem = synthetic_problem(settings.points_shape, points)
-        row("body points", str(points), problem, spheres_on_way(problem, 1))
+        row("body points", str(points), problem, spheres_on_path(problem, 1))
     return rows
 
 
 def _difference(ours: float, best: float) -> float:
-    """Relative; 0 where neither found a way, inf where one of them did."""
+    """Relative; 0 where neither found a path, inf where one of them did."""
     if math.isinf(ours) or math.isinf(best):
         return 0.0 if ours == best else math.inf
     return abs(ours - best) / best

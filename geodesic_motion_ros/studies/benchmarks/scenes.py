@@ -1,16 +1,16 @@
-"""Obstacles that move a little from tick to tick, around places on or beside the obstacle-free way.
+"""Obstacles that move a little from tick to tick, around places on or beside the obstacle-free path.
 
-none_near       ten spheres that the way does not feel
-one_r005        one sphere of 5 cm in the middle of the way
+none_near       ten spheres that the path does not feel
+one_r005        one sphere of 5 cm in the middle of the path
 one_r010        one of 10 cm
 goal_enclosed   spheres of 5 cm all around the tool at the goal, 22 cm from it
 start_enclosed  the same at the start
-ten_on_path     ten spheres of 5 cm along the way
-wall_gap        a wall of spheres of 3 cm across the way, with a gap where the arm would go around a sphere of 10 cm
+ten_on_path     ten spheres of 5 cm along the path
+wall_gap        a wall of spheres of 3 cm across the path, with a gap where the arm would go around a sphere of 10 cm
 cloud_10k       10,000 points of a table top beneath the tool, as a distance field; making that is not part of a tick,
                 for the node does it in a thread of its own
 
-The way is that of the body point which moves farthest. No sphere touches the arm at the start or at the goal: those
+The path is that of the body point which moves farthest. No sphere touches the arm at the start or at the goal: those
 that would are left out.
 """
 
@@ -75,9 +75,9 @@ def scenes_of(problem: SearchProblem, seed: int = 0) -> list[Scene]:
     """Every scene, in the order of `NAMES`; the same for the same seed."""
     random = np.random.default_rng(seed)
     path = free_path(problem)
-    way, tool = _way(problem, path), problem.body.points[path, problem.tool]
+    points, tool = _farthest_moving(problem, path), problem.body.points[path, problem.tool]
     ends = np.array([problem.source, problem.target])
-    large = _alone("one_r010", _along(problem, way, 1, 0.10), 0.10, random)
+    large = _alone("one_r010", _along(problem, points, 1, 0.10), 0.10, random)
     detour = search(problem, mark(problem, large.at(0)), limited=False).nodes
 
     def clear(places: np.ndarray, radius: float, nodes: np.ndarray = ends) -> np.ndarray:
@@ -85,24 +85,24 @@ def scenes_of(problem: SearchProblem, seed: int = 0) -> list[Scene]:
 
     return [
         _alone("none_near", _unfelt(problem, path, random), 0.05, random),
-        _alone("one_r005", _along(problem, way, 1, 0.05), 0.05, random),
+        _alone("one_r005", _along(problem, points, 1, 0.05), 0.05, random),
         large,
         _together("goal_enclosed", clear(_shell(tool[-1]), 0.05), 0.05, random),
         _together("start_enclosed", clear(_shell(tool[0]), 0.05), 0.05, random),
-        spheres_on_way(problem, 10, seed),
-        _together("wall_gap", clear(_wall(way), _WALL_RADIUS, np.append(ends, detour)), _WALL_RADIUS, random),
+        spheres_on_path(problem, 10, seed),
+        _together("wall_gap", clear(_wall(points), _WALL_RADIUS, np.append(ends, detour)), _WALL_RADIUS, random),
         replace(_together("cloud_10k", clear(_table_top(tool, random), _CLOUD_ROOM), 0.0, random), cloud=True),
     ]
 
 
-def spheres_on_way(problem: SearchProblem, count: int, seed: int = 0) -> Scene:
-    """Spheres of 5 cm along the way; `ten_on_path` with another count."""
-    way = _way(problem, free_path(problem))
-    return _alone("ten_on_path", _along(problem, way, count, 0.05), 0.05, np.random.default_rng(seed))
+def spheres_on_path(problem: SearchProblem, count: int, seed: int = 0) -> Scene:
+    """Spheres of 5 cm along the path; `ten_on_path` with another count."""
+    points = _farthest_moving(problem, free_path(problem))
+    return _alone("ten_on_path", _along(problem, points, count, 0.05), 0.05, np.random.default_rng(seed))
 
 
 def _alone(name: str, places: np.ndarray, radius: float, random: np.random.Generator) -> Scene:
-    """Each sphere swings its own way."""
+    """Each sphere swings on its own."""
     count = len(places)
     directions = random.normal(size=(count, 3))
     swings = _SWING * directions / np.linalg.norm(directions, axis=1, keepdims=True)
@@ -116,17 +116,17 @@ def _together(name: str, places: np.ndarray, radius: float, random: np.random.Ge
     return Scene(name, places, np.full(count, radius), np.tile(swing, (count, 1)), np.zeros(count))
 
 
-def _way(problem: SearchProblem, path: np.ndarray) -> np.ndarray:
+def _farthest_moving(problem: SearchProblem, path: np.ndarray) -> np.ndarray:
     """Places (p, 3) [m] on a path of that body point which moves farthest."""
     points = problem.body.points[path]
     lengths = np.sum(np.linalg.norm(np.diff(points, axis=0), axis=2), axis=0)
     return points[:, int(np.argmax(lengths))]
 
 
-def _at(way: np.ndarray, shares: np.ndarray | list[float]) -> np.ndarray:
-    """Places at shares of a way's length, (s, 3)."""
-    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
-    return np.stack([np.interp(np.asarray(shares) * length[-1], length, axis) for axis in way.T], axis=1)
+def _at(points: np.ndarray, shares: np.ndarray | list[float]) -> np.ndarray:
+    """Places at shares of a path's length, (s, 3)."""
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    return np.stack([np.interp(np.asarray(shares) * length[-1], length, axis) for axis in points.T], axis=1)
 
 
 def _unfelt(problem: SearchProblem, path: np.ndarray, random: np.random.Generator) -> np.ndarray:
@@ -139,12 +139,12 @@ def _unfelt(problem: SearchProblem, path: np.ndarray, random: np.random.Generato
     return places[nearest > felt][:10]
 
 
-def _along(problem: SearchProblem, way: np.ndarray, count: int, radius: float) -> np.ndarray:
-    """Evenly spaced places of so many spheres on the part of a way where they leave the arm's ends free.
+def _along(problem: SearchProblem, points: np.ndarray, count: int, radius: float) -> np.ndarray:
+    """Evenly spaced places of so many spheres on the part of a path where they leave the arm's ends free.
 
-    On a way so short that there is none, all where it is farthest from them.
+    On a path so short that there is none, all where it is farthest from them.
     """
-    places = _at(way, np.linspace(0.0, 1.0, 500))
+    places = _at(points, np.linspace(0.0, 1.0, 500))
     room = _room(problem, places, radius, np.array([problem.source, problem.target]))
     places = places[room > min(_ROOM, np.max(room) - 1e-9)]
     return places[np.linspace(0, len(places) - 1, count + 2).astype(int)[1:-1]]
@@ -165,15 +165,15 @@ def _shell(middle: np.ndarray) -> np.ndarray:
     return middle + _SHELL_DISTANCE * np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)
 
 
-def _wall(way: np.ndarray) -> np.ndarray:
-    """Places of eight by eight spheres across the middle of a way, too dense for the tool."""
-    middle, before, after = _at(way, [0.5, 0.45, 0.55])
+def _wall(points: np.ndarray) -> np.ndarray:
+    """Places of eight by eight spheres across the middle of a path, too dense for the tool."""
+    middle, before, after = _at(points, [0.5, 0.45, 0.55])
     across = np.linalg.svd((after - before)[None])[2][1:]
     row, column = np.array(np.divmod(np.arange(64), 8)) - 3.5
     return middle + _WALL_STEP * np.stack([row, column], axis=1) @ across
 
 
-def _table_top(way: np.ndarray, random: np.random.Generator) -> np.ndarray:
+def _table_top(tool: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """10,000 points (o, 3) [m] of a table top of 0.8 m by 0.8 m."""
-    corner = np.append(way[:, :2].mean(axis=0) - [0.2, 0.4], way[:, 2].min() - 0.075)
+    corner = np.append(tool[:, :2].mean(axis=0) - [0.2, 0.4], tool[:, 2].min() - 0.075)
     return corner + random.uniform(size=(10_000, 3)) * [0.8, 0.8, 0.01]

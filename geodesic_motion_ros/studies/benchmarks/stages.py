@@ -1,8 +1,8 @@
 """The joint-space planner's tick on a skill: its stages, each by the functions that the tick itself calls, and whole.
 
 mark         what the search needs to know of the obstacles, and of where they will be within the prediction
-search       the cheapest way through the latent graph
-refine       that way made a continuous one
+search       the cheapest path through the latent graph
+refine       that path made a continuous one
 curve        resample and smooth it, decode it, carry it to start and goal, smooth it there
 time law     the reference along it, from rest
 certificate  its clearance from the moving obstacles and from itself
@@ -61,7 +61,7 @@ class SkillBench:
         choice = queries.goal_by_configuration(self._goal, TaskFrame.identity())
         query = choice if isinstance(choice, Verdict) else queries.build(self._start, choice)
         if isinstance(query, Verdict):
-            raise ParameterError(f"skill '{skill.name}' has no way along its first demonstration: {query.reason}")
+            raise ParameterError(f"skill '{skill.name}' has no path along its first demonstration: {query.reason}")
         self.query = query
         source = next(
             int(node) for node in planner.graph.nodes_near(query.start_latent, 3) if np.isfinite(query.to_goal[node])
@@ -73,7 +73,7 @@ class SkillBench:
         )  # fmt: skip
 
     def stages(self, scene: Scene, ticks: int) -> dict[str, Stopwatch]:
-        """Every stage of planning from rest; those after the search run where there is a way."""
+        """Every stage of planning from rest; those after the search run where there is a path."""
         planner, query = self.planner, self.query
         message = _message_of()
         names = ("mark", "search", "refine", "curve", "time law", "certificate", *(("message",) if message else ()))
@@ -83,13 +83,13 @@ class SkillBench:
             with watches["mark"]:
                 reshaping = mark(self.problem, obstacles.swept(planner.settings.prediction))
             with watches["search"]:
-                way = cheapest_path(
+                found = cheapest_path(
                     planner.graph, query, query.start_latent, reshaping, planner.settings.obstacle_margin
                 )
-            if isinstance(way, Verdict):
+            if isinstance(found, Verdict):
                 continue
             with watches["refine"]:
-                curve = refined(query.field, reshaping, planner.settings.obstacle_margin, way.polyline)
+                curve = refined(query.field, reshaping, planner.settings.obstacle_margin, found.polyline)
             with watches["curve"]:
                 path, latent = self._curve(curve)
             with watches["time law"]:
@@ -103,10 +103,10 @@ class SkillBench:
                     message(planner.robot.joint_names, reference)
         return watches
 
-    def _curve(self, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _curve(self, polyline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Configurations (m, eta) along a latent polyline (p, d), and their latent points (m, d)."""
         graph = self.planner.graph
-        latent = smooth_latent(resample_latent(way, float(np.min(graph.grid.spacing))), _WIDTH)
+        latent = smooth_latent(resample_latent(polyline, float(np.min(graph.grid.spacing))), _WIDTH)
         carried = self.query.offsets.carried(graph.decoder.configurations(latent), *graph.progress_map(latent))
         return smooth_latent(carried, _WIDTH), latent
 

@@ -175,8 +175,10 @@ def run(arguments: argparse.Namespace) -> None:
     for path in (folder / "table.txt", arguments.json):
         writable(path)
     played = list(play_benchmark(skill, settings, arguments.out)) if kept is None else kept
-    told = {name: ROWS[name].told for name in methods}
-    report = Report(skill.name, settings.seed, played, told, settings.held_out, guard, settings.lag, settings.camera)
+    descriptions = {name: ROWS[name].description for name in methods}
+    report = Report(
+        skill.name, settings.seed, played, descriptions, settings.held_out, guard, settings.lag, settings.camera
+    )
     print(report.plain())
     (folder / "table.txt").write_text(report.plain() + "\n")
     (folder / "table.md").write_text(report.markdown() + "\n")

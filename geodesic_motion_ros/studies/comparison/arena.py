@@ -32,7 +32,7 @@ class Arena(GuardedArm):
     ----------
     limits : that every method's references are timed within, but streams of poses, which know none of joints.
     shown : (N, S, eta) demonstrations as they were shown, equally spaced along their arcs [rad].
-    modes : (N,) which way each of them took.
+    modes : (N,) the mode of each of them.
     """
 
     skill: Skill

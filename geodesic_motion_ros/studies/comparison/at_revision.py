@@ -30,26 +30,28 @@ from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 REPOSITORY = Path(geodesic_motion_ros.__path__[0]).resolve().parent
 REVISION = "baseline-10"
 #: Modules of this folder that judge, keep and report outcomes, whichever revision plays.
-JUDGE = ("execution.py", "results.py", "report.py")
+JUDGE = ("chasing.py", "execution.py", "results.py", "report.py", "figures.py")
 #: Where that folder was before studies stood apart, and what the judges import of this package: now, and then.
 FORMER_FOLDER = "comparison"
 FORMER_MODULES = {
     "geometry.curves": "demonstrations.curves",
     "geometry.quaternions": "quaternions",
     "obstacles.obstacles": "obstacles",
+    "studies.comparison.chasing": "comparison.chasing",
     "studies.comparison.execution": "comparison.execution",
     "studies.comparison.families": "comparison.families",
     "studies.comparison.guard": "comparison.guard",
     "studies.comparison.method": "comparison.method",
+    "studies.comparison.report": "comparison.report",
     "studies.comparison.results": "comparison.results",
     "studies.comparison.scene": "comparison.scene",
-    "studies.comparison.ways": "comparison.ways",
     "studies.experiments.moving_spheres": "experiments.moving_spheres",
     "studies.tools.collision_geometry": "simulation.collision_geometry",
     "studies.tools.similarity": "demonstrations.similarity",
     "trajectory.trajectory": "joint_reference",
     "utils.errors": "errors",
     "utils.tables": "tables",
+    "visualization.plots": "plots",
 }
 
 

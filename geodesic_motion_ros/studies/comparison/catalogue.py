@@ -24,11 +24,11 @@ class Row:
     Attributes
     ----------
     make : the method in an arena; imports what it needs.
-    told : what it is, in a line. needs : modules that must be installed.
+    description : what it is, in a line. needs : modules that must be installed.
     """
 
     make: Callable[[Arena], Method]
-    told: str
+    description: str
     needs: tuple[str, ...] = ()
 
     @property

@@ -18,11 +18,11 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_motion_ros.studies.comparison.arena import Arena
+from geodesic_motion_ros.studies.comparison.chasing import sphere_centres
 from geodesic_motion_ros.studies.comparison.execution import LONGEST, Stage
 from geodesic_motion_ros.studies.comparison.methods.geodesic import Geodesics
 from geodesic_motion_ros.studies.comparison.scene import draw_scene
 from geodesic_motion_ros.studies.comparison.scene_table import print_scene_table
-from geodesic_motion_ros.studies.comparison.ways import sphere_centres
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.utils.tables import text_table
 

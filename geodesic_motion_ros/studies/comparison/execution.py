@@ -30,10 +30,10 @@ from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.studies.comparison.chasing import chased_point
 from geodesic_motion_ros.studies.comparison.guard import GuardedArm
 from geodesic_motion_ros.studies.comparison.method import Answer, Method
 from geodesic_motion_ros.studies.comparison.scene import Scene
-from geodesic_motion_ros.studies.comparison.ways import chased_point
 from geodesic_motion_ros.studies.experiments.moving_spheres import (
     STEP,
     STEP_HZ,
@@ -72,7 +72,7 @@ class Outcome:
     ----------
     mostly_free : whether at least half of the demonstrations stayed free.
     reached : whether the goal was reached, after `duration` [s]. contact : what ended the scene, where a contact did.
-    refusal : why the method was on no way to the goal at the end, where it said so.
+    refusal : why the method followed no path to the goal at the end, where it said so.
     clearance : least distance [m] of what is guarded from a sphere while the arm moved and for AFTER_MOTION after it,
         no more than LOOKED_FOR.
     arm_touched : whether a part of the arm that is not guarded touched a sphere or the declared scene: that ends no
@@ -80,7 +80,7 @@ class Outcome:
     stood : for how long [s] what is guarded had not moved at the end.
     waiting_avoids : whether an arm that waits at the start is not touched; None where no standing contact was.
     lag : largest distance [m] of a sphere of what is guarded from where it was to be, where the arm lags (`lag.py`).
-    dtw, orientation : of the tool's way from that of the closest demonstration, or of the one held out [m], [rad].
+    dtw, orientation : of the tool's motion from that of the closest demonstration, or of the one held out [m], [rad].
     jerk : root mean square of the command's jerk, over all joints [rad/s^3].
     replans : processor time [s] of the ticks that answered something new (`Answer.planned`).
     ticks, in_time : how many ticks there were, and how many took no more processor time than DEADLINE.
@@ -114,7 +114,7 @@ class Outcome:
 
     @property
     def refused(self) -> bool:
-        """Whether the method said that it had no way, and touched nothing."""
+        """Whether the method said that it had no path, and touched nothing."""
         return not self.reached and not self.contact and bool(self.refusal)
 
     def as_dict(self) -> dict[str, Any]:
@@ -312,8 +312,8 @@ class _Run:
         """
         if self._arm.guard == "arm":
             return bool(np.max(np.abs(self._motion.joint_velocities)) > RESTING)
-        ways = np.diff(self._arm.body(np.stack([before, posture])), axis=0)
-        return bool(np.max(np.linalg.norm(ways, axis=-1)) > TOOL_RESTING * STEP)
+        steps = np.diff(self._arm.body(np.stack([before, posture])), axis=0)
+        return bool(np.max(np.linalg.norm(steps, axis=-1)) > TOOL_RESTING * STEP)
 
     def _clearance(self, centre: np.ndarray, radius: float) -> float:
         """Of what is guarded from a sphere [m], and take note of the rest of the arm."""

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geodesic_motion_ros.studies.comparison.chasing import sphere_centres
 from geodesic_motion_ros.studies.comparison.execution import LOOKED_FOR, Outcome, Stage
 from geodesic_motion_ros.studies.comparison.method import Method
 from geodesic_motion_ros.studies.comparison.report import Figures, Report, hardly_free, mostly_free
 from geodesic_motion_ros.studies.comparison.results import Played
 from geodesic_motion_ros.studies.comparison.scene import Scene
-from geodesic_motion_ros.studies.comparison.ways import sphere_centres
 from geodesic_motion_ros.visualization.plots import write_figure
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def draw_success(report: Report, path: Path) -> None:
         strict=True,
     ):  # fmt: skip
         without, scenes, at = [], 0, {}
-        for row in sorted(report.told, key=lambda row: row == _OURS):  # ours on top
+        for row in sorted(report.descriptions, key=lambda row: row == _OURS):  # ours on top
             own = report.figures(row, part)
             scenes = own["scenes"]
             if own["dtw_mm"] is None:
@@ -78,7 +78,7 @@ def draw_success(report: Report, path: Path) -> None:
     # One of each, where there may be none in a panel.
     looks = [
         panels[1].plot([], [], color=colour, marker=marker, linestyle="none", label=row)[0]
-        for row, (colour, marker) in ((row, _LOOKS.get(row, _OTHER)) for row in report.told)
+        for row, (colour, marker) in ((row, _LOOKS.get(row, _OTHER)) for row in report.descriptions)
     ]
     figure.legend(handles=looks, loc="outside right center", fontsize=9)
     figure.suptitle(f"{report.skill}: the goal reached without contact; bars are intervals at 95 %")
@@ -129,7 +129,7 @@ def draw_clearances(report: Report, path: Path) -> None:
 
     figure = Figure(figsize=(10, 4.8), layout="constrained")
     axes = figure.subplots()
-    rows = list(report.told)
+    rows = list(report.descriptions)
     random = np.random.default_rng(0)
     for at, row in enumerate(rows):
         outcomes = [item.outcome for item in report.of(row, _came_near)]

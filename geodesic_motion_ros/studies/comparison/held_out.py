@@ -119,8 +119,8 @@ def training_settings(skill: Skill) -> TrainingSettings | JointTrainingSettings:
     of_joints = skill.space == "joint"
     kind, metric = (JointTrainingSettings, JointMetricSettings) if of_joints else (TrainingSettings, MetricSettings)
     try:
-        told = skill.provenance["settings"]
-        return kind(**(told | {"metric": metric(**told["metric"])}))
+        settings = skill.provenance["settings"]
+        return kind(**(settings | {"metric": metric(**settings["metric"])}))
     except (KeyError, TypeError) as error:
         raise ParameterError(
             f"'{skill.name}' does not say how it was trained, so that it cannot be trained with demonstrations held out"

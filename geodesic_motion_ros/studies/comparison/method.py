@@ -1,4 +1,4 @@
-"""Method: what a row of the comparison has to offer, and what it is told."""
+"""Method: what a row of the comparison has to offer, and what it receives."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Answer:
     Attributes
     ----------
     waypoints : what the arm is to play from `begin` [s] on, in the place of everything before; None: that goes on.
-    refusal : why the arm is not on a way to the goal; empty where it is.
+    refusal : why the arm follows no path to the goal; empty where it does.
     pose : of the tool, (3,) [m] and (4,), where it is to be by now, in a stream of poses that the arm follows as the
         twin does, in the place of everything before.
     planned : whether what is answered is new, and not the next piece of what an earlier tick planned.
@@ -53,7 +53,7 @@ class Answer:
 
 
 class Method(Protocol):
-    """A way of moving an arm among obstacles. One of them plays one scene at a time.
+    """A method that moves an arm among obstacles. One of them plays one scene at a time.
 
     Attributes
     ----------

@@ -1,9 +1,9 @@
 """Replanning: what methods that plan paths have in common.
 
-The path being gone is looked at in every tick, against obstacles that move on linearly for a while and the solids that
+The path being followed is certified in every tick, with obstacles that move on linearly for a while and the solids that
 the scene declares, with the collision spheres and the certificate that our planner uses. While it is free it stays.
 Otherwise another one is asked for, timed within the arena's limits from the state of motion in which it takes over, and
-taken where it is free. Where there is none the arm stops along the path being gone, and asks again every `RETRY`.
+taken where it is free. Where there is none the arm stops along the path being followed, and asks again every `RETRY`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Replanning(ABC):
         self._played = JointReference.standing(scene.start, np.zeros(1))
         self._begin, self._asked = 0.0, -np.inf
         self._swept: SweptArm | None = None
-        self._on_way = False
+        self._follows_path = False
         self.prepare(scene)
 
     @abstractmethod
@@ -58,23 +58,23 @@ class Replanning(ABC):
     def paths(self, start: np.ndarray, progress: float, obstacles: Obstacles) -> Iterator[np.ndarray]:
         """Paths (m, eta) [rad] to try one after the other, from a configuration (eta,) to the scene's goal.
 
-        progress : share of the way that has been gone. obstacles : where they are when the path begins.
+        progress : share of the path that has been followed. obstacles : where they are when the path begins.
         """
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         switch = now + LATENCY
         expected = obstacles.at(switch, PREDICTION).beside(self._solids)
-        if self._on_way and self._left_is_free(switch, expected):
+        if self._follows_path and self._left_is_free(switch, expected):
             return Answer()
-        if self._on_way or now >= self._asked + RETRY - 1e-6:
+        if self._follows_path or now >= self._asked + RETRY - 1e-6:
             self._asked = now
             reference = self._new_reference(switch, expected)
             if reference is not None:
-                self._on_way = True
+                self._follows_path = True
                 return self._play(reference, now, switch, "")
         refusal = "no free path was found"
-        if self._on_way:
-            self._on_way = False
+        if self._follows_path:
+            self._follows_path = False
             if not self.rests(switch):
                 stop = stopping_reference(self._played, switch - self._begin, self._arena.limits)
                 return self._play(stop, now, switch, refusal)

@@ -157,7 +157,7 @@ class Report:
 
     Attributes
     ----------
-    told : what each row is, in a line. held_out : whether similarity is to a demonstration that was held out.
+    descriptions : what each row is, in a line. held_out : whether similarity is to a demonstration that was held out.
     guard : what was guarded; None where that is not said. lag : of the arm [s].
     camera : whether methods were handed what a camera and a tracker know of the spheres.
     """
@@ -165,7 +165,7 @@ class Report:
     skill: str
     seed: int
     played: Sequence[Played]
-    told: dict[str, str]
+    descriptions: dict[str, str]
     held_out: bool = False
     guard: Guard | None = None
     lag: float = 0.0
@@ -197,7 +197,7 @@ class Report:
             "level": LEVEL,
             "rows": {
                 row: {
-                    "told": told,
+                    "description": description,
                     "settings": next((item.settings for item in self.played if item.row == row), None),
                     "all": self.figures(row, every),
                     "half_or_more_stay_free": self.figures(row, mostly_free),
@@ -210,7 +210,7 @@ class Report:
                         for family in self._families()
                     },
                 }
-                for row, told in self.told.items()
+                for row, description in self.descriptions.items()
             },
             "scenes": [
                 {"row": item.row, "family": item.family, "number": item.number}
@@ -230,7 +230,7 @@ class Report:
     @cached_property
     def _blind_fails(self) -> frozenset[SceneId] | None:
         """The scenes in which the blind replay of a demonstration fails; None where it was not played."""
-        if BLIND not in self.told:
+        if BLIND not in self.descriptions:
             return None
         return frozenset(item.scene_id for item in self.of(BLIND, lambda item: not item.outcome.success))
 
@@ -260,7 +260,7 @@ class Report:
         declared = any(item.family == "table" for item in self.played)
         arm = any(item.outcome.arm_touched for item in self.played)
         columns = [*_COLUMNS, *([_SCENE] if declared else []), *([_ARM] if arm else [])]
-        own = {row: self.figures(row, wanted) for row in self.told}
+        own = {row: self.figures(row, wanted) for row in self.descriptions}
         scenes = max(one["scenes"] for one in own.values())
         rows = [[row, *(column.cell(one) for column in columns)] for row, one in own.items()]
         heads, in_full = [column.head for column in columns], [column.in_full for column in columns]
@@ -271,13 +271,13 @@ class Report:
         families = self._families()
         rows = [
             [row, *(", ".join(self._successes(row, _of(family, free)) for free in _PARTS) for family in families)]
-            for row in self.told
+            for row in self.descriptions
         ]
         return _Table("successes: half or more free, fewer", families, families, rows)
 
     def _standing(self) -> _Table:
         """The scenes with a contact of an arm that stood, by whether waiting at the start avoids it."""
-        rows = [[row, *(self._scenes(row, avoids) for avoids in (True, False))] for row in self.told]
+        rows = [[row, *(self._scenes(row, avoids) for avoids in (True, False))] for row in self.descriptions]
         heads = ["waiting at the start avoids it", "does not"]
         return _Table("touched, standing", heads, heads, rows)
 

@@ -59,8 +59,8 @@ class Results:
         content = json.loads(path.read_text())
         if content["protocol"] != PROTOCOL or content["settings"] != json.loads(json.dumps(settings)):
             return None
-        told = content["outcome"]
-        return Outcome(**(told | {"replans": tuple(told["replans"])}))
+        outcome = content["outcome"]
+        return Outcome(**(outcome | {"replans": tuple(outcome["replans"])}))
 
     def numbers(self, row: str, family: Family) -> list[int]:
         """The scenes of a family that a row has played, whatever it was played with."""

@@ -1,4 +1,4 @@
-"""Scenes: a start, a goal and spheres on the ways of the demonstrations between them."""
+"""Scenes: a start, a goal and spheres on the demonstrations moved between them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.studies.comparison.arena import Arena
+from geodesic_motion_ros.studies.comparison.demonstrated_motions import DemonstratedMotions
 from geodesic_motion_ros.studies.comparison.families import (
     FAMILIES,
     SPARED,
@@ -18,7 +19,6 @@ from geodesic_motion_ros.studies.comparison.families import (
     declared_in,
     draw_family,
 )
-from geodesic_motion_ros.studies.comparison.ways import Ways
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
@@ -35,8 +35,8 @@ class Scene:
     start, goal : (eta,) [rad]. goal_pose : of the tool there.
     spheres : of the scene. tool_chased : whether chasing ones move towards the tool, or the elbow.
     demonstrations : those shown, moved to start and goal and played.
-    free : (N,) bool, which of them stay free (`ways.py`).
-    compared : ways of the tool, of which the closest tells how similar a method's is: those of the demonstrations, or
+    free : (N,) bool, which of them stay free (`demonstrated_motions.py`).
+    compared : motions of the tool, the closest of which a method's is compared with: those of the demonstrations, or
         that of the one held out.
     declared : what always stands around the arm, known to every method that plans and to the judge.
     """
@@ -99,8 +99,8 @@ def draw_between(
     tool_chased = bool(random.uniform() < 0.5) or arena.guard == "tool"
     played = moved_demonstrations(arena, start, goal)
     declared = declared_in(family)
-    ways, of_tool = Ways(arena, played, tool_chased, declared), not arena.whole_arm
-    spheres, free = draw_family(family, ways, random, number % 2 == 0, of_tool)
+    demonstrated = DemonstratedMotions(arena, played, tool_chased, declared)
+    spheres, free = draw_family(family, demonstrated, random, number % 2 == 0, not arena.whole_arm)
     compared = tuple(arena.tool_curve(item.positions) for item in played)
     return Scene(
         family, number, seed, start, goal, arena.robot.forward(goal), spheres, tool_chased, played, free, compared,

@@ -86,7 +86,7 @@ def followed(robot: Robot, curve: PoseCurve, begin: np.ndarray, end: np.ndarray 
 def _nearest_to_ready(robot: Robot, position: np.ndarray, quaternion: np.ndarray, begin: np.ndarray) -> np.ndarray:
     present = begin
     for _ in range(_STEPS):
-        # In one step all of the pose's error and all that the pose leaves of the way to the ready posture.
+        # In one step all of the pose's error and all that the pose leaves of the difference from the ready posture.
         step = differential_step(robot, present, position, quaternion, 1.0, gain=1.0, posture_gain=1.0)
         present = present + step
         if np.max(np.abs(step)) < _SETTLED:

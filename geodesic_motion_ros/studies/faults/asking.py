@@ -23,7 +23,7 @@ from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.faults.fault import NotSeenError
 from geodesic_motion_ros.studies.faults.relay import Relay
 
-#: Times a second that the planner alone is told of spheres; centre [m] and radius [m] of one.
+#: Times a second that the planner alone receives spheres; centre [m] and radius [m] of one.
 OBSTACLES_HZ = 10.0
 Sphere = tuple[np.ndarray, float]
 #: A service answers within this [s].
@@ -41,7 +41,7 @@ class Asking:
     """Talks to planner and twin."""
 
     def __init__(self, node: Node, skill: Skill, obstacles: Relay, wait: Wait) -> None:
-        """obstacles : between the twin and the planner, for what the planner alone is told."""
+        """obstacles : between the twin and the planner, for what the planner alone receives."""
         self._node, self._skill, self._wait, self._relay = node, skill, wait, obstacles
         self._goals = node.create_publisher(PoseStamped, "goal_pose", QoSProfile(depth=10))
         self._publishers: dict[str, Any] = {}
@@ -140,7 +140,7 @@ class Asking:
             sphere_marker("bench", number, *sphere, _GREY, frame, stamp) for number, sphere in enumerate(self._spheres)
         ]
         update = self._shown_spheres.update(markers, stamp)
-        # To make a hundred markers takes a while, in which nobody has been told of them.
+        # To make a hundred markers takes a while, in which nobody has received them.
         now = time.monotonic()
         if update.markers:
             self._relay.send(update)

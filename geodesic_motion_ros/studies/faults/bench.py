@@ -224,7 +224,7 @@ class Bench:
         """At the start let the arm set out for its goal; in other phases it has."""
         if phase == START:
             self.asks.send_goal()
-            self.wait(lambda: len(self.seen.path) and self.seen.status.code == "OK", "a way")
+            self.wait(lambda: len(self.seen.path) and self.seen.status.code == "OK", "a path")
 
     def finish(self, findings: Findings) -> None:
         """Motion resumes after a fault has cleared: the arm reaches its goal, which is sent again where it was
@@ -274,7 +274,7 @@ class Bench:
             if time.monotonic() - began > patience:
                 status = self.seen.status
                 said = "nothing" if status is None else f"{status.code}: {status.reason}"
-                raise NotSeenError(f"waited {patience:g} s in vain for {what}; the planner says {said}")
+                raise NotSeenError(f"timed out after {patience:g} s waiting for {what}; the planner says {said}")
         return time.monotonic() - began
 
     def spend(self, duration: float) -> None:

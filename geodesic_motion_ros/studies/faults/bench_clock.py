@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
-#: How often `/clock` is told [s]. Nodes go by what they heard before for so long [s] at most.
+#: How often `/clock` is published [s]. Nodes go by what they heard before for so long [s] at most.
 _PERIOD, _HEARD_WITHIN = 0.004, 0.1
 
 
@@ -56,15 +56,15 @@ class BenchClock:
         """What it showed at a moment [s, steady clock] since it runs.
 
         near : what a node took for the time then [s]. It may not have heard of a change just before: of what it may
-            have gone by, the nearest.
+            have used, the nearest.
         """
         if not self.simulated:
             return time.time() - (time.monotonic() - moment)
         begun = [course for course in self._courses if course.begin <= moment] or self._courses[:1]
         if near is None:
             return begun[-1].at(moment)
-        gone_by = [before for before, course in pairwise(begun) if moment < course.begin + _HEARD_WITHIN]
-        return min((course.at(moment) for course in [*gone_by, begun[-1]]), key=lambda shown: abs(shown - near))
+        used = [before for before, course in pairwise(begun) if moment < course.begin + _HEARD_WITHIN]
+        return min((course.at(moment) for course in [*used, begun[-1]]), key=lambda shown: abs(shown - near))
 
     def _set(self, jump: float, speed: float) -> None:
         now = time.monotonic()

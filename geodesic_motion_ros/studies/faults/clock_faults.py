@@ -17,7 +17,7 @@ from geodesic_motion_ros.studies.faults.record import ArmState
 _JUMP, _WATCHED, _PAUSE = 5.0, 1.0, 1.0
 #: An arm that stands has moved by no more than this [rad]; it comes to rest so long after the clock has [s].
 _STILL, _SETTLING = 0.02, 0.3
-#: Joint speeds are told by positions so far apart [s], and are known to this share.
+#: Joint speeds are computed from positions so far apart [s], and are known to this share.
 _APART, _KNOWN_TO = 0.05, 1.15
 #: Two states whose stamps differ by more [s] are of a clock before a jump and of one after it.
 _JUMPED = 1.0
@@ -29,7 +29,7 @@ class ClockFault(Fault):
     planner = MappingProxyType({"use_sim_time": True})
 
     def require_consistent(self, bench: Bench, findings: Findings, since: float) -> None:
-        """Durations are numbers wherever there is a way, and the joints keep their speed limits by the clock."""
+        """Durations are numbers wherever there is a path, and the joints keep their speed limits by the clock."""
         after = bench.seen.since(since)
         nan = sum(status.code == "OK" and math.isnan(status.number("time_to_goal")) for status in after)
         findings.require(not nan, f"{nan} times OK without a duration")
@@ -95,7 +95,7 @@ def fastest(states: Sequence[ArmState], limits: np.ndarray) -> float:
 
 
 def _speed(states: Sequence[ArmState], limits: np.ndarray) -> float:
-    """The same at the last of the states; 0 where the clock has not gone far enough since it was set."""
+    """The same at the last of the states; 0 where the clock has not run long enough since it was set."""
     newest = states[-1]
     for state in reversed(states):
         passed = newest.stamp - state.stamp

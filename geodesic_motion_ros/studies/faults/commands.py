@@ -24,10 +24,10 @@ from geodesic_motion_ros.studies.faults.judge import LARGEST_STEP, Target, Targe
 from geodesic_motion_ros.studies.faults.record import Record
 
 #: A status that explains a command is heard this long [s] after it at most.
-_TOLD_AFTER = 0.1
+_EXPLAINED_AFTER = 0.1
 _DEFAULTS = {parameter.name: parameter.default for parameter in PLANNER}
 _SCALES = _DEFAULTS["speed_scale"], _DEFAULTS["acceleration_scale"]
-#: No tool is accelerated by more [m/s^2]: a way entered in motion exceeds the planner's limit by a tenth.
+#: No tool is accelerated by more [m/s^2]: a path entered in motion exceeds the planner's limit by a tenth.
 _MOST_ACCELERATION = 2.0 * TOOL_LIMITS.acceleration
 #: The messages of what commands the arm, by topic, which is what the planner's parameter `output` names.
 KINDS = {"joint_trajectory": JointTrajectory, "target_pose": PoseStamped}
@@ -84,8 +84,8 @@ class Commands:
         before = -math.inf
         for command in self._ear.take():
             anew = before == -math.inf or any(before < moment <= command.sent for moment in self._anew)
-            told = (before - _TOLD_AFTER < lost) & (lost < command.sent + _TOLD_AFTER)
-            for sentence in self._judged(command, anew or bool(np.any(told))):
+            explained = (before - _EXPLAINED_AFTER < lost) & (lost < command.sent + _EXPLAINED_AFTER)
+            for sentence in self._judged(command, anew or bool(np.any(explained))):
                 wrong.append(f"command {self._judge.count} at {command.sent - self._began:.2f} s {sentence}")
             before = command.sent
         for sentence in wrong[:_MOST_SENTENCES]:

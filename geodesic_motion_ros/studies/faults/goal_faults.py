@@ -16,9 +16,9 @@ from geodesic_motion_ros.studies.faults.state_faults import refused, require_onl
 _WATCHED = 0.3
 #: The arrival of a motion that goes on is known to this [s].
 _SHIFTED = 0.1
-#: Ways this near to each other [m] are the same.
+#: Paths this near to each other [m] are the same.
 _SAME = 0.005
-#: An orientation that turns by so much has no way [rad]; a place so far off has none either [m].
+#: An orientation that turns by so much has no path [rad]; a place so far off has none either [m].
 _FAR = 0.6
 
 
@@ -92,9 +92,9 @@ class GoalOutside(Fault):
     criterion = "a goal that nobody has shown: GOAL_OUT_OF_SUPPORT, its distance stated, reference unchanged"
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        aside = random.normal(size=3)
+        direction = random.normal(size=3)
         pose = bench.goal.copy()
-        pose[:3] += _FAR * aside / np.linalg.norm(aside)
+        pose[:3] += _FAR * direction / np.linalg.norm(direction)
         since = time.monotonic()
         bench.asks.send_goal(pose)
         said = bench.verdict("GOAL_OUT_OF_SUPPORT", "", since, of="goal_")
@@ -106,7 +106,7 @@ class GoalOutside(Fault):
 
 
 class SameGoal(Fault):
-    """The skill's goal in another form: the way stays the same."""
+    """The skill's goal in another form: the path stays the same."""
 
     def other_form(self, quaternion: np.ndarray) -> np.ndarray:
         """The goal's quaternion (4,) as it is sent."""
@@ -127,15 +127,15 @@ class SameGoal(Fault):
             "goal_pose", bench.asks.goal_message(np.append(bench.goal[:3], self.other_form(bench.goal[3:])))
         )
         bench.verdict("OK", "", since + 0.05, of="goal_")
-        bench.wait(lambda: len(bench.seen.path), "a way")
+        bench.wait(lambda: len(bench.seen.path), "a path")
         apart = max(float(np.min(np.linalg.norm(before - point, axis=1))) for point in bench.seen.path)
-        findings.at_most("ways apart", 1000.0 * apart, 1000.0 * _SAME, "mm")
+        findings.at_most("paths apart", 1000.0 * apart, 1000.0 * _SAME, "mm")
         bench.finish(findings)
 
 
 class GoalNotUnit(SameGoal):
     name = "goal_not_unit"
-    criterion = "a goal with a quaternion of norm 3: normalised, the same way within 5 mm"
+    criterion = "a goal with a quaternion of norm 3: normalised, the same path within 5 mm"
 
     def other_form(self, quaternion: np.ndarray) -> np.ndarray:
         return 3.0 * quaternion
@@ -143,7 +143,7 @@ class GoalNotUnit(SameGoal):
 
 class GoalSignFlipped(SameGoal):
     name = "goal_sign_flipped"
-    criterion = "a goal with -q for q: the same way within 5 mm"
+    criterion = "a goal with -q for q: the same path within 5 mm"
 
     def other_form(self, quaternion: np.ndarray) -> np.ndarray:
         return -quaternion

@@ -26,7 +26,7 @@ _MESSAGES, _AT_ONCE, _ANSWER = 10_000, 10, 5.0
 #: A life may take so long [s]; so may a motion on two hosts, its nodes' start included.
 _LIVES, _LIVES_MEMORY, _LIFE, _JOINED = 100, 20.0, 60.0, 150.0
 _SOAK_MEMORY, _DRIFT = 50.0, 0.10
-#: The soak's sphere comes to a place so far ahead on the tool's way [m].
+#: The soak's sphere comes to a place so far ahead on the tool's path [m].
 _AHEAD = 0.30
 
 
@@ -123,12 +123,12 @@ class Soak(Fault):
         findings.at_most("memory grown by", grown, _SOAK_MEMORY, "MB")
 
     def _episode(self, bench: Bench, random: np.random.Generator) -> None:
-        """A motion to a goal near the skill's, and a sphere that comes to rest on its way."""
+        """A motion to a goal near the skill's, and a sphere that comes to rest on its path."""
         goal = bench.goal.copy()
         goal[:3] += random.uniform(-_CIRCLE, _CIRCLE, 3)
         bench.asks.send_goal(goal)
         bench.spend(float(random.uniform(0.0, 2.0)))
-        bench.wait(lambda: len(bench.seen.path), "a way")
+        bench.wait(lambda: len(bench.seen.path), "a path")
         bench.asks.show_scene(coming_to(bench.seen.ahead(_AHEAD)))
         bench.spend(5.0)
 

@@ -48,12 +48,12 @@ class ObstaclesLag(Fault):
         bench.finish(findings)
 
 
-class _ToldBadly(Fault):
-    """A sphere comes to the way and stops there, or beside the goal, and is told of badly."""
+class _PublishedBadly(Fault):
+    """A sphere comes to the path and stops there, or beside the goal, and is published badly."""
 
     @abstractmethod
     def spoil(self, relay: Relay, random: np.random.Generator) -> None:
-        """Begin to tell badly."""
+        """Begin to publish badly."""
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         relay = bench.relays["obstacles"]
@@ -71,7 +71,7 @@ class _ToldBadly(Fault):
         bench.finish(findings)
 
 
-class ObstaclesLossy(_ToldBadly):
+class ObstaclesLossy(_PublishedBadly):
     name = "obstacles_lossy"
     criterion = "30 % of obstacle messages lost, others overtaking each other: no contact with a sphere that comes"
 
@@ -81,7 +81,7 @@ class ObstaclesLossy(_ToldBadly):
         relay.change = lambda message: [message] if random.uniform() > 0.3 else []
 
 
-class ObstaclesSlow(_ToldBadly):
+class ObstaclesSlow(_PublishedBadly):
     name = "obstacles_five_a_second"
     criterion = (
         "obstacles are published five times a second alone: no contact with a sphere that comes to the path and stops"
@@ -102,7 +102,7 @@ class ObstaclesSlow(_ToldBadly):
         relay.change = thinned
 
 
-class ObstaclesMisstamped(_ToldBadly):
+class ObstaclesMisstamped(_PublishedBadly):
     name = "obstacles_misstamped"
     criterion = (
         "one stamp of ten is 0.95 s ahead, then the sender's clock is 0.4 s behind: no contact with a sphere that comes"

@@ -32,9 +32,9 @@ from geodesic_motion_ros.studies.faults.state_faults import (
 _TIMEOUT = next(parameter.default for parameter in PLANNER if parameter.name == "obstacle_timeout")
 #: The planner answers within so many ticks of hearing.
 TICKS = 3
-#: A place where nothing is in the way [m]; the radius of spheres [m].
+#: A place where it blocks nothing [m]; the radius of spheres [m].
 AWAY, _RADIUS = (-0.6, 0.9, 1.2), 0.04
-#: A sphere appears so far ahead on the tool's way [m], and moves with this speed [m/s].
+#: A sphere appears so far ahead on the tool's path [m], and moves with this speed [m/s].
 AHEAD, _SPEED = 0.30, 0.25
 #: Room beyond the braking distance in which there must be no contact [m].
 _ROOM = 0.05
@@ -73,7 +73,7 @@ def outwards(place: np.ndarray) -> np.ndarray:
 
 
 def obstacle_beside(bench: Bench) -> Relay:
-    """A topic tells of a sphere where nothing is in the way; its relay."""
+    """A topic publishes a sphere where it blocks nothing; its relay."""
     bench.asks.show_scene(static(AWAY))
     relay = bench.relays["obstacles"]
     before = relay.last_passed
@@ -169,7 +169,7 @@ class ObstacleTeleports(Fault):
     name = "obstacle_teleports"
     planner = _WAITS
     criterion = (
-        "a sphere is suddenly on the way ahead: another certified way or hold <= 3 ticks after receipt; no contact "
+        "a sphere is suddenly on the path ahead: another certified path or hold <= 3 ticks after receipt; no contact "
         "where it is beyond the braking distance + 5 cm"
     )
 
@@ -203,7 +203,7 @@ class ObstacleTeleports(Fault):
         bench.spend(1.5)
         stopped = bench.seen.status.code != "OK"
         # Who never brakes must not be excused by how far that took it.
-        findings.require(not stopped or bench.seen.status.number("speed") == 0.0, "the arm has no way and still moves")
+        findings.require(not stopped or bench.seen.status.number("speed") == 0.0, "the arm has no path and still moves")
         braking = float(np.linalg.norm(bench.seen.tool - tool)) if stopped else 0.0
         findings.note(
             f"room {room:.3f} m, {bench.seen.status.code} after {braking:.3f} m, contacts {bench.seen.contacts}"
@@ -216,7 +216,7 @@ class ObstacleTeleports(Fault):
 
 
 class PlannersObstacle(Fault):
-    """Spheres that the planner alone is told of appear, and vanish."""
+    """Spheres that the planner alone receives appear, and vanish."""
 
     code: str
 
@@ -248,7 +248,7 @@ class PlannersObstacle(Fault):
 
 class ObstacleOnRobot(PlannersObstacle):
     name = "obstacle_on_robot"
-    criterion = "a sphere appears on the hand: IN_COLLISION <= 3 ticks, hold, no way through it; resumes by itself"
+    criterion = "a sphere appears on the hand: IN_COLLISION <= 3 ticks, hold, no path through it; resumes by itself"
     code = "IN_COLLISION"
 
     def spheres(self, bench: Bench, phase: str) -> Sequence[Sphere]:
@@ -261,7 +261,7 @@ class AllBlocked(PlannersObstacle):
     name = "all_blocked"
     planner = _WAITS
     criterion = (
-        "a wall across all ways to the goal (near the goal: a sphere on it, while the arm can still stop before it): "
+        "a wall across all paths to the goal (near the goal: a sphere on it, while the arm can still stop before it): "
         "NO_FEASIBLE_PATH <= 3 ticks, hold; removed: resumes by itself <= 3 ticks after"
     )
     code = "NO_FEASIBLE_PATH"
@@ -270,24 +270,24 @@ class AllBlocked(PlannersObstacle):
     def spheres(self, bench: Bench, phase: str) -> Sequence[Sphere]:
         if phase == GOAL:
             return [(bench.goal[:3], 0.03)]
-        way = tool_way(bench.asks.plan()) if phase == START else bench.seen.path
-        centres = wall(way, bench.seen.tool)
+        path = tool_path(bench.asks.plan()) if phase == START else bench.seen.path
+        centres = wall(path, bench.seen.tool)
         # The arm is to stand in no obstacle, nor to stop in one.
         return [(centre, _BRICK) for centre in centres[bench.distances_from_arm(centres) > _BRICK + _ROOM]]
 
 
-def wall(way: np.ndarray, tool: np.ndarray) -> np.ndarray:
-    """Centres (n, 3) [m] of the spheres of a wall across a way (k, 3) of the tool, `AHEAD` of where the tool is."""
-    place = ahead(way, tool, AHEAD)
-    passed = int(np.argmin(np.linalg.norm(way - place, axis=1)))
-    direction = way[min(passed + 2, len(way) - 1)] - way[max(passed - 2, 0)]
-    # Two directions across that of the way, and each other.
+def wall(path: np.ndarray, tool: np.ndarray) -> np.ndarray:
+    """Centres (n, 3) [m] of the spheres of a wall across a path (k, 3) of the tool, `AHEAD` of where the tool is."""
+    place = ahead(path, tool, AHEAD)
+    passed = int(np.argmin(np.linalg.norm(path - place, axis=1)))
+    direction = path[min(passed + 2, len(path) - 1)] - path[max(passed - 2, 0)]
+    # Two directions across that of the path, and each other.
     across = np.linalg.svd(direction[None])[2][1:]
     steps = np.linspace(-_WALL, _WALL, _BRICKS)
     return place + np.array([x * across[0] + y * across[1] for x in steps for y in steps])
 
 
-def tool_way(poses: Sequence[Pose]) -> np.ndarray:
+def tool_path(poses: Sequence[Pose]) -> np.ndarray:
     """Positions (n, 3) [m] of poses."""
     return np.array([(pose.position.x, pose.position.y, pose.position.z) for pose in poses]).reshape(-1, 3)
 
@@ -315,7 +315,7 @@ class ManyObstacles(Fault):
     name = "many_obstacles"
     criterion = (
         "1 to 50 obstacles, then none: misses counted, the planner's plan the same bytes as before (the weights "
-        "themselves: test_shortest_path.py, test_when_all_obstacles_have_gone_every_weight_is_what_it_was)"
+        "themselves: test_shortest_path.py)"
     )
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:

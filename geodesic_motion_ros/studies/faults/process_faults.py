@@ -133,15 +133,15 @@ class CoresLoaded(Fault):
         with _busy_cores(2):
             bench.spend(_BUSY)
             bench.set_out(phase)
-            since, told = bench.seen.status, len(bench.seen.health)
+            since, before = bench.seen.status, len(bench.seen.health)
             bench.spend(3.0)
             now = bench.seen.status
             rate = (now.number("tick") - since.number("tick")) / (now.sent - since.sent)
             misses = now.number("deadline_misses") - since.number("deadline_misses")
-            # How the loop has been doing until now is told within a second.
+            # How the loop has been doing until now is published within a second.
             heard = len(bench.seen.health)
             bench.wait(lambda: len(bench.seen.health) > heard, "the loop's health")
-            degraded = any("DEGRADED" in text for text in bench.seen.health[told:])
+            degraded = any("DEGRADED" in text for text in bench.seen.health[before:])
             findings.note(f"{rate:.1f} ticks a second, {misses:.0f} misses{', DEGRADED said' if degraded else ''}")
             findings.require(rate >= 0.95 * _RATE or degraded, f"{rate:.1f} ticks a second and nothing was said")
             findings.require(misses > 0 or rate > 0.99 * _RATE, "no misses were counted")

@@ -68,7 +68,7 @@ class Record:
     Attributes
     ----------
     statuses, health : of the planner, since the run began. states : of the arm, likewise.
-    path : positions (n, 3) [m] of the tool on its newest way.
+    path : positions (n, 3) [m] of the tool on its newest path.
     least_clearance [m], contacts : the twin's, since the run began.
     """
 
@@ -126,7 +126,7 @@ class Record:
         return False
 
     def ahead(self, distance: float) -> np.ndarray:
-        """The place (3,) [m] on the tool's way so far [m] ahead of it, or where the way ends."""
+        """The place (3,) [m] on the tool's path so far [m] ahead of it, or where the path ends."""
         return ahead(self.path, self.tool, distance)
 
     def since(self, moment: float) -> list[Status]:
@@ -164,8 +164,8 @@ class Record:
 def ahead(path: np.ndarray, place: np.ndarray, distance: float) -> np.ndarray:
     """The point (3,) of a path (n, 3) so far [m] ahead of that nearest to a place (3,), or its end."""
     passed = int(np.argmin(np.linalg.norm(path - place, axis=1)))
-    gone = np.cumsum(np.linalg.norm(np.diff(path[passed:], axis=0), axis=1))
-    return path[passed + min(int(np.searchsorted(gone, distance)), len(gone))]
+    lengths = np.cumsum(np.linalg.norm(np.diff(path[passed:], axis=0), axis=1))
+    return path[passed + min(int(np.searchsorted(lengths, distance)), len(lengths))]
 
 
 def _listen(node: Node, kind: type, topic: str, take: Callable[[Any], None]) -> None:

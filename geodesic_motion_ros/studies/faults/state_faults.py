@@ -169,18 +169,18 @@ class StateGlitch(Fault):
     criterion = "one joint state among good ones is 0.5 rad off: no command begins where the arm never was"
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
-        joint, told = int(random.integers(len(bench.robot.joint_names))), []
+        joint, changed = int(random.integers(len(bench.robot.joint_names))), []
 
         def wrong_once(message: JointState) -> Iterable[JointState]:
-            if not told:
+            if not changed:
                 centre = 0.5 * (bench.robot.lower[joint] + bench.robot.upper[joint])
                 message.position[joint] += _GLITCH if message.position[joint] < centre else -_GLITCH
-                told.append(message)
+                changed.append(message)
             return [message]
 
         relay = bench.relays["joint_states"]
         relay.change = wrong_once
-        bench.wait(lambda: told, "a joint state")
+        bench.wait(lambda: changed, "a joint state")
         bench.spend(0.3)
         relay.release()
         bench.finish(findings)

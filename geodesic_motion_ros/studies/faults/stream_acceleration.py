@@ -1,4 +1,4 @@
-"""How much a stream of positions accelerates, told from messages that come late or get lost. Knows nothing of ROS."""
+"""How much a stream of positions accelerates, from messages that come late or get lost. Knows nothing of ROS."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class StreamAcceleration:
     difference over the time between them.
 
     A pose that is sent late moves on by one period all the same, and a lost message leaves a gap in the stamps. So the
-    times between poses are read in two ways, from the stamps and as one period each, and the smaller acceleration
+    times between poses are read twice, from the stamps and as one period each, and the smaller acceleration
     counts.
     """
 
@@ -34,7 +34,7 @@ class StreamAcceleration:
 
     def hear(self, stamp: float, position: np.ndarray) -> float:
         """The acceleration [m/s^2] with the next pose, position (3,) [m] and stamp [s], less what jitter of the stamps
-        may make of none; 0 where it cannot be told.
+        may make of none; 0 where it cannot be computed.
         """
         self._heard.append((stamp, position))
         if len(self._heard) <= 2 * _STEPS:
@@ -43,17 +43,17 @@ class StreamAcceleration:
         gaps = np.diff(stamps)
         if np.any(gaps > _LONGEST_GAP * self._period):
             return 0.0
-        ways = np.diff(np.array([position for _, position in self._heard])[::_STEPS], axis=0)
-        counted = _change(ways, np.full(2, _STEPS * self._period))
+        displacements = np.diff(np.array([position for _, position in self._heard])[::_STEPS], axis=0)
+        counted = _change(displacements, np.full(2, _STEPS * self._period))
         if np.any(gaps <= 0.0):  # the clock was set
             return counted
         times = np.diff(stamps[::_STEPS])
-        # Either end of a window is wrong by the jitter, and so is the time that its way is divided by.
-        blurred = 2.0 * _JITTER * float(np.sum(np.linalg.norm(ways, axis=1) / times**2)) / np.mean(times)
-        return max(0.0, min(counted, _change(ways, times) - blurred))
+        # Either end of a window is wrong by the jitter, and so is the time that its displacement is divided by.
+        blurred = 2.0 * _JITTER * float(np.sum(np.linalg.norm(displacements, axis=1) / times**2)) / np.mean(times)
+        return max(0.0, min(counted, _change(displacements, times) - blurred))
 
 
-def _change(ways: np.ndarray, times: np.ndarray) -> float:
-    """Of the velocities along two ways (2, 3) [m] taken in `times` (2,) [s]: their change over the time between."""
-    velocities = ways / times[:, None]
+def _change(displacements: np.ndarray, times: np.ndarray) -> float:
+    """The velocities of two displacements (2, 3) [m] in `times` (2,) [s]: their change over the time between."""
+    velocities = displacements / times[:, None]
     return float(np.linalg.norm(velocities[1] - velocities[0]) / np.mean(times))

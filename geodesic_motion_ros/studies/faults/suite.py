@@ -43,7 +43,7 @@ def run_cases(
 
     Parameters
     ----------
-    folder : parameter files and logs of the nodes go there. begun : is told of each case before it runs.
+    folder : parameter files and logs of the nodes go there. begun : receives each case before it runs.
     output : what commands the arm, joint_trajectory or target_pose.
     """
     with Bench(skill, folder, domain, output=output) as bench:

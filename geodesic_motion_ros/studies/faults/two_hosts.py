@@ -77,7 +77,7 @@ class SecondHost:
         except (FaultSkipped, FileNotFoundError):
             self.network = "undisturbed: the kernel has no netem"
         else:
-            self.network = f"{_DELAY} late, {_LOSS} lost, each way"
+            self.network = f"{_DELAY} late, {_LOSS} lost, in each direction"
 
 
 def _run(*command: str) -> None:

@@ -2,7 +2,7 @@
 
 Four stretches in each: the goal stays; the goal jumps on a small circle many times a second, each time a new query,
 for which the graph is transported anew and its obstacle-free field found again; a sphere moves to and fro through the
-way; ten times a second comes a point cloud of all that is under the arm.
+path; ten times a second comes a point cloud of all that is under the arm.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from geodesic_motion_ros.utils.tables import text_table
 #: The skills of the paper's planner, with zeta, and grids on which it is seen where they lead.
 PAPER = {"paper_pouring": 1e9, "paper_reach": 1e3}
 _COARSE = {2: (60, 60), 3: (20, 20, 20)}
-#: Radius of the circle on which the goal jumps, and of the obstacles; how far from the tool's undisturbed way these
+#: Radius of the circle on which the goal jumps, and of the obstacles; how far from the tool's undisturbed path these
 #: stand, and how much room they leave [m].
 CIRCLE, OBSTACLE, BESIDE, ROOM = 0.010, 0.03, 0.20, 0.05
 #: A ball around the tool's origin that stands for the hand [m].
 HAND = 0.10
-#: Of the sphere that moves: its radius, how far it goes to either side of the way's middle [m], and its period [s].
+#: Of the sphere that moves: its radius, how far it goes to either side of the path's middle [m], and its period [s].
 MOVING_RADIUS, REACH, ROUND = 0.05, 0.25, 4.0
 #: Of the cloud: its points, the side of the table top that they lie on and what it leaves to the arm above [m], and by
 #: how much it moves from one to the next.
@@ -60,15 +60,15 @@ class RateRow:
 
 
 @dataclass(frozen=True)
-class _Way:
-    """The undisturbed way: places of the tool (n, 3), and balls (m, 3), (m,) that cover what moves along it [m]."""
+class _ToolPath:
+    """The undisturbed path: places of the tool (n, 3), and balls (m, 3), (m,) that cover what moves along it [m]."""
 
     tool: np.ndarray
     balls: np.ndarray
     radii: np.ndarray
 
     @classmethod
-    def of(cls, skill: Skill) -> _Way:
+    def of(cls, skill: Skill) -> _ToolPath:
         """Between the skill's own ends."""
         ends = *np.split(skill.start_pose, [3]), *np.split(skill.goal_pose, [3])
         arm = ReactivePlanner(skill)
@@ -94,7 +94,7 @@ def measure_rates(
     Parameters
     ----------
     rates : of the planner [Hz], one after the other. seconds : length of each stretch.
-    goals_hz : new goals a second in the second stretch. obstacles : how many stand beside the way in the first two.
+    goals_hz : new goals a second in the second stretch. obstacles : how many stand beside the path in the first two.
     folder : parameter files and logs of the nodes go there.
 
     Raises
@@ -105,13 +105,13 @@ def measure_rates(
         raise ParameterError(
             f"seconds {seconds}, goals_hz {goals_hz}, obstacles {obstacles}, rates {list(rates)}: must be positive"
         )
-    way = _Way.of(Skill.load(skill))
-    beside = _beside(way, obstacles)
+    path = _ToolPath.of(Skill.load(skill))
+    beside = _beside(path, obstacles)
     stretches: list[tuple[str, float, Spheres, Cloud | None]] = [
         ("goal stays", 0.0, beside, None),
         (f"goal moves {goals_hz:g} times a second", goals_hz, beside, None),
-        ("a sphere moves through the way", 0.0, _through(way.tool), None),
-        (f"clouds of {POINTS} points", 0.0, no_spheres, _table_top(way)),
+        ("a sphere moves through the path", 0.0, _through(path.tool), None),
+        (f"clouds of {POINTS} points", 0.0, no_spheres, _table_top(path)),
     ]
     rows = []
     for rate in rates:
@@ -186,31 +186,31 @@ def _stretch(stream: PlannerStream, asked: float, name: str, seconds: float, goa
     return RateRow(asked, name, rate, float(p50), float(p99), misses, goals, exact, taken, verdicts)
 
 
-def _beside(way: _Way, count: int) -> Spheres:
-    """Obstacles that are felt along the way and do not block it."""
+def _beside(path: _ToolPath, count: int) -> Spheres:
+    """Obstacles that are felt along the path and do not block it."""
     random = np.random.default_rng(0)
     centres: list[np.ndarray] = []
     while len(centres) < count:
-        aside = random.normal(size=3)
-        centre = way.tool[random.integers(len(way.tool))] + BESIDE * aside / np.linalg.norm(aside)
-        if np.min(np.linalg.norm(way.balls - centre, axis=1) - way.radii) > OBSTACLE + ROOM:
+        offset = random.normal(size=3)
+        centre = path.tool[random.integers(len(path.tool))] + BESIDE * offset / np.linalg.norm(offset)
+        if np.min(np.linalg.norm(path.balls - centre, axis=1) - path.radii) > OBSTACLE + ROOM:
             centres.append(centre)
     standing = np.array(centres).reshape(-1, 3), np.full(count, OBSTACLE)
     return lambda _: standing
 
 
-def _table_top(way: _Way) -> Cloud:
+def _table_top(path: _ToolPath) -> Cloud:
     """A level surface under all that moves, seen a little differently each time."""
     random = np.random.default_rng(0)
-    middle, height = way.tool[:, :2].mean(axis=0), np.min(way.balls[:, 2] - way.radii) - UNDER
+    middle, height = path.tool[:, :2].mean(axis=0), np.min(path.balls[:, 2] - path.radii) - UNDER
     points = np.column_stack([middle + TABLE * random.uniform(-0.5, 0.5, size=(POINTS, 2)), np.full(POINTS, height)])
     return lambda time: points + SHIFT * np.array([math.sin(7.0 * time), math.cos(7.0 * time), 0.0])
 
 
-def _through(way: np.ndarray) -> Spheres:
-    """One sphere that goes to and fro across the middle of the way, level and at right angles to it."""
-    middle = len(way) // 2
-    along = way[min(middle + 1, len(way) - 1)] - way[middle - 1]
+def _through(path: np.ndarray) -> Spheres:
+    """One sphere that goes to and fro across the middle of the path, level and at right angles to it."""
+    middle = len(path) // 2
+    along = path[min(middle + 1, len(path) - 1)] - path[middle - 1]
     across = np.array([-along[1], along[0], 0.0]) / np.hypot(along[0], along[1])
     radius = np.array([MOVING_RADIUS])
-    return lambda time: (way[middle] + REACH * math.cos(2.0 * math.pi * time / ROUND) * across[None], radius)
+    return lambda time: (path[middle] + REACH * math.cos(2.0 * math.pi * time / ROUND) * across[None], radius)

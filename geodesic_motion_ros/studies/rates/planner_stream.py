@@ -22,7 +22,7 @@ from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import cloud_message, pose_message
 from geodesic_motion_ros.skill.skill import Skill
 
-#: Times a second that spheres are told, and that a cloud is; seconds to wait for the nodes.
+#: Times a second that spheres are published, and that a cloud is; seconds to wait for the nodes.
 OBSTACLES_HZ, CLOUDS_HZ, PATIENCE = 30.0, 10.0, 60.0
 _SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 _GREY = (0.5, 0.5, 0.5, 1.0)
@@ -34,7 +34,7 @@ Cloud = Callable[[float], np.ndarray]
 
 
 def no_spheres(_: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nothing is in the way."""
+    """No spheres at any time."""
     return np.empty((0, 3)), np.empty(0)
 
 
@@ -57,11 +57,11 @@ class PlannerStream:
 
     Attributes
     ----------
-    spheres : what is told of obstacles, `OBSTACLES_HZ` times a second; each is known by its number from
+    spheres : the obstacles, published `OBSTACLES_HZ` times a second; each is known by its number from
         `first_number` on.
-    cloud : points (n, 3) [m] at a time [s], told `CLOUDS_HZ` times a second; None: no cloud is told.
+    cloud : points (n, 3) [m] at a time [s], published `CLOUDS_HZ` times a second; None: no cloud is published.
     ticks : the planner's, since they were last cleared. code, time_to_goal : its newest verdict, and the time that
-        it still needs [s], nan where it is on no way to the goal.
+        it still needs [s], nan where it follows no path to the goal.
 
     Raises
     ------
@@ -117,7 +117,7 @@ class PlannerStream:
             self._executor.spin_once(timeout_sec=0.05)
             self._processes.check()
             if self.now() > deadline:
-                raise DemoError(f"waited {patience:g} s in vain; the planner says: {self.code or 'nothing'}")
+                raise DemoError(f"timed out after {patience:g} s; the planner says: {self.code or 'nothing'}")
 
     def spend(self, seconds: float) -> None:
         """Go on for so long [s]."""

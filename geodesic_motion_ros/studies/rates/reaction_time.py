@@ -1,8 +1,8 @@
 """From an obstacle's message to the trajectory that answers it, on the wire: a whole-arm skill, three processes.
 
 The arm goes to and fro between the skill's ends. Again and again a sphere appears where the tool is about to be.
-Nothing else changes, so the next trajectory that is not the same motion, told again to lead further, is the answer:
-another way, or a stop.
+Nothing else changes, so the next trajectory that is not the same motion, published again to lead further, is the
+answer: another path, or a stop.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from geodesic_motion_ros.utils.tables import text_table
 RADIUS, AHEAD, SHOWN = 0.05, 1.0, 0.4
 #: Motions that are the same so far ahead [s], to rounding [rad], are the same.
 _LOOKED_AT, _ROUNDING = 0.3, 1e-6
-#: It takes the planner so long [s] to find that nothing is in the way any more, and to say no more.
+#: It takes the planner so long [s] to find that nothing blocks the path any more, and to say no more.
 QUIET = 0.7
 
 
@@ -86,11 +86,11 @@ def _apart(one: JointTrajectory, other: JointTrajectory, time: float) -> float:
 def _reference(message: JointTrajectory) -> JointReference:
     """The motion that a trajectory of the planner tells."""
     times = np.array([seconds(point.time_from_start) for point in message.points])
-    told = (
+    columns = (
         np.array([getattr(point, name) for point in message.points])
         for name in ("positions", "velocities", "accelerations")
     )
-    return JointReference(times, *told, np.zeros((len(times), 0)))
+    return JointReference(times, *columns, np.zeros((len(times), 0)))
 
 
 def measure_reaction(
@@ -141,10 +141,10 @@ def _answers(stream: PlannerStream, count: int) -> list[float]:
         # Each is an obstacle of its own: the same one would be taken for one that moves very fast.
         stream.first_number = number
         stream.spheres = lambda _, place=place: (place[None], np.array([RADIUS]))
-        told = stream.now()
+        published = stream.now()
         stream.tell_spheres()
         stream.spend(SHOWN)
-        found += [time - told for time in heard.times[before : before + 1]]
+        found += [time - published for time in heard.times[before : before + 1]]
         stream.spheres = no_spheres
         stream.spend(QUIET)
     return found

@@ -10,7 +10,13 @@ import pytest
 
 from geodesic_motion_ros.manifold.obstacle_weights import look_at
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
-from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark, search, search_one_way, search_plainly
+from geodesic_motion_ros.studies.benchmarks.engine import (
+    SearchProblem,
+    mark,
+    search,
+    search_from_source,
+    search_plainly,
+)
 from geodesic_motion_ros.studies.benchmarks.peers import PEERS, EdgeWeights, Networkx, Peer, Scipy, installed
 from geodesic_motion_ros.studies.benchmarks.scenes import NAMES, scenes_of
 
@@ -49,7 +55,7 @@ def test_all_find_the_cost_that_the_engine_finds(peer: type[Peer], problem: Sear
         lengths = weights.under(scene.at(5))
         ours, theirs = search(problem, mark(problem, scene.at(5)), limited=False), library.answer(lengths)
         assert theirs.cost == pytest.approx(ours.cost, rel=1e-9)
-        for other in (search_one_way, search_plainly):
+        for other in (search_from_source, search_plainly):
             assert other(problem, scene.at(5)).cost == pytest.approx(ours.cost, rel=1e-9)
         if np.isfinite(theirs.cost):
             finite += 1

@@ -44,7 +44,7 @@ def test_every_scene_has_its_figures(of_skill: bool, content: dict) -> None:
         assert 0.0 < figures["tick_ms"]["p50"] <= figures["tick_ms"]["p99"] <= figures["tick_ms"]["max"]
         in_time, refused = figures["deadline"]["in_time"], figures["deadline"]["refused"]
         assert 0.0 <= in_time <= 1.0
-        assert refused == pytest.approx(figures["no_way"])
+        assert refused == pytest.approx(figures["no_path"])
         assert figures["deadline"]["undecided"] == pytest.approx(0.0)
         assert figures["deadline"]["gap_max"] == (None if refused == 1.0 else 0.0)
         assert figures["expanded_p50"] > 0
@@ -60,7 +60,7 @@ def test_every_scene_has_its_figures(of_skill: bool, content: dict) -> None:
 def test_the_cost_is_scipys_in_every_scene(of_skill: bool, content: dict) -> None:
     scenes = content["skill"]["scenes"] if of_skill else content["scenes"]
     assert max(figures["cost_error_max"] for figures in scenes.values()) < 1e-9
-    assert min(figures["no_way"] for figures in scenes.values()) == 0.0
+    assert min(figures["no_path"] for figures in scenes.values()) == 0.0
 
 
 def test_a_wrong_cost_shows() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from geodesic_motion_ros.manifold.obstacle_weights import look_at
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, free_path, mark, search
-from geodesic_motion_ros.studies.benchmarks.scenes import NAMES, PERIOD, Scene, scenes_of, spheres_on_way
+from geodesic_motion_ros.studies.benchmarks.scenes import NAMES, PERIOD, Scene, scenes_of, spheres_on_path
 
 TICKS = range(0, PERIOD, PERIOD // 10)
 
@@ -33,13 +33,13 @@ def test_there_are_all_of_them_with_the_spheres_they_promise(scenes: dict[str, S
     assert scenes["one_r010"].radii == [0.10]
 
 
-def test_what_is_not_near_is_not_felt_and_what_is_on_the_way_is(
+def test_what_is_not_near_is_not_felt_and_what_is_on_the_path_is(
     problem: SearchProblem, scenes: dict[str, Scene]
 ) -> None:
     for tick in TICKS:
         assert not felt_on_path(problem, scenes["none_near"], tick)
-        on_way = ("one_r005", "one_r010", "ten_on_path", "wall_gap")
-        assert all(felt_on_path(problem, scenes[name], tick) for name in on_way)
+        on_path = ("one_r005", "one_r010", "ten_on_path", "wall_gap")
+        assert all(felt_on_path(problem, scenes[name], tick) for name in on_path)
 
 
 @pytest.mark.parametrize(("name", "end"), [("goal_enclosed", "target"), ("start_enclosed", "source")])
@@ -57,7 +57,7 @@ def test_an_enclosure_has_no_hole_but_where_the_arm_is(
     assert np.mean(to_arm > 0.16) > 0.5
 
 
-def test_the_way_through_the_gap_is_a_detour(problem: SearchProblem, scenes: dict[str, Scene]) -> None:
+def test_the_path_through_the_gap_is_a_detour(problem: SearchProblem, scenes: dict[str, Scene]) -> None:
     free = problem.to_goal[problem.source]
     for tick in TICKS:
         answer = search(problem, mark(problem, scenes["wall_gap"].at(tick)), limited=False)
@@ -83,6 +83,6 @@ def test_spheres_swing_as_fast_as_it_is_said(name: str, scenes: dict[str, Scene]
 
 
 @pytest.mark.parametrize("count", [0, 1, 7])
-def test_any_number_of_spheres_can_be_on_the_way(count: int, problem: SearchProblem) -> None:
-    obstacles = spheres_on_way(problem, count).at(3)
+def test_any_number_of_spheres_can_be_on_the_path(count: int, problem: SearchProblem) -> None:
+    obstacles = spheres_on_path(problem, count).at(3)
     assert (obstacles.centres.shape, obstacles.radii.shape) == ((count, 3), (count,))

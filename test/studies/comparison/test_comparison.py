@@ -79,7 +79,7 @@ def test_half_of_the_demonstrations_are_spared_in_scenes_of_even_number(arena, f
     assert len(scene.spheres) == {"none": 0, "elbow": 1, "gate": 4, "crowd": 10}.get(family, len(scene.spheres))
     assert family == "none" or scene.spheres
     if family in ("static", "elbow", "crossing"):
-        # Control: something is in the way.
+        # Control: something blocks one.
         assert not np.all(scene.free)
 
 
@@ -187,16 +187,16 @@ def test_intervals_are_those_of_the_books() -> None:
 def test_the_table_tells_successes_hits_and_refusals_apart(tmp_path) -> None:
     failures = [
         outcome(reached=False, contact="moving"), outcome(reached=False, contact="standing", refusal="stood"),
-        outcome(reached=False, refusal="no way"), outcome(reached=False), outcome(mostly_free=False),
+        outcome(reached=False, refusal="no path"), outcome(reached=False), outcome(mostly_free=False),
         outcome(reached=False, contact="no room"),
     ]  # fmt: skip
     played = [Played("ours", "gate", i, {}, item) for i, item in enumerate([outcome(), *failures])]
     report = Report("reach", 0, played, {"ours": "geodesics"})
     content = json.loads(write_json(tmp_path / "x.json", report.as_dict()).read_text())
-    told = content["rows"]["ours"]["half_or_more_stay_free"]
+    own = content["rows"]["ours"]["half_or_more_stay_free"]
     names = ("scenes", "success_percent", "contacts_moving", "contacts_standing", "refused", "lost")
-    assert [told[name] for name in names] == [6, 100.0 / 6, 2, 1, 1, 1]
-    assert told["rate_held_percent"] == 99.0
+    assert [own[name] for name in names] == [6, 100.0 / 6, 2, 1, 1, 1]
+    assert own["rate_held_percent"] == 99.0
     assert content["rows"]["ours"]["fewer_stay_free"]["success_percent"] == 100.0
     total = content["rows"]["ours"]["all"]
     assert (total["scenes"], total["success_percent"]) == (7, 200.0 / 7)
@@ -240,21 +240,21 @@ def test_clearance_is_that_of_successes_among_spheres() -> None:
         Played("ours", "none", 0, {}, outcome(clearance=0.3)),
         Played("ours", "gate", 0, {}, outcome(clearance=0.02)),
         Played("ours", "gate", 2, {}, outcome(clearance=0.04)),
-        Played("ours", "gate", 4, {}, outcome(reached=False, refusal="no way", clearance=0.3)),
+        Played("ours", "gate", 4, {}, outcome(reached=False, refusal="no path", clearance=0.3)),
     ]
-    told = figures(played)
-    assert (told["least_clearance_mm"], told["median_clearance_mm"]) == (20.0, 30.0)
+    own = figures(played)
+    assert (own["least_clearance_mm"], own["median_clearance_mm"]) == (20.0, 30.0)
     assert figures(played[:1])["least_clearance_mm"] is None
     assert [_came_near(item) for item in played] == [False, True, True, False]
 
 
-def test_similarity_is_told_where_something_had_to_be_avoided_too() -> None:
+def test_similarity_is_reported_where_something_had_to_be_avoided_too() -> None:
     dtw = {0: 0.001, 1: 0.008, 2: 0.010, 3: 0.5}
     played = [Played("ours", "gate", number, {}, outcome(dtw=value)) for number, value in dtw.items()]
     played[3] = replace(played[3], outcome=replace(played[3].outcome, contact="moving"))
     blind = [Played("replay", "gate", number, {}, outcome(contact="moving" if number else "")) for number in dtw]
-    told = {"ours": "geodesics", "replay": "the control"}
-    report = Report("reach", 0, [*played, *blind], told)
+    descriptions = {"ours": "geodesics", "replay": "the control"}
+    report = Report("reach", 0, [*played, *blind], descriptions)
     assert report.figures("ours", mostly_free)["dtw_mm"] == 8.0
     assert report.figures("ours", mostly_free)["dtw_avoiding_mm"] == 9.0
     assert report.figures("replay", mostly_free)["dtw_avoiding_mm"] is None

@@ -1,4 +1,4 @@
-"""The earliest arrival on a path: with no one in the way, behind what leaves, past what comes by stepping back."""
+"""The earliest arrival on a path: with no obstacle on it, behind what leaves, past what comes by stepping back."""
 
 from __future__ import annotations
 

@@ -170,9 +170,9 @@ def test_what_was_trained_is_used_again(skill, folder, no_training) -> None:
 def test_what_differs_is_trained_again(skill, folder, tmp_path, no_training, change) -> None:
     kept = tmp_path / "skills"
     shutil.copytree(skills_in(folder, skill), kept)
-    told, sheet = skill.provenance["settings"], skill.canonical
+    settings, sheet = skill.provenance["settings"], skill.canonical
     if change == "settings":
-        skill = replace(skill, provenance={"settings": told | {"steps": 41}})
+        skill = replace(skill, provenance={"settings": settings | {"steps": 41}})
     elif change == "demonstrations":
         skill = replace(skill, canonical=replace(sheet, goal_offsets=1.01 * sheet.goal_offsets))
     else:

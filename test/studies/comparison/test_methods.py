@@ -32,7 +32,7 @@ def scene(arena: Arena, blocked_elbow) -> Scene:
 
 @pytest.fixture(scope="module")
 def blocked(arena: Arena) -> Scene:
-    """Spheres that stand in the way of every demonstration."""
+    """Spheres that stand and block every demonstration."""
     scenes = (draw_scene(arena, "static", number, 0) for number in range(1, 40, 2))
     return next(scene for scene in scenes if not np.any(scene.free))
 
@@ -60,12 +60,12 @@ def least_clearance(arena: Arena, scene: Scene, configurations: np.ndarray) -> f
 def stepped(method: Method, scene: Scene, obstacles: Obstacles, until: float) -> np.ndarray:
     """Configurations (n, eta) of an arm that is where it is sent, for a method that sends one after the other."""
     method.reset(scene)
-    way = []
+    sent = []
     for tick in range(int(until / TICK)):
         waypoints = method.tick(tick * TICK, obstacles).waypoints
         assert waypoints is not None
-        way.append(waypoints.positions[0])
-    return np.array(way)
+        sent.append(waypoints.positions[0])
+    return np.array(sent)
 
 
 def first_answer(method: Method, scene: Scene, obstacles: Obstacles) -> Answer:
@@ -125,7 +125,7 @@ def test_the_nearest_free_demonstration_is_played_and_another_one_joined_where_i
     nearest = arena.nearest(scene.start, scene.goal)
     first = first_answer(method, scene, Obstacles.none()).waypoints
     assert off(first.positions, nearest) < 0.02
-    # On the way something comes that only others are free of.
+    # Then something comes that only others are free of.
     answer = method.tick(0.2, standing(scene))
     assert answer.planned
     assert not answer.refusal
@@ -190,8 +190,8 @@ def test_the_same_scene_makes_the_same_tree(arena, scene) -> None:
 @pytest.mark.parametrize("row", ["DMP", "barriers"])
 def test_without_obstacles_the_demonstration_is_followed(arena, scene, row) -> None:
     nearest = scene.demonstrations[arena.nearest(scene.start, scene.goal)]
-    way = stepped(made(row, arena), scene, Obstacles.none(), nearest.duration + 0.5)
-    tools = np.array([arena.robot.forward(one)[0] for one in way[::20]])
+    motion = stepped(made(row, arena), scene, Obstacles.none(), nearest.duration + 0.5)
+    tools = np.array([arena.robot.forward(one)[0] for one in motion[::20]])
     shown = arena.tool_curve(nearest.positions).positions
     assert max(np.min(np.linalg.norm(shown - tool, axis=1)) for tool in tools) < 0.02
     np.testing.assert_allclose(tools[-1], scene.goal_pose[0], atol=0.01)
@@ -201,19 +201,19 @@ def test_a_primitive_stays_at_the_goal(arena) -> None:
     """After the time that it was learned over, too, where the arm comes to rest."""
     scene = draw_scene(arena, "none", 1, 0)
     duration = scene.demonstrations[arena.nearest(scene.start, scene.goal)].duration
-    way = stepped(made("DMP", arena), scene, Obstacles.none(), duration + 2.5)
-    tools = np.array([arena.robot.forward(one)[0] for one in way[int(duration / TICK) :: 10]])
+    motion = stepped(made("DMP", arena), scene, Obstacles.none(), duration + 2.5)
+    tools = np.array([arena.robot.forward(one)[0] for one in motion[int(duration / TICK) :: 10]])
     assert np.max(np.linalg.norm(tools - scene.goal_pose[0], axis=1)) < 0.005
 
 
-def test_a_primitive_is_bent_around_what_is_in_the_way_of_the_tool(arena, scene) -> None:
+def test_a_primitive_is_bent_around_what_blocks_the_tool(arena, scene) -> None:
     method = made("DMP", arena)
     nearest = scene.demonstrations[arena.nearest(scene.start, scene.goal)]
     ahead = arena.tool_curve(nearest.samples(np.array([0.5, 0.55]) * nearest.duration)[0]).positions
     seen = Obstacles.of_spheres(ahead[:1] + [0.0, 0.0, 0.02], np.array([0.05]))
 
-    def nearest_of(way: np.ndarray) -> float:
-        return min(float(np.linalg.norm(arena.robot.forward(one)[0] - seen.centres[0])) for one in way[::5])
+    def nearest_of(motion: np.ndarray) -> float:
+        return min(float(np.linalg.norm(arena.robot.forward(one)[0] - seen.centres[0])) for one in motion[::5])
 
     until = 0.6 * nearest.duration
     bent = nearest_of(stepped(method, scene, seen, until))
@@ -228,7 +228,7 @@ def test_barriers_are_not_crossed(arena, scene) -> None:
     assert least_clearance(arena, scene, stepped(method, scene, Obstacles.none(), until)[::5]) < 0.0
 
 
-def test_barriers_give_way_to_what_comes(arena, scene) -> None:
+def test_barriers_evade_what_comes(arena, scene) -> None:
     """The sphere is still too far off for its place alone to move the arm."""
     method = made("barriers", arena)
     still = replace(scene, demonstrations=tuple(arena.timed(np.stack([scene.start] * 4)) for _ in arena.shown))

@@ -15,6 +15,7 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.catalogue import ROWS
+from geodesic_motion_ros.studies.comparison.demonstrated_motions import DemonstratedMotions
 from geodesic_motion_ros.studies.comparison.execution import Judge, Outcome, Stage
 from geodesic_motion_ros.studies.comparison.families import FAMILIES, FREE_END, TALLEST, NoPlaceError, draw_family
 from geodesic_motion_ros.studies.comparison.method import Answer, Method
@@ -25,7 +26,6 @@ from geodesic_motion_ros.studies.comparison.motions import TableMotion
 from geodesic_motion_ros.studies.comparison.report import Report
 from geodesic_motion_ros.studies.comparison.results import Played
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene
-from geodesic_motion_ros.studies.comparison.ways import Ways
 from geodesic_motion_ros.utils.errors import SkillError
 
 COARSE = PlannerSettings(grid_shape=(30, 30, 30))
@@ -88,15 +88,15 @@ def test_no_other_family_declares_anything_and_none_has_changed_its_place(arena:
 def test_a_demonstration_that_enters_the_declared_scene_is_not_free(arena: Arena) -> None:
     scene = draw_scene(arena, "none", 0, 0)
     middle = arena.robot.forward(scene.demonstrations[0].sample(0.5 * scene.demonstrations[0].duration)[0])[0]
-    assert np.all(Ways(arena, scene.demonstrations, True).free_of(()))
-    assert not Ways(arena, scene.demonstrations, True, block(middle)).free_of(())[0]
+    assert np.all(DemonstratedMotions(arena, scene.demonstrations, True).free_of(()))
+    assert not DemonstratedMotions(arena, scene.demonstrations, True, block(middle)).free_of(())[0]
 
 
 def test_there_is_no_place_where_the_table_reaches_the_goal(arena: Arena) -> None:
     scene, random = draw_scene(arena, "none", 0, 0), np.random.default_rng(0)
-    ways = Ways(arena, scene.demonstrations, True, block(scene.goal_pose[0]))
+    demonstrated = DemonstratedMotions(arena, scene.demonstrations, True, block(scene.goal_pose[0]))
     with pytest.raises(NoPlaceError, match="start or goal"):
-        draw_family("table", ways, random, spared=False)
+        draw_family("table", demonstrated, random, spared=False)
 
 
 def leaning(arena: Arena, scene: Scene) -> JointDemonstration:
@@ -149,7 +149,9 @@ def test_a_free_demonstration_is_free_of_what_is_declared(arena: Arena, stage: S
     scenes = (replace(scene, declared=block(place)) for place in body[30:70:10].reshape(-1, 3))
     others = arena.modes != arena.modes[nearest]
     scene = next(
-        scene for scene in scenes if np.all(Ways(arena, scene.demonstrations, True, scene.declared).free_of(())[others])
+        scene
+        for scene in scenes
+        if np.all(DemonstratedMotions(arena, scene.demonstrations, True, scene.declared).free_of(())[others])
     )
     assert stage.play(scene, Uninformed(FreeDemonstration(arena)))[0].contact == "scene"
     assert stage.play(scene, FreeDemonstration(arena))[0].success

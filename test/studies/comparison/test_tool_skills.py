@@ -155,10 +155,10 @@ class Holding:
 
 def test_a_hand_that_rests_while_the_elbow_swings_is_touched_as_it_stands(arena, stage, blocked) -> None:
     robot, start = arena.robot, blocked.start
-    aside = solve_with_swivel(robot, *robot.forward(start), swivel_angle(robot, start) + 0.4, start)
+    swung = solve_with_swivel(robot, *robot.forward(start), swivel_angle(robot, start) + 0.4, start)
     towards = np.array([0.2, 0.0, 0.0])
     coming = MovingSphere(0.04, 0.0, 10.0, robot.forward(start)[0] - 1.5 * towards, towards, False)
-    outcome, postures = stage.play(replace(among(blocked, coming), start=aside), Holding(arena))
+    outcome, postures = stage.play(replace(among(blocked, coming), start=swung), Holding(arena))
     # 50 postures a second: as it is touched, joints are faster than those of an arm that rests.
     assert np.max(np.abs(postures[-2] - postures[-3])) * 50.0 > 2.0 * RESTING
     assert outcome.contact == "standing"

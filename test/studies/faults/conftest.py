@@ -38,12 +38,12 @@ JOINTS = Robot.panda().joint_names
 TIMEOUTS = {parameter.name: parameter.default for parameter in PLANNER if parameter.name.endswith("_timeout")}
 PERIOD, SPEED, TOOL = 0.01, 0.2, 0.05
 START, GOAL = np.array([0.5, -0.4, 0.4]), np.array([0.5, 0.4, 0.4])
-#: The way (81, 3) [m]; its share is the position [rad] of the first joint, the others stand at 0.
-WAY = START + np.linspace(0.0, 1.0, 81)[:, None] * (GOAL - START)
+#: The path (81, 3) [m]; its share is the position [rad] of the first joint, the others stand at 0.
+PATH = START + np.linspace(0.0, 1.0, 81)[:, None] * (GOAL - START)
 DURATION = float(np.linalg.norm(GOAL - START)) / SPEED
-#: No wait takes longer than this [s], in which the arm can go all its way.
+#: No wait takes longer than this [s], in which the arm can follow all its path.
 PATIENCE = 5.0
-#: A sphere nearer than this to the way blocks it [m].
+#: A sphere nearer than this to the path blocks it [m].
 ROOM = 0.1
 
 
@@ -61,7 +61,7 @@ class MadePlanner:
 
     Attributes
     ----------
-    share : of the way that the arm has gone. flaws : by name, as in `test_criteria.py`.
+    share : of the path that the arm has followed. flaws : by name, as in `test_criteria.py`.
     keep : whether silence of obstacles is no reason to stop. ended : whether no goal is taken any more.
     """
 
@@ -150,18 +150,18 @@ class MadePlanner:
         late = self.tracker.late(now, TIMEOUTS["obstacle_timeout"])
         if (silent or late) and not deaf and (not self.keep or "always holds" in self.flaws):
             names = "an obstacle" if "names nothing" in self.flaws else ", ".join(silent | late)
-            return "STALE_OBSTACLES", f"{names} not told" if silent else f"stamps lag: {names}"
+            return "STALE_OBSTACLES", f"{names} not received" if silent else f"stamps lag: {names}"
         here = round(80 * self.share)
         if self._gap(now, here, here + 1) <= 0.0:
             return "IN_COLLISION", "the tool overlaps an obstacle"
         return ("NO_FEASIBLE_PATH", "blocked") if self._gap(now, here) <= ROOM else ("OK", "")
 
     def _gap(self, now: float, first: int, end: int | None = None) -> float:
-        """Least distance [m] of spheres from a part of the way."""
+        """Least distance [m] of spheres from a part of the path."""
         spheres = self.tracker.current(now)
         if "is blind" in self.flaws or not len(spheres):
             return math.inf
-        apart = np.linalg.norm(WAY[first:end, None] - spheres.centres, axis=-1) - spheres.radii - TOOL
+        apart = np.linalg.norm(PATH[first:end, None] - spheres.centres, axis=-1) - spheres.radii - TOOL
         return float(np.min(apart))
 
 
@@ -172,7 +172,7 @@ class MadeAsking(asking.Asking):
 
     def plan(self, start: np.ndarray | None = None) -> list[Any]:
         drifts = self.made.planner.ticks if "plans otherwise" in self.made.planner.flaws else 0
-        points = [SimpleNamespace(x=x, y=y + drifts, z=z) for x, y, z in WAY]
+        points = [SimpleNamespace(x=x, y=y + drifts, z=z) for x, y, z in PATH]
         return [SimpleNamespace(position=point) for point in points]
 
     def set_parameters(self, name: str, **values: Any) -> None:
@@ -183,7 +183,7 @@ class MadeAsking(asking.Asking):
 
 
 class MadeBench(bench.Bench):
-    """The bench's own way of waiting, with relays and a record of its own; every wait is ticks of a made time."""
+    """The bench's own waiting, with relays and a record of its own; every wait is ticks of a made time."""
 
     def __init__(self, clock: MadeTime, flaws: Sequence[str]) -> None:
         self.made_time = clock
@@ -283,7 +283,7 @@ class MadeBench(bench.Bench):
                 timer[2]()
         self.seen.statuses.append(self.planner.tick(self.now))
         if self.planner.goal:
-            self.seen.path = WAY
+            self.seen.path = PATH
         for name, place in spheres.items():
             gap = float(np.linalg.norm(place - self.seen.tool)) - self.scene[name]["radius"] - TOOL
             self.seen.least_clearance = min(self.seen.least_clearance, gap)
@@ -293,8 +293,8 @@ class MadeBench(bench.Bench):
         if ball["kind"] == "static":
             return np.array(ball["centre"])
         begin, end = np.array(ball["start"]), np.array(ball["end"])
-        gone = ball["speed"] * (self.now - self.shown) / np.linalg.norm(end - begin)
-        return begin + min(gone, 1.0) * (end - begin)
+        share = ball["speed"] * (self.now - self.shown) / np.linalg.norm(end - begin)
+        return begin + min(share, 1.0) * (end - begin)
 
 
 @pytest.fixture

@@ -20,9 +20,9 @@ NOW = 1000.0
 READY = ROBOT.ready[None]
 
 
-def motion(start: np.ndarray, way: np.ndarray, duration: float = 2.0, begin: float = NOW) -> Trajectory:
+def motion(start: np.ndarray, displacement: np.ndarray, duration: float = 2.0, begin: float = NOW) -> Trajectory:
     """From rest to rest, heard when it begins."""
-    ends = np.stack([start, start + way])
+    ends = np.stack([start, start + displacement])
     still = np.zeros_like(ends)
     times = np.linspace(0.0, duration, 21)
     inner = times[:-1]
@@ -107,11 +107,11 @@ class TestTrajectories:
         braking[-1] = 0.1
         assert any("rest" in sentence for sentence in judge.hear(changed(good, accelerations=braking), READY))
 
-    def test_an_old_stamp_is_told(self, judge, good) -> None:
+    def test_an_old_stamp_is_reported(self, judge, good) -> None:
         late = replace(good, heard=good.begin + 0.3)
         assert any("stamp" in sentence for sentence in judge.hear(late, READY))
 
-    def test_what_has_ended_is_told(self, judge, good) -> None:
+    def test_what_has_ended_is_reported(self, judge, good) -> None:
         late = replace(good, heard=good.begin + 2.1)
         assert any("in the past" in sentence for sentence in judge.hear(late, READY))
 
@@ -150,16 +150,16 @@ class TestTargets:
         assert any("20.0 mm" in sentence for sentence in TargetJudge(1.0, PERIOD).hear(pose(), [arm]))
         assert TargetJudge(1.0, PERIOD).hear(pose(), [arm, (np.array([0.501, 0.0, 0.4]), DOWN)]) == []
 
-    def test_what_is_not_finite_is_told(self) -> None:
+    def test_what_is_not_finite_is_reported(self) -> None:
         spoiled = replace(pose(), position=np.array([np.nan, 0.0, 0.0]))
         assert TargetJudge(1.0, PERIOD).hear(spoiled) == ["is not finite"]
 
-    def test_the_other_sign_is_told(self) -> None:
+    def test_the_other_sign_is_reported(self) -> None:
         judge = TargetJudge(1.0, PERIOD)
         judge.hear(pose())
         assert any("sign" in sentence for sentence in judge.hear(replace(pose(), quaternion=-DOWN)))
 
-    def test_an_old_stamp_is_told(self) -> None:
+    def test_an_old_stamp_is_reported(self) -> None:
         assert any("stamp" in sentence for sentence in TargetJudge(1.0, PERIOD).hear(replace(pose(), heard=NOW + 0.3)))
 
     def test_norms_are_one(self) -> None:
@@ -173,11 +173,11 @@ def stream(speeds: np.ndarray, jitter: float = 0.0, lost: int = 0, late: int | N
     and from `late` on they come 60 ms later.
     """
     random = np.random.default_rng(0)
-    ways = PERIOD * np.cumsum(speeds)
+    distances = PERIOD * np.cumsum(speeds)
     stamps = NOW + PERIOD * np.arange(len(speeds)) + random.uniform(-jitter, jitter, len(speeds))
     if late is not None:
         stamps[late:] += 0.06
-    poses = [pose(way, at=stamp) for way, stamp in zip(ways, stamps, strict=True)]
+    poses = [pose(distance, at=stamp) for distance, stamp in zip(distances, stamps, strict=True)]
     return [target for number, target in enumerate(poses) if not lost or number % lost != lost // 2]
 
 

@@ -17,7 +17,7 @@ from geodesic_motion_ros.utils.deadline import Deadline
 
 @pytest.fixture
 def planner(shared: PaperPlanner) -> PaperPlanner:
-    """At the skill's start, among nothing, on the way to the skill's goal."""
+    """At the skill's start, among nothing, with a path to the skill's goal."""
     start, goal = (np.split(pose, [3]) for pose in (shared.skill.start_pose, shared.skill.goal_pose))
     shared.set_obstacles(Obstacles.none())
     shared.clear_goal()

@@ -21,7 +21,7 @@ def test_every_stretch_is_measured_and_goals_and_spheres_really_move(tmp_path):
     for row in rows:
         assert 0.0 < row.rate < 60.0
         assert 0.0 < row.tick_p50 <= row.tick_p99
-    # Beside the way obstacles are felt and block nothing; a sphere that goes through the middle of it does. A busy
+    # Beside the path obstacles are felt and block nothing; a sphere that goes through the middle of it does. A busy
     # machine may keep the twin from telling where the arm is, and says so.
     for row in stays, cloud:
         assert set(row.verdicts) <= {"OK", "STALE_STATE"}

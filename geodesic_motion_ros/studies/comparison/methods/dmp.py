@@ -3,7 +3,7 @@
 A. Ijspeert et al., "Dynamical movement primitives", Neural Computation 25 (2013), with its obstacle term for positions
 (H. Hoffmann et al., ICRA 2009); orientations by A. Ude et al., ICRA 2014; both of the library movement_primitives,
 which knows obstacles as points. The arm follows by damped least squares and is drawn to the demonstration's posture;
-what avoids is the tool alone. It never says that there is no way.
+what avoids is the tool alone. It never says that there is no path.
 """
 
 from __future__ import annotations

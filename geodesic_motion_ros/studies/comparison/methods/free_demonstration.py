@@ -1,6 +1,6 @@
 """The nearest demonstration that is free is played, and another one joined where it is blocked: no learning at all.
 
-Demonstrations are moved to the scene's start and goal. Where the one being played comes into the way of what is there,
+Demonstrations are moved to the scene's start and goal. Where the one being played is blocked by what is there,
 or will be within the prediction, the arm goes over to one that is free from where it will be to the goal; what it is
 off that one there fades until the goal.
 """
@@ -32,12 +32,12 @@ class FreeDemonstration(Replanning):
 
     def prepare(self, scene: Scene) -> None:
         """Take the demonstrations that were moved."""
-        self._ways = [(item.latent[:, 0], item.positions) for item in scene.demonstrations]
+        self._moved = [(item.latent[:, 0], item.positions) for item in scene.demonstrations]
 
     def paths(self, start: np.ndarray, progress: float, obstacles: Obstacles) -> Iterator[np.ndarray]:
         """What is left of each."""
         phase = np.linspace(progress, 1.0, POINTS)
         for number in self._arena.by_nearness(start, self._goal, progress):
-            shares, positions = self._ways[number]
+            shares, positions = self._moved[number]
             path = np.stack([np.interp(phase, shares, joint) for joint in positions.T], axis=1)
             yield meeting(path, start, self._goal)

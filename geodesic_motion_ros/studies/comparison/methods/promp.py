@@ -1,7 +1,7 @@
 """ProMP: probabilistic movement primitives in joint space, conditioned on where the arm is and on the goal.
 
 A. Paraschos et al., "Probabilistic movement primitives", NIPS 2013, as the library movement_primitives has them, one
-for each way that was demonstrated. Tried are the mean motions, and then samples of the distributions: what the
+for each mode of the demonstrations. Tried are the mean motions, and then samples of the distributions: what the
 demonstrations vary in is what can be avoided with.
 """
 
@@ -23,7 +23,7 @@ SAMPLES, POINTS = 10, 60
 
 
 class Primitives(Replanning):
-    """One primitive for each way; the one whose mean begins nearest to where the arm is comes first."""
+    """One primitive for each mode; the one whose mean begins nearest to where the arm is comes first."""
 
     def __init__(self, arena: Arena, samples: int = SAMPLES) -> None:
         """samples : of each primitive that are tried."""

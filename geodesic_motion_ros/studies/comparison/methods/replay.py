@@ -1,4 +1,4 @@
-"""The control: the nearest demonstration is replayed, whatever comes into its way."""
+"""The control: the nearest demonstration is replayed, whatever blocks it."""
 
 from __future__ import annotations
 

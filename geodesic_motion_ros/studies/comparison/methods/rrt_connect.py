@@ -26,7 +26,7 @@ CHECKS, RANGE, RESOLUTION, KEPT_OFF, POINTS = 3000, 0.25, 0.01, 0.02, 100
 
 
 class RapidTrees(Replanning):
-    """A new path from where the arm will be whenever the one being gone is not free."""
+    """A new path from where the arm will be whenever the one being followed is not free."""
 
     def __init__(self, arena: Arena, checks: int = CHECKS, step: float = RANGE, kept_off: float = KEPT_OFF) -> None:
         """checks, step, kept_off : see the constants."""

@@ -1,4 +1,4 @@
-"""Ways: the demonstrations between the start and the goal of a scene, as spheres are drawn on them.
+"""The demonstrations, moved to the start and the goal of a scene and played, as spheres are drawn on them.
 
 A demonstration *stays free* where, moved to the scene's start and goal and played from the beginning within the
 arena's limits, none of the arena's collision spheres, those of what is guarded, touches a sphere of the scene
@@ -13,30 +13,24 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.studies.comparison.arena import Arena
-from geodesic_motion_ros.studies.comparison.guard import GuardedArm
+from geodesic_motion_ros.studies.comparison.chasing import chased_point, sphere_centres
 from geodesic_motion_ros.studies.experiments.blocked_arm import HAND
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
-#: Between the instants at which the ways are looked at [s].
+#: Between the instants at which the motions are evaluated [s].
 _PERIOD = 0.02
-#: Links that come so far on the way move [m].
+#: Links that come so far in the motion move [m].
 _MOVES = 0.15
-#: Part of a way on which spheres are drawn.
+#: Part of a motion on which spheres are drawn.
 _INTERIOR = (0.2, 0.8)
 #: How far spheres are drawn from the body's place, as a standard deviation [m].
 _OFF = 0.03
 
 
-def chased_point(arm: GuardedArm, tool: bool, configuration: np.ndarray) -> np.ndarray:
-    """What chasing spheres move towards, (3,) [m]: the tool or the elbow in a configuration (eta,) [rad]."""
-    return arm.robot.forward(configuration)[0] if tool else elbow_position(arm.robot, configuration)
-
-
-class Ways:
-    """The body on every way at instants from 0 on.
+class DemonstratedMotions:
+    """The body in every motion at instants from 0 on.
 
     Attributes
     ----------
@@ -69,25 +63,25 @@ class Ways:
         self._moving = np.unique(self._links[comes_far])
 
     def place(self, random: np.random.Generator) -> tuple[int, float, np.ndarray]:
-        """A way, a time on it [s], and a place (3,) [m] in or near a link that moves, there and then."""
-        way = int(random.integers(len(self._bodies)))
-        at = int(random.uniform(*_INTERIOR) * len(self._times[way]))
+        """The index of a motion, a time in it [s], and a place (3,) [m] in or near a link that moves, at that time."""
+        index = int(random.integers(len(self._bodies)))
+        at = int(random.uniform(*_INTERIOR) * len(self._times[index]))
         of_link = np.flatnonzero(self._links == random.choice(self._moving))
-        place = self._bodies[way][at, random.choice(of_link)] + random.normal(scale=_OFF, size=3)
-        return way, float(self._times[way][at]), place
+        place = self._bodies[index][at, random.choice(of_link)] + random.normal(scale=_OFF, size=3)
+        return index, float(self._times[index][at]), place
 
     def hand_motion(self, random: np.random.Generator) -> tuple[float, np.ndarray, np.ndarray]:
-        """A time on a way [s], the middle of the hand then (3,) [m], and the horizontal direction (3,) it moves in."""
-        way = int(random.integers(len(self._bodies)))
-        at = int(random.uniform(*_INTERIOR) * len(self._times[way]))
-        middle = self._bodies[way][at - 1 : at + 2, self.hand].mean(axis=1)
+        """A time in a motion [s], the middle of the hand then (3,) [m], and its horizontal direction (3,) of motion."""
+        index = int(random.integers(len(self._bodies)))
+        at = int(random.uniform(*_INTERIOR) * len(self._times[index]))
+        middle = self._bodies[index][at - 1 : at + 2, self.hand].mean(axis=1)
         along = (middle[2] - middle[0]) * [1.0, 1.0, 0.0]
-        return float(self._times[way][at]), middle[1], along / max(float(np.linalg.norm(along)), 1e-9)
+        return float(self._times[index][at]), middle[1], along / max(float(np.linalg.norm(along)), 1e-9)
 
     def chased(self, random: np.random.Generator) -> np.ndarray:
         """A place (3,) [m] at which what is chased is at some time."""
-        way = self._chased[random.integers(len(self._chased))]
-        return way[int(random.uniform(*_INTERIOR) * len(way))]
+        points = self._chased[random.integers(len(self._chased))]
+        return points[int(random.uniform(*_INTERIOR) * len(points))]
 
     def start_clearance(self, centres: np.ndarray, radius: float) -> float:
         """Least distance [m] of the body at the start from a sphere at centres (n, 3)."""
@@ -97,32 +91,32 @@ class Ways:
         """Least distance [m] of the body at the goal from a sphere at centres (n, 3)."""
         return self._clearance(self._bodies[0][-1], centres, radius)
 
-    def clearances(self, way: int, centre: np.ndarray, radius: float) -> np.ndarray:
-        """Least distance (B,) [m] of each of the body's spheres from a sphere that stands, on a way."""
-        return _nearest(self._bodies[way], centre) - self._radii - radius
+    def clearances(self, index: int, centre: np.ndarray, radius: float) -> np.ndarray:
+        """Least distance (B,) [m] of each of the body's spheres from a sphere that stands, in a motion."""
+        return _nearest(self._bodies[index], centre) - self._radii - radius
 
     def hand_keeps(self, distance: float, spheres: Sequence[MovingSphere]) -> np.ndarray:
         """On which demonstrations the hand keeps a distance [m] from spheres that stand, (N,) bool."""
         return np.array([
-            all(np.min(self.clearances(way, item.begin, item.radius)[self.hand]) >= distance for item in spheres)
-            for way in range(len(self._bodies))
+            all(np.min(self.clearances(index, item.begin, item.radius)[self.hand]) >= distance for item in spheres)
+            for index in range(len(self._bodies))
         ])  # fmt: skip
 
     def free_of(self, spheres: Sequence[MovingSphere]) -> np.ndarray:
-        """Which ways stay free of spheres and of the declared scene, (N,) bool."""
-        ways = range(len(self._bodies))
-        touched = np.array([any(self._touches(way, sphere) for sphere in spheres) for way in ways])
+        """Which motions stay free of spheres and of the declared scene, (N,) bool."""
+        indices = range(len(self._bodies))
+        touched = np.array([any(self._touches(index, sphere) for sphere in spheres) for index in indices])
         return self._leaves_scene_free & ~touched
 
     def _clearance(self, body: np.ndarray, centres: np.ndarray, radius: float) -> float:
         apart = np.linalg.norm(body - np.asarray(centres)[:, None], axis=-1) - self._radii
         return float(np.min(apart)) - radius
 
-    def _touches(self, way: int, sphere: MovingSphere) -> bool:
-        times = self._times[way]
+    def _touches(self, index: int, sphere: MovingSphere) -> bool:
+        times = self._times[index]
         there = slice(*np.searchsorted(times, [sphere.appears, sphere.vanishes]))
-        centres = sphere_centres(sphere, times, self._chased[way])[there]
-        return bool(_touched(self._bodies[way][there], centres, self._radii + sphere.radius))
+        centres = sphere_centres(sphere, times, self._chased[index])[there]
+        return bool(_touched(self._bodies[index][there], centres, self._radii + sphere.radius))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -145,17 +139,3 @@ def _touched(bodies: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> bool
             if x * x + y * y + z * z <= radii[b] * radii[b]:
                 return True
     return False
-
-
-def sphere_centres(sphere: MovingSphere, times: np.ndarray, chased: np.ndarray) -> np.ndarray:
-    """Where a sphere is (n, 3) [m] at times (n,) [s] at which it chases what is at `chased` (n, 3)."""
-    if not sphere.chases:
-        moved = np.clip(times - sphere.appears, 0.0, sphere.rests - sphere.appears)
-        return sphere.begin + moved[:, None] * sphere.velocity
-    speed, centre, centres = float(np.linalg.norm(sphere.velocity)), sphere.begin, [sphere.begin]
-    for now, span, point in zip(times[:-1], np.diff(times), chased[:-1], strict=True):
-        towards = point - centre
-        step = speed * span / max(float(np.linalg.norm(towards)), 1e-9) if now < sphere.rests else 0.0
-        centre = centre + step * towards
-        centres.append(centre)
-    return np.array(centres)
