@@ -15,7 +15,7 @@ from geodesic_motion_ros.studies.cli import bench, benchmark, evaluate, experime
 _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.
 
-The way through: record a few demonstrations, or let a simulated arm `demonstrate`; `train` a skill on them, look at
+The steps: record a few demonstrations, or let a simulated arm `demonstrate`; `train` a skill on them, look at
 it with `inspect`, measure with `evaluate` how well it predicts demonstrations it has not seen, and run `demo` to see an
 arm do it around an obstacle.
 """

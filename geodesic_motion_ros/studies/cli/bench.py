@@ -12,14 +12,15 @@ Searches two graphs again and again while obstacles move: a large one that is ma
 8 body points) and that of a skill. Prints one table for each, the stages of the planner's tick on the skill, and how a
 tick grows with nodes, obstacles and body points. About five minutes, a few GB of memory, no network.
 
-scenes   none_near (ten spheres that the way does not feel), one_r005 and one_r010 (one sphere of 5, 10 cm in the middle
-         of the way), goal_enclosed, start_enclosed, ten_on_path, wall_gap, cloud_10k (a table top of 10,000 points)
-columns  a tick is: mark the obstacles, search, name the way. p50, p99: wall time [ms]; cpu, cpu99: the same of the
+scenes   none_near (ten spheres that the path does not feel), one_r005 and one_r010 (one sphere of 5, 10 cm in the
+         middle of the path), goal_enclosed, start_enclosed, ten_on_path, wall_gap, cloud_10k (a table top of 10,000
+         points)
+columns  a tick is: mark the obstacles, search, name the path. p50, p99: wall time [ms]; cpu, cpu99: the same of the
          thread's processor time; looked: nodes for which it was worked out what obstacles do; none: share of the
-         ticks in which obstacles block every way that the planner would take; error: largest relative difference of the
-         cost from scipy's Dijkstra on the graph with all edges weighed anew
-         with a deadline of 10 ms of processor time: <10ms: share of the ticks within; found: with a way; none: with
-         the proof that there is none; open: with neither; gap: by how much of it a way may be dearer than the cheapest
+         ticks in which obstacles block every path that the planner would take; error: largest relative difference of
+         the cost from scipy's Dijkstra on the graph with all edges weighed anew
+         with a deadline of 10 ms of processor time: <10ms: share of the ticks within; found: with a path; none: with
+         the proof that there is none; open: with neither; gap: by how much of it a path may be dearer than the cheapest
 peers    exact (the same search where no cost is too large), A* (this package's, from one end), dijkstra (the same
          without a heuristic, all nodes worked out before), scipy, igraph, networkit, networkx: how many times the
          processor time they take for the same tick. Libraries get the edges' weights from the same numpy code; networkx

@@ -14,12 +14,12 @@ Plays seeded scenes on a simulated Panda with every method, the same stream of o
 what the arm does: by PyBullet's distances of its meshes, and by how near it stays to the demonstrations.
 
 skills    of the whole arm (panda_reach_to_grasp): all of the arm is guarded; of the tool (panda_pouring,
-          panda_bottle2shelf): the hand alone is, for every method, and spheres are drawn into its way
+          panda_bottle2shelf): the hand alone is, for every method, and spheres are drawn on its path
 guard     --guard arm with a skill of the tool: all of the arm is guarded. Scenes are drawn and demonstrations found
           free by all of the arm, and a contact of any link ends a scene. Free demonstration, the rows + detour, ProMP,
           RRT-Connect and barriers avoid with all of the arm, and so does ours
-families  none; static and elbow: spheres that stand in the way of arm or hand, or of the arm alone (where all of the
-          arm is guarded); crossing; chasing; gate: closes on the hand's way, and opens again; crowd: five that stand
+families  none; static and elbow: spheres that stand on the path of arm or hand, or of the arm alone (where all of the
+          arm is guarded); crossing; chasing; gate: closes on the hand's path, and opens again; crowd: five that stand
           and five that cross; table: three to six columns of spheres on a table, which is declared to the methods
 methods   ours; ours, detour 0 (it waits where obstacles block all that was demonstrated); and parts of that: ours, hard
           (no soft metric) and ours, soft (the soft metric alone, nothing removed or certified; not the paper's

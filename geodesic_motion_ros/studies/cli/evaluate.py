@@ -70,7 +70,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--splits", choices=("folds", "all"), default="folds",
-        help="all: every way to hold three demonstrations out, instead of --folds; 84 for nine, which takes hours",
+        help="all: every choice of three held-out demonstrations, instead of --folds; 84 for nine, which takes hours",
     )  # fmt: skip
     parser.add_argument(
         "--sheets", type=_sheets, metavar="SHEETS",

@@ -27,19 +27,19 @@ _DESCRIPTION = """\
 toy-task   a J in the plane with orientations that draw a C on the sphere: two clusters, walls, geodesic and line
 toy-joint  an arm of two joints that draws an S in two postures: two clusters, geodesic and line
 circle     the whole arm draws circles in four postures: switches between them with two and three latent dimensions
-geodesics  ways to a shortest path on one skill: gradient descent, graphs of 50x50 and 100x100 nodes; lengths, times
+geodesics  methods for a shortest path on one skill: gradient descent, graphs of 50x50 and 100x100 nodes; lengths, times
 avoidance  spheres dead-centre on the planned path of held-out demonstrations: clear, or rightly declared infeasible?
 crossing   what it costs to change between the clusters of q and -q, and whether the energy threshold refuses it
 goals      simulated demonstrations between places that vary: held-out ones predicted from start and goal
-modes      simulated demonstrations past a pillar on both sides: one way followed, the other taken when it is blocked
-whole-arm  spheres on the way of the whole arm, standing and moving: another way taken, rightly refused, no contact?
-obstacle-laws  the same scenes of spheres on the arm's way under laws, strengths and widths of the ambient metric
+modes      simulated demonstrations past a pillar on both sides: one mode followed, the other taken when it is blocked
+whole-arm  spheres on the path of the whole arm, standing and moving: another path taken, rightly refused, no contact?
+obstacle-laws  the same scenes of spheres on the arm's path under laws, strengths and widths of the ambient metric
 grasp-task   reach to grasp, poses of the tool: targets that were not shown, and paths across the clusters of q and -q
 pouring-task three bottles to three cups, poses of the tool: all nine pairs, a moving sphere, a chain over all cups
 detours    a sphere appears on the tool's path: the same motion with several largest detours, played side by side
 largest-sphere  the largest sphere on the tool's path that is passed, place by place, by how far a detour may lead
-limbs      a sphere beside the tool's way: how many solutions of the inverse kinematics hit it, and a skill that sees it
-grasp-joint  reach to grasp with the whole arm in families: energies within and across, which ways are left when blocked
+limbs      a sphere beside the tool's path: how many solutions of inverse kinematics hit it, and a skill that sees it
+grasp-joint  reach to grasp with the whole arm in families: energies within and across, which paths stay when blocked
 pouring-joint  three bottles to three cups with the whole arm: geodesics through several groups, played by the arm
 volume     one whole-arm skill learned without and with the volume term of the paper's evidence lower bound
 dimension  two to five latent dimensions of the whole arm, on a grid and on a graph of nearest neighbours
@@ -63,7 +63,7 @@ examples:
   geodesic-motion experiment avoidance --demos pouring.npy bottle2shelf.npy --units cm --folds 0,3,6/1,4,7/2,5,8
   geodesic-motion experiment crossing --demos pouring.npy --units cm
   geodesic-motion experiment goals --shown 20
-  geodesic-motion experiment modes --save two_ways.npz
+  geodesic-motion experiment modes --save two_modes.npz
   geodesic-motion experiment whole-arm --moving-scenes 500 --processes 2
   geodesic-motion experiment obstacle-laws --scenes 200
   geodesic-motion experiment largest-sphere --skill panda_reach_to_grasp
@@ -81,12 +81,12 @@ class Experiment:
 
     Attributes
     ----------
-    told : what it is, in a line; description : more of it.
-    measure : what its arguments ask for. options : its arguments, and what argparse is told of them.
+    summary : what it is, in a line; description : more of it.
+    measure : what its arguments request. options : its arguments, with argparse's keywords.
     save : writes the demonstrations that it makes to the file `--save`. on_recordings : it is given recordings.
     """
 
-    told: str
+    summary: str
     measure: Callable[[argparse.Namespace], measures.Measured]
     options: tuple[Option, ...] = ()
     description: str | None = None
@@ -98,16 +98,16 @@ def _numbers(text: str) -> tuple[float, ...]:
     return tuple(float(number) for number in text.split(","))
 
 
-def _count(flag: str, default: int, told: str) -> Option:
-    return flag, {"type": int, "default": default, "help": told}
+def _count(flag: str, default: int, help_text: str) -> Option:
+    return flag, {"type": int, "default": default, "help": help_text}
 
 
-def _seeds(told: str, default: str = "0,1,2") -> Option:
-    return "--seeds", {"type": indices, "default": default, "metavar": "SEEDS", "help": told}
+def _seeds(help_text: str, default: str = "0,1,2") -> Option:
+    return "--seeds", {"type": indices, "default": default, "metavar": "SEEDS", "help": help_text}
 
 
-def _skill(default: str, told: str = "its folder, or a shipped name") -> Option:
-    return "--skill", {"default": default, "metavar": "SKILL", "help": told}
+def _skill(default: str, help_text: str = "its folder, or a shipped name") -> Option:
+    return "--skill", {"default": default, "metavar": "SKILL", "help": help_text}
 
 
 _OF_JOINTS = _skill("panda_reach_to_grasp", "of joint space: its folder, or a shipped name")
@@ -132,7 +132,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "toy-joint": Experiment("an S in two postures", measures.of_seeds, (_seeds("one training each"),)),
     "circle": Experiment("two and three latent dimensions", measures.circle, (_seeds("two trainings each"),)),
     "geodesics": Experiment(
-        "ways to a geodesic compared", measures.geodesics,
+        "methods for a geodesic compared", measures.geodesics,
         (_skill("panda_pouring"), _count("--pairs", 3, "pairs of ends")),
     ),
     "avoidance": Experiment(
@@ -163,10 +163,10 @@ EXPERIMENTS: dict[str, Experiment] = {
         save=measures.save_goals,
     ),
     "modes": Experiment(
-        "two ways past a pillar", measures.of_data,
+        "two modes past a pillar", measures.of_data,
         (
-            _count("--shown", 6, "demonstrations of each way that a skill is learned from"),
-            _count("--cases", 40, "starts and goals that each skill is asked for"),
+            _count("--shown", 6, "demonstrations of each mode that a skill is learned from"),
+            _count("--cases", 40, "starts and goals that are requested of each skill"),
             *_OF_DATA,
         ),
         save=measures.save_modes,
@@ -176,7 +176,7 @@ EXPERIMENTS: dict[str, Experiment] = {
         (
             _OF_JOINTS,
             ("--parts", {
-                "type": name_list(","), "default": "tubes,one way,all ways,elbow,moving", "metavar": "PART,PART",
+                "type": name_list(","), "default": "tubes,one path,all paths,elbow,moving", "metavar": "PART,PART",
                 "help": "what is measured",
             }),
             _count("--scenes", 40, "of standing spheres, or of none, in each part"),
@@ -241,7 +241,7 @@ EXPERIMENTS: dict[str, Experiment] = {
         "ambient metrics compared", measures.obstacle_laws,
         (
             _OF_JOINTS,
-            _count("--scenes", 120, "of a sphere near the way, or in it"),
+            _count("--scenes", 120, "of a sphere near the path, or on it"),
             _count("--seed", 0, "of the scenes"),
         ),
     ),
@@ -268,8 +268,8 @@ EXPERIMENTS: dict[str, Experiment] = {
             ("--rates", {"type": _numbers, "default": "100", "metavar": "HZ,HZ", "help": "of the planner"}),
             ("--seconds", {"type": float, "default": 8.0, "help": "length of each stretch"}),
             ("--goals-hz", {"type": float, "default": 10.0, "help": "new goals a second"}),
-            _count("--obstacles", 10, "spheres beside the way"),
-            _count("--spheres", 100, "that appear in the way, to time answers; 0: none"),
+            _count("--obstacles", 10, "spheres beside the path"),
+            _count("--spheres", 100, "that appear on the path, to time answers; 0: none"),
         ),
     ),
     "literal": Experiment(
@@ -296,7 +296,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     names = parser.add_subparsers(dest="experiment", metavar="NAME", required=True)
     for name, experiment in EXPERIMENTS.items():
         own = names.add_parser(
-            name, help=experiment.told, description=experiment.description, formatter_class=HelpFormatter
+            name, help=experiment.summary, description=experiment.description, formatter_class=HelpFormatter
         )
         for flag, keywords in experiment.options:
             own.add_argument(flag, **keywords)
@@ -329,7 +329,7 @@ def _run(arguments: argparse.Namespace) -> None:
 
 
 def _all(arguments: argparse.Namespace, parsers: Mapping[str, argparse.ArgumentParser]) -> None:
-    """Run every experiment as it is by default; what fails is told and does not stop the others."""
+    """Run every experiment as it is by default; what fails is reported and does not stop the others."""
     folder, rows = _folder(arguments), []
     for number, (name, parser) in enumerate(parsers.items(), start=1):
         print(f"[{number}/{len(parsers)}] {name}", flush=True)

@@ -88,7 +88,7 @@ def circle(arguments: argparse.Namespace) -> Measured:
 
 
 def geodesics(arguments: argparse.Namespace) -> Measured:
-    """Ways to a geodesic on one skill."""
+    """Methods for a geodesic on one skill."""
     from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.experiments.geodesics import compare_geodesics, draw_geodesics
 
@@ -112,7 +112,7 @@ def crossing(arguments: argparse.Namespace) -> Measured:
 
 
 def whole_arm(arguments: argparse.Namespace) -> Measured:
-    """The parts that are asked for, on one skill."""
+    """The requested parts, on one skill."""
     from geodesic_motion_ros.skill.skill import Skill
     from geodesic_motion_ros.studies.experiments.whole_arm import WholeArmSettings, draw_whole_arm, measure_whole_arm
 
@@ -246,8 +246,8 @@ def _settings(arguments: argparse.Namespace) -> Any:
     """The settings of an experiment: those that there are arguments for, the others by default."""
     module, name = _module(arguments)
     settings = getattr(module, f"{name.title().replace('_', '')}Settings")
-    asked = {each.name: getattr(arguments, each.name) for each in fields(settings) if hasattr(arguments, each.name)}
-    return settings(**asked)
+    values = {each.name: getattr(arguments, each.name) for each in fields(settings) if hasattr(arguments, each.name)}
+    return settings(**values)
 
 
 def _counted_on(bar: tqdm) -> Callable[[str], None]:
@@ -260,10 +260,10 @@ def _counted_on(bar: tqdm) -> Callable[[str], None]:
     return show
 
 
-def _save(path: Path, demonstrations: Demonstrations, said: str) -> None:
+def _save(path: Path, demonstrations: Demonstrations, contents: str) -> None:
     """Write demonstrations with equally many samples each, as the file wants them."""
     save_demonstrations(evenly_sampled(demonstrations), path)
-    print(f"wrote {len(demonstrations)} demonstrations to {path}: {said}; read them with --units m")
+    print(f"wrote {len(demonstrations)} demonstrations to {path}: {contents}; read them with --units m")
 
 
 def _training(arguments: argparse.Namespace, sheet: Literal["canonical", "raw"]) -> TrainingSettings:

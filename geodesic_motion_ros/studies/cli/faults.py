@@ -69,7 +69,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the faults asked for, print the table, write the file; 1 where a row has failed."""
+    """Run the requested faults, print the table, write the file; 1 where a row has failed."""
     with needing("the faults need", "source your ROS 2 and install the extra simulation"):
         from geodesic_motion_ros.demo.demo_run import termination_as_interrupt
         from geodesic_motion_ros.nodes.running import go_first

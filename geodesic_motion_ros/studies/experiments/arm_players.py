@@ -1,6 +1,6 @@
-"""Who plans for the whole arm in experiments: ours, and the paper's to the letter, asked alike and judged alike.
+"""Who plans for the whole arm in experiments: ours, and the paper's to the letter, queried alike and judged alike.
 
-Ours is asked from a configuration to configurations. The paper's knows the codes of what was shown: it is asked from
+Ours plans from a configuration to configurations. The paper's knows the codes of what was shown: it plans from
 the code where a demonstration begins to codes where demonstrations end, as the hand alone does not tell where the elbow
 is.
 """
@@ -45,11 +45,11 @@ class Families:
 
     Attributes
     ----------
-    ways : (F, S, eta) mean motion of each, equally spaced along their arcs [rad].
+    mean_paths : (F, S, eta) of each, equally spaced along their arcs [rad].
     each : demonstrations of one family.
     """
 
-    ways: np.ndarray
+    mean_paths: np.ndarray
     each: int
 
     @classmethod
@@ -60,7 +60,7 @@ class Families:
 
     def ends(self, groups: Sequence[int], at: int) -> np.ndarray:
         """Mean configuration (eta,) [rad] where families begin (at = 0) or end (at = -1)."""
-        return self.ways[list(groups), at].mean(axis=0)
+        return self.mean_paths[list(groups), at].mean(axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +118,8 @@ class OurArm:
         found = plan.reference
         if found is None:
             return plan.verdict.reason
-        way = every(CHECK_PERIOD, found)
-        return Played(way, found.latent, found.duration, found, promised=plan.verdict.clearance)
+        path = every(CHECK_PERIOD, found)
+        return Played(path, found.latent, found.duration, found, promised=plan.verdict.clearance)
 
     def families_at(self, latent: np.ndarray) -> np.ndarray:
         """By the nearest ridge."""

@@ -14,35 +14,35 @@ from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 
-#: How often a start and a goal are drawn before it is said that there are none.
+#: How often a start and a goal are drawn before an error reports that there are none.
 _ATTEMPTS = 50
 
 
 @dataclass(frozen=True, eq=False)
 class ArmQuery:
-    """A start and a goal (eta,) [rad], and the mean ways (F, S, eta) of the families moved to them."""
+    """A start and a goal (eta,) [rad], and the mean paths (F, S, eta) of the families moved to them."""
 
     start: np.ndarray
     goal: np.ndarray
-    ways: np.ndarray
+    mean_paths: np.ndarray
 
     def plan(self, planner: ReactivePlanner) -> Plan:
         """From rest at the start to the goal, among the planner's obstacles."""
         return planner.plan_configurations(self.start, ConfigurationGoal(self.goal[None], "drawn"))
 
     def family(self, configurations: np.ndarray) -> int:
-        """The family whose mean way the middle half of a motion (n, eta) is nearest to, on average."""
+        """The family whose mean path the middle half of a motion (n, eta) is nearest to, on average."""
         arc = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(configurations, axis=0), axis=1)))
         middle = configurations[(arc > 0.25 * arc[-1]) & (arc < 0.75 * arc[-1])]
-        return int(np.argmin([cKDTree(way).query(middle)[0].mean() for way in self.ways]))
+        return int(np.argmin([cKDTree(path).query(middle)[0].mean() for path in self.mean_paths]))
 
 
 def draw_query(planner: ReactivePlanner, random: np.random.Generator) -> tuple[ArmQuery, JointReference]:
-    """The start of one demonstration and the goal of another, drawn, with the planner's way without obstacles.
+    """The start of one demonstration and the goal of another, drawn, with the planner's path without obstacles.
 
     Raises
     ------
-    ParameterError : the skill is on the raw sheet, or no start and goal was found between which there is a way.
+    ParameterError : the skill is on the raw sheet, or no start and goal was found between which there is a path.
     """
     sheet, robot = planner.skill.canonical, planner.robot
     if sheet is None:
@@ -53,16 +53,16 @@ def draw_query(planner: ReactivePlanner, random: np.random.Generator) -> tuple[A
         first, last = random.integers(len(sheet.modes), size=2)
         start = sheet.start_poles[sheet.start_groups[first]] + sheet.start_offsets[first]
         goal = sheet.goal_poles[sheet.goal_groups[last]] + sheet.goal_offsets[last]
-        ways = []
+        mean_paths = []
         for mode in range(int(sheet.modes.max()) + 1):
             mean = sheet.configurations[sheet.modes == mode].mean(axis=0)
             offsets = JointOffsets.between(robot, mean[[0, -1]], np.stack([start, goal]))
-            ways.append(mean + offsets.displacements(mean, progress))
-        query = ArmQuery(start, goal, np.array(ways))
+            mean_paths.append(mean + offsets.displacements(mean, progress))
+        query = ArmQuery(start, goal, np.array(mean_paths))
         reference = query.plan(planner).reference
         if reference is not None:
             return query, reference
-    raise ParameterError(f"no way was found between any of {_ATTEMPTS} starts and goals that were drawn")
+    raise ParameterError(f"no path was found between any of {_ATTEMPTS} starts and goals that were drawn")
 
 
 def body_spheres(planner: ReactivePlanner, configurations: np.ndarray) -> np.ndarray:

@@ -1,18 +1,18 @@
-"""Does the planner get around an obstacle on its way, and does it say so when it cannot?
+"""Does the planner get around an obstacle on its path, and does it say so when it cannot?
 
 For every held-out demonstration the planner plans from its start to its goal, knowing the other demonstrations only.
 A sphere is put dead-centre on that path, at a random fraction of its arc length between 0.25 and 0.75, and the planner
 plans again. What it ought to do is judged by the demonstrations the skill was learned from:
 
-half free   at least half of them pass the sphere: there is a way that people went, and it should be found
+half free   at least half of them pass the sphere: there is a path that people took, and it should be found
 some free   fewer than half, but one at least
-none free   all of them run into the sphere: nobody showed a way, and the planner should say so
+none free   all of them run into the sphere: nobody demonstrated a path, and the planner should say so
 
-They are looked at in two placements. `carried`: with their ends moved to the present start and goal, both offsets
+They are evaluated in two placements. `carried`: with their ends moved to the present start and goal, both offsets
 fading linearly in arc length, which is what a canonical sheet carried to a query is made of. `recorded`: where people
 moved, which is what the raw sheet has learned; to a path from another start they say less, since a sphere on that path
 may leave them free only because none of them came there. On both sheets a path may change over from one demonstration
-to another: `none free` does not always mean that there is no way.
+to another: `none free` does not always mean that there is no path.
 
 Spheres that cover the start or the goal are left out: being refused there proves nothing.
 

@@ -86,7 +86,7 @@ def dmp_nearest(train: Demonstrations, start: Pose, goal: Pose) -> Prediction:
     times = np.linspace(0.0, 1.0, SAMPLES)
     dmp = dmp_type(execution_time=1.0, dt=times[1], n_weights_per_dim=DMP_WEIGHTS, int_dt=0.001)
     dmp.imitate(times, np.hstack([shown.positions, shown.quaternions]))
-    # q and -q are one rotation, but the library would turn the long way between opposite signs.
+    # q and -q are one rotation, but the library would take the longer turn between opposite signs.
     ends = [
         np.hstack([pose[0], rotate_by(rotation_vector_between(quaternion, pose[1]), quaternion)])
         for pose, quaternion in ((start, shown.quaternions[0]), (goal, shown.quaternions[-1]))

@@ -1,14 +1,14 @@
-"""Standing spheres on the arm's way: does the joint-space planner go another way, and does it say when there is none?
+"""Standing spheres on the arm's path: does the joint-space planner find another, and does it say when there is none?
 
-Every scene has a start and a goal as they were demonstrated, and the planner's way between them without obstacles, the
-*nominal* one. Spheres of 3 to 6 cm are drawn around places of the arm on its way; start and goal stay free of them by
+Every scene has a start and a goal as they were demonstrated, and the planner's path between them without obstacles, the
+*nominal* one. Spheres of 3 to 6 cm are drawn around places of the arm on its path; start and goal stay free of them by
 `FREE_END`. Three kinds:
 
-- *one way*: one sphere that the nominal way hits, while the mean way of another family stays `FREE_WAY` from it;
-- *all ways*: one sphere on the mean way of each family, in every other scene one that is on all of them;
-- *elbow*: one sphere that the nominal way hits, while the hand keeps `FREE_HAND` from it.
+- *one path*: one sphere that the nominal path hits, while the mean path of another family stays `FREE_PATH` from it;
+- *all paths*: one sphere on the mean path of each family, in every other scene one that is on all of them;
+- *elbow*: one sphere that the nominal path hits, while the hand keeps `FREE_HAND` from it.
 
-What hits is judged by PyBullet on the arm's meshes: of references every 5 ms, of mean ways at their samples. The
+What hits is judged by PyBullet on the arm's meshes: of references every 5 ms, of mean paths at their samples. The
 control of the third kind is the same planner with the collision spheres of the hand alone, and without the soft metric,
 which would see the rest of the arm.
 """
@@ -32,13 +32,13 @@ from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeomet
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 
-Kind = Literal["one way", "all ways", "elbow"]
-KINDS: tuple[Kind, ...] = ("one way", "all ways", "elbow")
+Kind = Literal["one path", "all paths", "elbow"]
+KINDS: tuple[Kind, ...] = ("one path", "all paths", "elbow")
 #: Radii of spheres [m], and how far their centres are from a place in the arm [m], as a standard deviation.
 RADII, OFF = (0.03, 0.06), 0.03
-#: Kept from the spheres by start and goal, by another family's mean way, and by the hand [m].
-FREE_END, FREE_WAY, FREE_HAND = 0.015, 0.02, 0.1
-#: Part of a way on which spheres are drawn.
+#: Kept from the spheres by start and goal, by another family's mean path, and by the hand [m].
+FREE_END, FREE_PATH, FREE_HAND = 0.015, 0.02, 0.1
+#: Part of a path on which spheres are drawn.
 INTERIOR = (0.2, 0.8)
 #: Time between the postures at which a reference is judged [s].
 CHECK_PERIOD = 0.005
@@ -46,7 +46,7 @@ CHECK_PERIOD = 0.005
 HAND = "panda_hand"
 #: Places that are tried before another start and goal are drawn, and how often that is done.
 _PLACES, _QUERIES = 300, 30
-#: Every so many postures of a way are judged while a place is looked for.
+#: Every so many postures of a path are judged while a place is looked for.
 _COARSE = 4
 
 
@@ -58,7 +58,7 @@ class Answer:
     ----------
     reason : of the verdict. answered : whether there was a reference.
     clearance, certified : least distance of the arm from the spheres [m], as measured and as promised; NaN unanswered.
-    switched : whether the way follows another family than the nominal one.
+    switched : whether the path follows another family than the nominal one.
     """
 
     reason: str
@@ -75,7 +75,7 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class BlockedScene:
-    """A query, spheres (o, 3), (o,) [m] on its way, the nominal reference, and the planner's answers.
+    """A query, spheres (o, 3), (o,) [m] on its path, the nominal reference, and the planner's answers.
 
     `answer` is the planner's, with the reference where there was one; `hand_only` that of the control.
     """
@@ -91,8 +91,8 @@ class BlockedScene:
     hand_only: Answer | None
 
 
-class BlockedWays:
-    """Draws scenes on the ways of a skill, and has them planned and judged."""
+class BlockedPaths:
+    """Draws scenes on the paths of a skill, and has them planned and judged."""
 
     def __init__(self, skill: Skill, settings: PlannerSettings) -> None:
         self._planner = ReactivePlanner(skill, settings)
@@ -116,7 +116,8 @@ class BlockedWays:
                 control = self._answered(self._hand_only, query, nominal, *spheres)[0] if kind == "elbow" else None
                 return BlockedScene(kind, number, query, *spheres, nominal, answer, reference, control)
         raise ParameterError(
-            f"no scene of the kind '{kind}' was found on {_QUERIES} ways: the skill has {len(query.ways)} families"
+            f"no scene of the kind '{kind}' was found on {_QUERIES} paths: "
+            f"the skill has {len(query.mean_paths)} families"
         )
 
     def clearance(self, configurations: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> float:
@@ -135,9 +136,9 @@ class BlockedWays:
         plan = query.plan(planner)
         if plan.reference is None:
             return Answer(plan.verdict.reason, False), None
-        way = every(CHECK_PERIOD, plan.reference)
-        switched = query.family(way) != query.family(every(CHECK_PERIOD, nominal))
-        clearance = self.clearance(way, centres, radii)
+        path = every(CHECK_PERIOD, plan.reference)
+        switched = query.family(path) != query.family(every(CHECK_PERIOD, nominal))
+        clearance = self.clearance(path, centres, radii)
         return Answer("", True, clearance, plan.verdict.clearance, switched), plan.reference
 
     # -------------------------------------------------------------- drawing
@@ -146,33 +147,33 @@ class BlockedWays:
         self, kind: Kind, number: int, query: ArmQuery, nominal: JointReference, random: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Centres (o, 3) and radii (o,) of a scene [m]; None where none was found."""
-        way = every(_COARSE * CHECK_PERIOD, nominal)
-        if kind == "all ways":
-            each = [[mean] for mean in query.ways] if number % 2 == 0 else [query.ways]
-            found = [self._sphere_on(ways, query, random) for ways in each]
+        path = every(_COARSE * CHECK_PERIOD, nominal)
+        if kind == "all paths":
+            each = [[mean] for mean in query.mean_paths] if number % 2 == 0 else [query.mean_paths]
+            found = [self._sphere_on(paths, query, random) for paths in each]
             if any(sphere is None for sphere in found):
                 return None
             return np.array([sphere[0] for sphere in found]), np.array([sphere[1] for sphere in found])
-        others = np.delete(query.ways, query.family(way), axis=0)
+        others = np.delete(query.mean_paths, query.family(path), axis=0)
         for _ in range(_PLACES):
-            sphere = self._sphere_on([way], query, random)
+            sphere = self._sphere_on([path], query, random)
             if sphere is None:
                 return None
             centre, radius = sphere[0][None], np.array([sphere[1]])
             if kind == "elbow":
-                fits = self._hand_clearance(way, *sphere) >= FREE_HAND
+                fits = self._hand_clearance(path, *sphere) >= FREE_HAND
             else:
-                fits = any(self.clearance(other, centre, radius) >= FREE_WAY for other in others)
+                fits = any(self.clearance(other, centre, radius) >= FREE_PATH for other in others)
             if fits:
                 return centre, radius
         return None
 
     def _sphere_on(
-        self, ways: Sequence[np.ndarray], query: ArmQuery, random: np.random.Generator
+        self, paths: Sequence[np.ndarray], query: ArmQuery, random: np.random.Generator
     ) -> tuple[np.ndarray, float] | None:
-        """A sphere that all of some ways hit and that leaves start and goal free; None where none was found."""
+        """A sphere that all of some paths hit and that leaves start and goal free; None where none was found."""
         ends = body_spheres(self._planner, np.stack([query.start, query.goal]))
-        places = body_spheres(self._planner, ways[0])
+        places = body_spheres(self._planner, paths[0])
         for _ in range(_PLACES):
             radius = random.uniform(*RADII)
             along = int(random.uniform(*INTERIOR) * len(places))
@@ -181,13 +182,13 @@ class BlockedWays:
             if distances(self._planner, ends, centre, radius).min() < FREE_END:
                 continue
             sphere = centre[None], np.array([radius])
-            if all(self.clearance(way[::2], *sphere) < 0.0 for way in ways):
+            if all(self.clearance(path[::2], *sphere) < 0.0 for path in paths):
                 return centre, radius
         return None
 
-    def _hand_clearance(self, way: np.ndarray, centre: np.ndarray, radius: float) -> float:
-        """No more than the distance [m] of the hand from a sphere on a way (n, eta)."""
-        bodies = body_spheres(self._hand_only, way)
+    def _hand_clearance(self, path: np.ndarray, centre: np.ndarray, radius: float) -> float:
+        """No more than the distance [m] of the hand from a sphere on a path (n, eta)."""
+        bodies = body_spheres(self._hand_only, path)
         return float(np.min(distances(self._hand_only, bodies, centre, radius)))
 
 

@@ -1,16 +1,16 @@
 """Why the whole arm needs three latent dimensions: circles drawn in several postures, learned in two and in three.
 
 The tool goes round a circle in an upright plane, in families whose elbows are on different sides. Learned as they are,
-with the prior N(0, 1) of the paper, they have to find room beside one another. Then geodesics are asked for from every
+with the prior N(0, 1) of the paper, they have to find room beside one another. Then geodesics are requested from every
 demonstration's code at several shares of its circle to its own code half a circle on, inside the support. What is
-decoded should keep the posture that both ends have; which it has is told by the nearest demonstrated configuration.
+decoded should keep the posture that both ends have; which it has is judged by the nearest demonstrated configuration.
 
 Columns of the table, a row for each number of latent dimensions and seed:
 
 error mm        mean distance of the tool in the demonstrations that encoder and decoder give back
-ways, none      geodesics that were asked for, and pairs of ends that the support does not join
-switches        changes from one family to another, over all ways; switching : ways with at least one
-off deg         largest distance of a way's configuration from the nearest demonstrated one, over all joints
+paths, none     geodesics that were requested, and pairs of ends that the support does not join
+switches        changes from one family to another, over all paths; switching : paths with at least one
+off deg         largest distance of a path's configuration from the nearest demonstrated one, over all joints
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import NEIGHBOURS
 from geodesic_motion_ros.studies.experiments.joint_models import (
+    commanded,
     decoded,
     models,
     pullback_metric,
     supported,
-    told,
     tool_error,
 )
 from geodesic_motion_ros.studies.experiments.latent_pictures import between_samples, draw_haloed, grid_around
@@ -53,7 +53,7 @@ SWIVELS, SHOWN = np.radians([-60.0, -25.0, 25.0, 60.0]), 3
 SAMPLES = 100
 #: Nodes of the grid along each axis, by the latent dimension; free border as a share of the codes' box.
 SIDES, _BORDER = {2: 100, 3: 40}, 0.1
-#: Shares of a circle where ways begin; they end half a circle on.
+#: Shares of a circle where paths begin; they end half a circle on.
 BEGINS = (0.05, 0.2, 0.35, 0.45)
 _HALF = 0.5
 #: The paper's networks and number of kernels, and as many steps as a skill is learned with.
@@ -79,7 +79,7 @@ class Circles:
 
 
 @dataclass(frozen=True)
-class CircleWay:
+class CirclePath:
     """A geodesic (m, d) and the configurations (m, 7) [rad] that it decodes to, the family of its ends, and of each of
     its points (m,); how far off the data it gets [rad].
     """
@@ -92,28 +92,33 @@ class CircleWay:
 
     @property
     def switches(self) -> int:
-        """Changes from one family to another on the way."""
+        """Changes from one family to another on the path."""
         return int(np.count_nonzero(np.diff(self.nearest)))
 
 
 @dataclass(frozen=True)
 class CircleRow:
-    """One model: codes (N, T, d), its ways, and the pairs of ends that are not joined."""
+    """One model: codes (N, T, d), its paths, and the pairs of ends that are not joined."""
 
     dimension: int
     seed: int
     error_mm: float
     codes: np.ndarray
-    ways: tuple[CircleWay, ...]
+    paths: tuple[CirclePath, ...]
     apart: int
+
+    @property
+    def switches(self) -> int:
+        """Over all paths."""
+        return sum(path.switches for path in self.paths)
 
     def figures(self) -> dict[str, float | int]:
         """What the table shows."""
         return {
-            "dimension": self.dimension, "seed": self.seed, "error_mm": self.error_mm, "ways": len(self.ways),
-            "none": self.apart, "switches": sum(way.switches for way in self.ways),
-            "switching": sum(way.switches > 0 for way in self.ways),
-            "off_deg": float(np.degrees(max((way.off for way in self.ways), default=np.nan))),
+            "dimension": self.dimension, "seed": self.seed, "error_mm": self.error_mm, "paths": len(self.paths),
+            "none": self.apart, "switches": self.switches,
+            "switching": sum(path.switches > 0 for path in self.paths),
+            "off_deg": float(np.degrees(max((path.off for path in self.paths), default=np.nan))),
         }  # fmt: skip
 
 
@@ -134,7 +139,7 @@ class CircleReport:
 
     def table(self) -> str:
         """The table as plain text."""
-        head = ["latent", "seed", "error mm", "ways", "none", "switches", "switching", "off deg"]
+        head = ["latent", "seed", "error mm", "paths", "none", "switches", "switching", "off deg"]
         return text_table(head, [list(row.figures().values()) for row in self.rows], digits=1)
 
 
@@ -143,7 +148,7 @@ def shown_circles(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0
     from geodesic_motion_ros.simulation.joint_teacher import CIRCLE_SWIVEL, circle_guidances
 
     robot, guidances = Robot.panda(), circle_guidances(per_family, seed)
-    curves = [told(robot, each, samples, swivel - CIRCLE_SWIVEL) for swivel in SWIVELS for each in guidances]
+    curves = [commanded(robot, each, samples, swivel - CIRCLE_SWIVEL) for swivel in SWIVELS for each in guidances]
     return Circles(np.stack(curves), len(SWIVELS))
 
 
@@ -159,7 +164,7 @@ def measure_circle(
 
     Parameters
     ----------
-    settings : its seed and its latent dimension are replaced. shown : None: `shown_circles`. progress : told what
+    settings : its seed and its latent dimension are replaced. shown : None: `shown_circles`. progress : receives what
         begins. folder : where trained models are kept, see `models`.
 
     Raises
@@ -181,14 +186,14 @@ def _measured(vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointT
     graph = MetricGraph.on_grid(
         pullback_metric(vae, robot, settings), grid, supported(vae, codes, grid.nodes()), NEIGHBOURS[dimension]
     )
-    ways, apart = circle_ways(graph, codes, shown, partial(decoded, vae))
+    paths, apart = circle_paths(graph, codes, shown, partial(decoded, vae))
     error = 1e3 * tool_error(vae, robot, shown.configurations)
-    return CircleRow(dimension, settings.seed, error, codes, tuple(ways), apart)
+    return CircleRow(dimension, settings.seed, error, codes, tuple(paths), apart)
 
 
-def circle_ways(
+def circle_paths(
     graph: MetricGraph, codes: np.ndarray, shown: Circles, decode: Callable[[np.ndarray], np.ndarray]
-) -> tuple[list[CircleWay], int]:
+) -> tuple[list[CirclePath], int]:
     """Geodesics from codes (N, T, d) of every demonstration to its own half a circle on, and how many pairs of ends the
     graph does not join.
 
@@ -196,7 +201,7 @@ def circle_ways(
     """
     fine = between_samples(shown.configurations)
     tree = cKDTree(fine.reshape(-1, fine.shape[-1]))
-    ways, apart = [], 0
+    paths, apart = [], 0
     samples = shown.configurations.shape[1]
     for number, code in enumerate(codes):
         for begin in BEGINS:
@@ -209,8 +214,8 @@ def circle_ways(
             configurations = decode(latent)
             off, nearest = tree.query(configurations)
             families = nearest // (fine.shape[1] * shown.per_family)
-            ways.append(CircleWay(latent, configurations, number // shown.per_family, families, float(off.max())))
-    return ways, apart
+            paths.append(CirclePath(latent, configurations, number // shown.per_family, families, float(off.max())))
+    return paths, apart
 
 
 def draw_circle(report: CircleReport, path: Path) -> None:
@@ -222,10 +227,10 @@ def draw_circle(report: CircleReport, path: Path) -> None:
     for column, dimension in enumerate((2, 3)):
         rows = report.of(dimension)
         space = figure.add_subplot(grid[0, column], **({"projection": "3d"} if dimension == 3 else {}))
-        worst = max(rows, key=lambda row: sum(way.switches for way in row.ways))
+        worst = max(rows, key=lambda row: row.switches)
         _draw_codes(space, report.shown, worst)
-        if worst.ways:
-            drawn = max(worst.ways, key=lambda way: way.switches)
+        if worst.paths:
+            drawn = max(worst.paths, key=lambda item: item.switches)
             draw_haloed(space, drawn.latent, "black", "-")
             space.plot(*drawn.latent[[0, -1]].T, "o", color="black", markeredgecolor="white", zorder=6)
             _draw_joints(figure.add_subplot(grid[2, column]), drawn, "ef"[column])
@@ -237,9 +242,9 @@ def draw_circle(report: CircleReport, path: Path) -> None:
         space.set_title(title, loc="left", fontsize=11)
         axes = figure.add_subplot(grid[1, column])
         _draw_families(axes, rows)
-        switches = sum(way.switches for row in rows for way in row.ways)
+        switches = sum(row.switches for row in rows)
         seeds = "1 seed" if len(rows) == 1 else f"{len(rows)} seeds"
-        axes.set_title(f"{'cd'[column]}  {switches} switches on {_count(rows)} ways, {seeds}", loc="left", fontsize=11)
+        axes.set_title(f"{'cd'[column]}  {switches} switches on {_count(rows)} paths, {seeds}", loc="left", fontsize=11)
     handles = [
         Line2D([], [], color=colour, linewidth=2.0, label=f"elbow at {np.degrees(swivel):.0f} deg")
         for colour, swivel in zip(_COLOURS, SWIVELS, strict=True)
@@ -250,16 +255,16 @@ def draw_circle(report: CircleReport, path: Path) -> None:
 
 
 def _count(rows: Sequence[CircleRow]) -> int:
-    return sum(len(row.ways) for row in rows)
+    return sum(len(row.paths) for row in rows)
 
 
-def _draw_joints(axes: Axes, way: CircleWay, letter: str) -> None:
+def _draw_joints(axes: Axes, path: CirclePath, letter: str) -> None:
     """Joints along a path: where it switches between families they jump."""
-    share = np.linspace(0.0, 1.0, len(way.configurations))
-    axes.plot(share, np.degrees(way.configurations - way.configurations[0]), linewidth=1.2)
+    share = np.linspace(0.0, 1.0, len(path.configurations))
+    axes.plot(share, np.degrees(path.configurations - path.configurations[0]), linewidth=1.2)
     axes.set(xlabel="share of the path", ylabel="joints from their start [deg]", xlim=(0.0, 1.0))
-    fastest = np.degrees(np.abs(np.diff(way.configurations, axis=0)).max() / (share[1] - share[0]))
-    title = f"{letter}  its seven joints, {way.switches} switches, {fastest:.0f} deg per path at most"
+    fastest = np.degrees(np.abs(np.diff(path.configurations, axis=0)).max() / (share[1] - share[0]))
+    title = f"{letter}  its seven joints, {path.switches} switches, {fastest:.0f} deg per path at most"
     axes.set_title(title, loc="left", fontsize=11)
 
 
@@ -271,10 +276,10 @@ def _draw_codes(axes: Axes, shown: Circles, row: CircleRow) -> None:
 
 
 def _draw_families(axes: Axes, rows: Sequence[CircleRow]) -> None:
-    ways = sorted((way for row in rows for way in row.ways), key=lambda way: way.family)
-    picture = np.array([way.nearest for way in ways]).reshape(len(ways), -1)
+    paths = sorted((path for row in rows for path in row.paths), key=lambda path: path.family)
+    picture = np.array([path.nearest for path in paths]).reshape(len(paths), -1)
     axes.imshow(
         picture, cmap=ListedColormap(_COLOURS), vmin=-0.5, vmax=len(_COLOURS) - 0.5, aspect="auto",
-        interpolation="nearest", extent=(0.0, 1.0, len(ways), 0),
+        interpolation="nearest", extent=(0.0, 1.0, len(paths), 0),
     )  # fmt: skip
-    axes.set(xlabel="share of the way", ylabel="ways, by the family of their ends")
+    axes.set(xlabel="share of the path", ylabel="paths, by the family of their ends")

@@ -1,6 +1,6 @@
 """One obstacle, several largest detours: the same motion played for each of them, in a table and side by side.
 
-The arm is on its way from the start to the goal of a skill when a sphere appears on the tool's path ahead, and stands.
+The arm moves from the start to the goal of a skill when a sphere appears on the tool's path ahead, and stands.
 It stops in front of it; what it does then is for the setting `detour` to say. The arm follows exactly.
 """
 
@@ -126,7 +126,7 @@ def measure_detours(
 def _played(
     planner: ReactivePlanner, start: np.ndarray, goal: np.ndarray, sphere: Obstacles, appears: float, detour: float
 ) -> DetourRun:
-    """From rest at a configuration (eta,) to a pose (7,), a sphere standing in the way from a time [s] on."""
+    """From rest at a configuration (eta,) to a pose (7,), a sphere standing on the path from a time [s] on."""
     planner.clear_goal()
     planner.take_obstacles(Obstacles.none())
     planner.stand_at(start, 0.0)

@@ -2,19 +2,19 @@
 
 A reach to grasp in three families of elbows, one demonstration of each held out. The latent space is searched on
 
-grid        a regular lattice over the codes' box, of which the supported nodes are kept: the planner's way
+grid        a regular lattice over the codes' box, of which the supported nodes are kept: the planner's path
 neighbours  codes drawn from the encoder's densities at the demonstrations, each joined to the nearest of the others
 
-for a way from the first code of each demonstration to its last. Columns of the table, a row for each number of
+for a path from the first code of each demonstration to its last. Columns of the table, a row for each number of
 dimensions, seed and graph:
 
 error, held out  mean distance of the tool in demonstrations that encoder and decoder give back [mm]: in those that
                  were learned, in those that were not
-none             demonstrations between whose ends no way was found
-length           Riemannian, of the way over the shorter one of both graphs, measured with the continuous metric: mean
-off mm           mean distance of the tool on its ways from the nearest point of a demonstration of their family
+none             demonstrations between whose ends no path was found
+length           Riemannian, of the path over the shorter one of both graphs, measured with the continuous metric: mean
+off mm           mean distance of the tool on its paths from the nearest point of a demonstration of their family
 nodes, MB        of the graph, with edges and lengths; lattice : nodes before what has no support is dropped
-build s, way ms  processor time
+build, path      processor time [s], [ms]
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.joint_models import (
+    commanded,
     decoded,
     models,
     pullback_metric,
     supported,
-    told,
     tool_error,
     tool_positions,
 )
@@ -86,7 +86,7 @@ class Reaches:
 
 @dataclass(frozen=True)
 class DimensionRow:
-    """What was measured with one model on one graph; lengths and distances are NaN where no way was found."""
+    """What was measured with one model on one graph; lengths and distances are NaN where no path was found."""
 
     dimension: int
     seed: int
@@ -101,7 +101,7 @@ class DimensionRow:
     edges: int
     megabytes: float
     build_s: float
-    way_ms: float
+    path_ms: float
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class DimensionReport:
         """The table as plain text."""
         head = [
             "latent", "seed", "graph", "error mm", "held out", "none", "length", "off mm", "lattice", "nodes", "edges",
-            "MB", "build s", "way ms",
+            "MB", "build s", "path ms",
         ]  # fmt: skip
         return text_table(head, [list(asdict(row).values()) for row in self.rows], left=(0, 2))
 
@@ -138,7 +138,7 @@ def shown_reaches(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0
     from geodesic_motion_ros.simulation.joint_teacher import reach_guidances
 
     robot = Robot.panda()
-    curves = [told(robot, each, samples) for each in reach_guidances(per_family, seed, FAMILIES, connected=False)]
+    curves = [commanded(robot, each, samples) for each in reach_guidances(per_family, seed, FAMILIES, connected=False)]
     return Reaches(np.stack(curves).reshape(FAMILIES, per_family, samples, -1))
 
 
@@ -153,7 +153,7 @@ def measure_dimension(
 
     Parameters
     ----------
-    settings : its seed and its latent dimension are replaced. shown : None: `shown_reaches`. progress : told what
+    settings : its seed and its latent dimension are replaced. shown : None: `shown_reaches`. progress : receives what
         begins.
 
     Raises
@@ -175,18 +175,18 @@ def _measured(vae: JointSpaceVAE, shown: Reaches, robot: Robot, settings: JointT
     families = shown.configurations.shape[0]
     tools = tool_positions(robot, shown.shown)
     trees = [cKDTree(part.reshape(-1, 3)) for part in np.split(tools, families)]
-    ways = {item.name: [_timed_path(item.graph, code) for code in codes] for item in built}
+    paths = {item.name: [_timed_path(item.graph, code) for code in codes] for item in built}
     lengths = {
-        name: np.array([math.nan if way is None else latent_length(metric, way) for way, _ in found])
-        for name, found in ways.items()
+        name: np.array([math.nan if path is None else latent_length(metric, path) for path, _ in found])
+        for name, found in paths.items()
     }
     shorter = np.fmin(*lengths.values())
     rows = []
     for item in built:
         off = [
-            trees[number * families // len(codes)].query(tool_positions(robot, decoded(vae, evenly(way))))[0].mean()
-            for number, (way, _) in enumerate(ways[item.name])
-            if way is not None
+            trees[number * families // len(codes)].query(tool_positions(robot, decoded(vae, evenly(path))))[0].mean()
+            for number, (path, _) in enumerate(paths[item.name])
+            if path is not None
         ]
         joined = np.isfinite(lengths[item.name])
         rows.append(
@@ -196,7 +196,7 @@ def _measured(vae: JointSpaceVAE, shown: Reaches, robot: Robot, settings: JointT
                 float(np.mean((lengths[item.name] / shorter)[joined])) if joined.any() else math.nan,
                 1e3 * float(np.mean(off)) if off else math.nan, item.lattice, len(item.graph.latent),
                 len(item.graph.edges), 1e-6 * item.graph.bytes, item.seconds,
-                1e3 * float(np.median([seconds for _, seconds in ways[item.name]])),
+                1e3 * float(np.median([seconds for _, seconds in paths[item.name]])),
             )
         )  # fmt: skip
     return rows
@@ -231,7 +231,7 @@ def _timed_path(graph: MetricGraph, code: np.ndarray) -> tuple[np.ndarray | None
 
 
 def draw_dimension(report: DimensionReport, path: Path) -> None:
-    """Against the number of latent dimensions: reconstruction, quality of ways, time and memory; every seed a mark."""
+    """Against the number of latent dimensions: reconstruction, quality of paths, time and memory; every seed a mark."""
     figure = Figure(figsize=(10.0, 6.4), layout="constrained")
     panels = figure.subplots(2, 2)
     error = [row for row in report.rows if row.graph == "grid"]

@@ -49,7 +49,7 @@ def default_folds(count: int, folds: int = 3) -> tuple[Fold, ...]:
 
 
 def all_folds(count: int, held_out: int = 3) -> tuple[Fold, ...]:
-    """Every way to hold out so many of `count` demonstrations; DemonstrationError where none is left to train on."""
+    """Every choice of so many of `count` to hold out; DemonstrationError where none is left to train on."""
     if count <= held_out:
         raise DemonstrationError(f"{count} demonstration(s): holding out {held_out} leaves none to train on")
     return tuple(combinations(range(count), held_out))

@@ -1,4 +1,4 @@
-"""The paper's comparison of ways to a geodesic: gradient descent, and shortest paths on graphs of the latent space.
+"""The paper's comparison of methods for a geodesic: gradient descent, and shortest paths on graphs of the latent space.
 
 Between the first pose of one demonstration and the last pose of another, on the skill's own metric:
 
@@ -10,8 +10,8 @@ graph NxN, 8 or 16       polyline of the shortest path on a regular grid with 8 
    ..., smoothed         the planner's smoothing of that path, for skills of the tool
    ..., refined          the planner's continuous refinement of that path, for skills of the whole arm
 
-Graphs know the skill's support, gradient descent does not. Every length is measured the same way, whatever found the
-curve: with the continuous metric at DENSE points of it. Off mm is how far the tool is, on average, from its way on the
+Graphs know the skill's support, gradient descent does not. Every length is measured alike, whatever found the
+curve: with the continuous metric at DENSE points of it. Off mm is how far the tool is, on average, from its path on the
 shortest curve of the same pair: what a coarse grid makes of the motion. Times are of one path; graphs are built once.
 """
 
@@ -100,12 +100,12 @@ class GeodesicsReport:
         for item in self.found:
             if item.pair not in shortest or item.length < shortest[item.pair].length:
                 shortest[item.pair] = item
-        ways = {pair: cKDTree(item.positions) for pair, item in shortest.items()}
+        trees = {pair: cKDTree(item.positions) for pair, item in shortest.items()}
         result = {}
         for method in self.methods:
             mine = [item for item in self.found if item.method == method]
             excess = [item.length / shortest[item.pair].length for item in mine]
-            off = [ways[item.pair].query(item.positions)[0].mean() for item in mine]
+            off = [trees[item.pair].query(item.positions)[0].mean() for item in mine]
             result[method] = {
                 "pairs": len(mine),
                 "mean_length": float(np.mean([item.length for item in mine])),
@@ -234,7 +234,7 @@ def _ends(skill: Skill, graph: _Graph, pairs: int) -> Iterator[tuple[np.ndarray,
 def _curves(
     metric: PullbackMetric, graphs: Sequence[_Graph], start: np.ndarray, goal: np.ndarray
 ) -> Iterator[tuple[str, np.ndarray, float, float]]:
-    """Method, curve (n, d), milliseconds and milliseconds of building, of every way that leads there."""
+    """Method, curve (n, d), milliseconds and milliseconds of building, of every method that finds one."""
     yield "straight line", np.stack([start, goal]), 0.0, math.nan
     found, spent = _timed(lambda: continuous_geodesic(metric, start, goal))
     yield "gradient, from line", found.curve, spent, math.nan
@@ -342,7 +342,7 @@ def _draw_lengths(axes: Axes, report: GeodesicsReport) -> list[Line2D]:
     axes.set(xscale="log", yscale="log", xlabel="time of one path [ms]", ylabel="longer than the shortest curve [%]")
     axes.margins(0.12)
     axes.grid(alpha=0.3)
-    axes.set_title("b  all ways, mean over pairs", loc="left", fontsize=11)
+    axes.set_title("b  all methods, mean over pairs", loc="left", fontsize=11)
     graphs = [Line2D([], [], color="black", marker=mark, linestyle="", label=name) for name, mark in markers.items()]
     treated = [Line2D([], [], color=colour, marker="o", linestyle="", label=name) for name, colour in _TREATED.items()]
     return graphs + treated

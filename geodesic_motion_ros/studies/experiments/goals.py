@@ -1,7 +1,7 @@
 """Goals and starts that vary: held-out motions of the simulated multi-goal set, predicted from start and goal alone.
 
 Recordings mostly share one goal. Here (`teacher.multi_goal_demonstrations`) bottles and cups stand anywhere in two
-regions: one skill per seed is learned from some demonstrations and asked for others that were drawn from the same
+regions: one skill per seed is learned from some demonstrations and queried for others that were drawn from the same
 regions, both new with every seed. Rows and columns are those of `imitation`; `people` is how far two demonstrations of
 this teacher differ when one of them is carried to the other's ends.
 
@@ -112,7 +112,7 @@ class End:
 
 
 @dataclass(frozen=True)
-class Asked:
+class Requested:
     """What the planner with its usual limits says of the start and goal of held-out demonstration `demonstration`."""
 
     seed: int
@@ -146,7 +146,7 @@ class Example:
 
 @dataclass(frozen=True)
 class GoalsReport:
-    """The held-out table of every seed, what was asked, and motions of the first seed.
+    """The held-out table of every seed, what was requested, and motions of the first seed.
 
     `regressions` says for every seed whether start and goal choose between its demonstrations.
     """
@@ -154,7 +154,7 @@ class GoalsReport:
     settings: GoalsSettings
     reports: tuple[ImitationReport, ...]
     people: Values
-    asked: tuple[Asked, ...]
+    requested: tuple[Requested, ...]
     answers: tuple[EndsAnswer, ...]
     regressions: tuple[bool, ...]
     example: Example = field(repr=False)
@@ -177,8 +177,8 @@ class GoalsReport:
             "rows": self.rows,
             "over_promp": self.over_promp(),
             "over_promp_by_seed": {report.seeds[0]: self.over_promp([report]) for report in self.reports},
-            "refused_for_their_ends": sum(item.refused_for_its_ends for item in self.asked),
-            "asked": [asdict(item) for item in self.asked],
+            "refused_for_their_ends": sum(item.refused_for_its_ends for item in self.requested),
+            "requested": [asdict(item) for item in self.requested],
             "ends": ends_figures(self.answers),
             "seeds": {
                 report.seeds[0]: report.as_dict() | {"regresses": regresses}
@@ -206,16 +206,16 @@ class GoalsReport:
         rows: list[list[str | float]] = []
         for end in ("start", "goal"):
             for far, words in (("offset", "carried from the mean"), ("beyond", "beyond what was shown")):
-                ends = [asdict(getattr(item, end)) for item in self.asked]
+                ends = [asdict(getattr(item, end)) for item in self.requested]
                 metres, radians = ([item[far + unit] for item in ends] for unit in ("", "_angle"))
                 lengths, angles = 1e3 * np.array(metres), np.degrees(radians)
                 rows.append([f"{end}, {words}", *_middle_and_largest(lengths), *_middle_and_largest(angles)])
         return [text_table(head, rows)]
 
     def _notes(self) -> list[str]:
-        limits, refused = PlannerSettings(), [item for item in self.asked if item.refused_for_its_ends]
+        limits, refused = PlannerSettings(), [item for item in self.requested if item.refused_for_its_ends]
         notes = [
-            f"{len(refused)} of {len(self.asked)} would be refused for their ends by the planner's usual limits, "
+            f"{len(refused)} of {len(self.requested)} would be refused for their ends by the planner's usual limits, "
             f"{1e3 * limits.maximum_offset:.0f} mm and {math.degrees(limits.maximum_offset_angle):.0f} deg beyond what "
             "was shown",
         ]
@@ -246,7 +246,7 @@ def measure_goals(
     ------
     PeersMissingError : movement_primitives is not installed.
     """
-    reports, asked, answers, regressions, people, examples = [], [], [], [], [], []
+    reports, requested, answers, regressions, people, examples = [], [], [], [], [], []
     base = training or TrainingSettings()
     for seed in tqdm(settings.seeds, desc="goals", unit="seed", disable=not show_progress):
         everything, fold = drawn(settings, seed)
@@ -256,7 +256,7 @@ def measure_goals(
             everything, [fold], [seed], lambda *_, skill=skill: skill, TASK, show_progress=False, sheets=["canonical"]
         )
         reports.append(report)
-        asked += asked_of(skill, seed, fold, everything)
+        requested += requested_of(skill, seed, fold, everything)
         answers += answers_to(requested_ends(held_out, settings, seed), {"geodesic": skill}, shown, seed)
         regressions.append(skill.canonical is not None and skill.canonical.regresses)
         people.append(_carried_people(everything))
@@ -264,7 +264,7 @@ def measure_goals(
             examples.append(_example(skill, shown, [everything[index] for index in fold[:EXAMPLES]]))
     mean = {column: float(np.mean([values[column] for values in people])) for column in people[0]}
     return GoalsReport(
-        settings, tuple(reports), mean, tuple(asked), tuple(answers), tuple(regressions), examples[0]
+        settings, tuple(reports), mean, tuple(requested), tuple(answers), tuple(regressions), examples[0]
     )  # fmt: skip
 
 
@@ -300,10 +300,10 @@ def _share_outside(region: Region, distance: float, random: np.random.Generator)
     return share
 
 
-def asked_of(skill: Skill, seed: int, fold: Sequence[int], everything: Demonstrations) -> list[Asked]:
+def requested_of(skill: Skill, seed: int, fold: Sequence[int], everything: Demonstrations) -> list[Requested]:
     """Every held-out start and goal under the planner's usual limits, measured under none."""
     usual, unlimited = PosePathPlanner(skill), PosePathPlanner(skill, EVERY_END)
-    asked = []
+    requested = []
     for index in fold:
         start, goal = everything[index].curve.start, everything[index].curve.goal
         query = unlimited.query(*start, *goal)
@@ -314,8 +314,8 @@ def asked_of(skill: Skill, seed: int, fold: Sequence[int], everything: Demonstra
             End(*(far.get(f"{end}_{name}", math.nan) for name in ("offset", "offset_angle", "beyond", "beyond_angle")))
             for end in ("start", "goal")
         ]
-        asked.append(Asked(seed, index, *ends, verdict.code.name, verdict.reason))
-    return asked
+        requested.append(Requested(seed, index, *ends, verdict.code.name, verdict.reason))
+    return requested
 
 
 def _example(skill: Skill, shown: Demonstrations, held_out: Sequence[Demonstration]) -> Example:

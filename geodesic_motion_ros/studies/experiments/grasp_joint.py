@@ -1,15 +1,15 @@
-"""Reach to grasp with the whole arm in several families: which ways are left when some of them are blocked?
+"""Reach to grasp with the whole arm in several families: which paths are left when some of them are blocked?
 
 Two sets of simulated demonstrations (`joint_teacher.reach_to_grasp`):
 
 - *separated*: three families, each with the elbow elsewhere from start to goal; the hand does the same in all;
-- *meeting*: two families that begin alike, open to either side, meet half way, open again, and end alike.
+- *meeting*: two families that begin alike, open to either side, meet in the middle, open again, and end alike.
 
 Two rows: *ours*, one skill of each set for every seed, and the paper's to the letter (*literal*), one skill of each set
 with `JointTrainingSettings.paper` and the first seed, planned with `PaperPlanner`.
 
 Spheres are drawn at random in the arm on the families' mean motions (`grasp_joint_scenes`), the same for every skill.
-From every start to whichever goal is the cheapest both planners are asked. Scenes in which a sphere touches the
+From every start both planners plan to whichever goal is the cheapest. Scenes in which a sphere touches the
 arm at its start or at its own family's goal are counted and left out; where that is so from all starts the scene is
 counted and drawn again. The others are distinguished by what the spheres leave of what was demonstrated: something, or
 nothing at all; in the meeting set it may be a hybrid alone that nobody demonstrated, the first half of one family and
@@ -58,11 +58,11 @@ if TYPE_CHECKING:
 
 #: Families of each set.
 SETS = {"separated": 3, "meeting": 2}
-#: Why a planner was not asked.
-COVERED = "not asked: a sphere touches the arm at the start or at the goal"
+#: Why a planner got no query.
+COVERED = "not planned: a sphere touches the arm at the start or at the goal"
 #: Nodes along each side of the box for energies.
 _BOX = (40, 40, 40)
-#: Name and colour of a way that is clear of all spheres, and of one that is not.
+#: Name and colour of a path that is clear of all spheres, and of one that is not.
 _MARKED = {"clear": ("geodesic", BLUE), "hits": ("geodesic through a sphere", VERMILION)}
 #: Every so many configurations of an answer are drawn from.
 _THINNED = 4
@@ -176,8 +176,8 @@ class GraspJointReport:
         for report in self.skills:
             counts = sorted({len(answer.scene.radii) for answer in report.answers})
             for count in counts:
-                asked = [answer for answer in report.answers if len(answer.scene.radii) == count]
-                rows.append([report.row, report.kind, report.seed, count, *_counted(asked)])
+                counted = [answer for answer in report.answers if len(answer.scene.radii) == count]
+                rows.append([report.row, report.kind, report.seed, count, *_counted(counted)])
         again = ", ".join(f"{kind} {count}" for kind, count in self.again.items())
         note = f"scenes drawn again because a sphere touches the arm at every start or its goal: {again}"
         return "\n".join([text_table(head, rows, 0, left=(0, 1)), note])
@@ -300,7 +300,7 @@ def all_scenes(stage: Stage, places: int) -> list[Scene]:
 
 
 def answered(player: Player, stage: Stage, scenes: Sequence[Scene]) -> tuple[SceneAnswer, ...]:
-    """What a planner makes of scenes; of those that are covered it is not asked."""
+    """What a planner makes of scenes; of those that are covered it plans none."""
     return tuple(SceneAnswer(scene, COVERED) if scene.covered else stage.answer(player, scene) for scene in scenes)
 
 
@@ -309,16 +309,16 @@ def among_blocking(player: LiteralArm, stage: Stage, planner: ReactivePlanner) -
 
     planner : whose arm the spheres are put on.
     """
-    asked = [
+    queries = [
         (name, stage.scene(*ends, np.array(spheres)))
         for name, spheres in blocking_spheres(planner, stage).items() for ends in stage.ends()
     ]  # fmt: skip
     if not stage.connected:
-        asked += [
+        queries += [
             ("free, to another family's goal", stage.scene(start, tuple(set(goals) - {start}), np.empty((0, 3))))
             for start, goals in stage.ends()
         ]  # fmt: skip
-    return tuple((name, stage.answer(player, scene)) for name, scene in asked)
+    return tuple((name, stage.answer(player, scene)) for name, scene in queries)
 
 
 def family_energies(skill: Skill, shape: tuple[int, ...] | None = _BOX) -> Energies:
@@ -331,7 +331,7 @@ def family_energies(skill: Skill, shape: tuple[int, ...] | None = _BOX) -> Energ
 
 
 def draw_grasp_joint(report: GraspJointReport, path: Path) -> None:
-    """The first seed: above latent spaces with ways; below the arm on some of them, row by row."""
+    """The first seed: above latent spaces with paths; below the arm on some of them, row by row."""
     from matplotlib.figure import Figure
 
     from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
@@ -350,12 +350,12 @@ def draw_grasp_joint(report: GraspJointReport, path: Path) -> None:
     grid = figure.add_gridspec(1 + len(strips), 3, height_ratios=(4.8, *(2.0 for _ in strips)))
     named: dict[str, Any] = {}
     for column, (drawn, answers, title) in enumerate(panels):
-        ways = [
+        paths = [
             DrawnPath(answer.played.latent, np.empty((0, 3)), *_MARKED[answer.kind])
             for answer in answers if answer.played is not None
         ]  # fmt: skip
         spheres = [Sphere(centre, RADIUS, centre[None]) for centre in answers[0].scene.centres]
-        handles = draw_latent_tubes(figure, grid[0, column], report.drawn[drawn], ways, spheres, title, zoom=0.85)
+        handles = draw_latent_tubes(figure, grid[0, column], report.drawn[drawn], paths, spheres, title, zoom=0.85)
         named |= {str(handle.get_label()): handle for handle in handles}
     for row, (name, answer) in enumerate(strips, start=1):
         axes = figure.add_subplot(grid[row, :])

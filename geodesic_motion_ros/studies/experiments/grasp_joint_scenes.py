@@ -24,11 +24,11 @@ from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Radius of the spheres [m].
 RADIUS = 0.04
-#: Parts of a way, as shares of the body's arc: begin and end, and the first opening.
+#: Parts of a path, as shares of the body's arc: begin and end, and the first opening.
 BEGIN, END, FIRST = (0.0, 0.3), (0.6, 1.0), (0.15, 0.35)
-#: Every so many samples of ways are looked at for a place.
+#: Every so many samples of paths are tried for a place.
 _EVERY = 6
-#: A way that is in a family for less than this share of it has only brushed against it, where families meet.
+#: A path that is in a family for less than this share of it only brushes against it, where families meet.
 PASSED = 0.15
 
 
@@ -42,7 +42,7 @@ class Scene:
     centres, radii : (o, 3), (o,) of the spheres [m].
     left : demonstrated motions from this start that no sphere touches: the family, or those of the two halves.
     covered : whether a sphere touches the arm at the start, or at the end of that family (of those families); then
-        nothing else is looked at.
+        nothing else is evaluated.
     """
 
     start: tuple[int, ...]
@@ -54,8 +54,8 @@ class Scene:
 
     @property
     def hybrids_alone(self) -> bool:
-        """Whether all that is left changes from one family to another on the way."""
-        return bool(self.left) and all(len(way) > 1 for way in self.left)
+        """Whether all that is left changes from one family to another on the path."""
+        return bool(self.left) and all(len(families) > 1 for families in self.left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class SceneAnswer:
 
     @property
     def kind(self) -> str:
-        """refused (or not asked), clear or hits."""
+        """refused (or not planned), clear or hits."""
         if self.played is None:
             return "refused"
         return "clear" if self.clearance > 0.0 else "hits"
@@ -92,7 +92,7 @@ class SceneAnswer:
         }  # fmt: skip
 
 
-def mean_ways(skill: Skill) -> np.ndarray:
+def mean_paths(skill: Skill) -> np.ndarray:
     """Mean canonical motions (F, S, eta) [rad] of a skill's families.
 
     Raises
@@ -119,19 +119,19 @@ class Stage:
 
     Attributes
     ----------
-    families : that were shown. connected : whether they begin and end alike, and meet half way. seed : of the spheres.
-    again : scenes that were drawn again so far.
+    families : that were shown. connected : whether they begin and end alike, and meet in the middle.
+    seed : of the spheres. again : scenes that were drawn again so far.
     """
 
     def __init__(self, families: Families, connected: bool, seed: int = 0) -> None:
         self.families, self.connected, self.seed = families, connected, seed
         self.again = 0
         self._geometry = CollisionGeometry.panda()
-        self._trees = [cKDTree(way) for way in families.ways]
+        self._trees = [cKDTree(path) for path in families.mean_paths]
 
     def ends(self) -> list[tuple[tuple[int, ...], tuple[tuple[int, ...], ...]]]:
-        """Starts and goals that are asked for, as of `Scene`."""
-        each = range(len(self.families.ways))
+        """Starts and goals that are requested, as of `Scene`."""
+        each = range(len(self.families.mean_paths))
         if self.connected:
             return [(tuple(each), (tuple(each),))]
         return [((family,), tuple((other,) for other in each)) for family in each]
@@ -146,10 +146,10 @@ class Stage:
         random = np.random.default_rng([self.seed, spheres])
         scenes: list[Scene] = []
         while len(scenes) < places * len(self.ends()):
-            on = random.permutation(len(self.families.ways))[:spheres]
+            on = random.permutation(len(self.families.mean_paths))[:spheres]
             parts = np.linspace(0.0, 1.0, spheres + 1)
-            ways = [part_of(self.families.ways[k], *parts[i : i + 2]) for i, k in enumerate(on)]
-            centres = np.array([self._place(way, random) for way in ways])
+            parts_of_motions = [part_of(self.families.mean_paths[k], *parts[i : i + 2]) for i, k in enumerate(on)]
+            centres = np.array([self._place(part, random) for part in parts_of_motions])
             found = [self.scene(*ends, centres) for ends in self.ends()]
             if all(scene.covered for scene in found):
                 self.again += 1
@@ -164,7 +164,7 @@ class Stage:
         ends = np.array([self.families.ends(start, at) for at in (0, -1)])
         if self.clearance(ends, centres) <= 0.0:
             return Scene(start, goals, centres, radii, (), covered=True)
-        left = [way for way in self._shown_from(start) if self.clearance(self._motion(way), centres) > 0.0]
+        left = [known for known in self._shown_from(start) if self.clearance(self._motion(known), centres) > 0.0]
         return Scene(start, goals, centres, radii, tuple(left))
 
     def answer(self, player: Player, scene: Scene) -> SceneAnswer:
@@ -186,25 +186,25 @@ class Stage:
             return [(family,) for family in start]
         return [(first,) if first == second else (first, second) for first, second in product(start, repeat=2)]
 
-    def _motion(self, way: tuple[int, ...]) -> np.ndarray:
-        first, second = self.families.ways[way[0]], self.families.ways[way[-1]]
+    def _motion(self, known: tuple[int, ...]) -> np.ndarray:
+        first, second = self.families.mean_paths[known[0]], self.families.mean_paths[known[-1]]
         return np.concatenate([part_of(first, 0.0, 0.5), part_of(second, 0.5, 1.0)])
 
     @staticmethod
-    def _place(way: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    def _place(motion: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """The centre (3,) [m] of one of the arm's collision spheres somewhere on a motion (n, eta)."""
         model, robot = CollisionModel.panda(), Robot.panda()
-        bodies = model.positions(robot, way[random.integers(len(way))][None])[0, model.moving]
+        bodies = model.positions(robot, motion[random.integers(len(motion))][None])[0, model.moving]
         return bodies[random.integers(len(bodies))]
 
 
-def part_of(way: np.ndarray, first: float, last: float) -> np.ndarray:
+def part_of(motion: np.ndarray, first: float, last: float) -> np.ndarray:
     """A motion (n, eta) between two shares of it."""
-    return way[round(first * (len(way) - 1)) : round(last * (len(way) - 1)) + 1]
+    return motion[round(first * (len(motion) - 1)) : round(last * (len(motion) - 1)) + 1]
 
 
 def passed_in_turn(families: np.ndarray) -> tuple[int, ...]:
-    """Of families (n,) that a way is in, those that it stays in for more than PASSED of it, in turn."""
+    """Of families (n,) that a path is in, those that it stays in for more than PASSED of it, in turn."""
     bounds = np.flatnonzero(np.diff(families, prepend=-1, append=-1))
     stays = [
         int(families[begin]) for begin, end in pairwise(bounds)
@@ -219,14 +219,14 @@ def blocking_spheres(planner: ReactivePlanner, stage: Stage) -> dict[str, Sequen
     Of families that are apart: late in the arm of the first, as far as may be from the others; at the goal of the hand,
     which all share. Of families that meet: on the first opening of one, or of both.
     """
-    ways = stage.families.ways
+    paths = stage.families.mean_paths
     if stage.connected:
-        ends = ways[:, [0, -1]].reshape(-1, ways.shape[-1])
-        one = sphere_on(planner, part_of(ways[0], *FIRST), ways[1])
+        ends = paths[:, [0, -1]].reshape(-1, paths.shape[-1])
+        one = sphere_on(planner, part_of(paths[0], *FIRST), paths[1])
         return {"free": [], "one family blocked": [one],
-                "all blocked": [sphere_on(planner, part_of(way, *FIRST), ends) for way in ways]}  # fmt: skip
+                "all blocked": [sphere_on(planner, part_of(path, *FIRST), ends) for path in paths]}  # fmt: skip
     # Where the arm starts it is not to stand in the sphere.
-    free = np.concatenate([*ways[1:], part_of(ways[0], *BEGIN)])
-    one = sphere_on(planner, part_of(ways[0], *END), free)
-    hand = planner.robot.forward(ways[0, -1])[0]
+    free = np.concatenate([*paths[1:], part_of(paths[0], *BEGIN)])
+    one = sphere_on(planner, part_of(paths[0], *END), free)
+    hand = planner.robot.forward(paths[0, -1])[0]
     return {"free": [], "one family blocked": [one], "all blocked": [hand]}

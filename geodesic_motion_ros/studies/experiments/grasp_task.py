@@ -3,8 +3,8 @@
 The simulated teacher brings the hand half a metre to an object and turns it by 90 degrees (`joint_teacher.
 reach_to_grasp`, one family); what is learned are the poses of the tool. For every seed of the training:
 
-- *targets*: starts and goals are drawn anew from what is shown, and the planner is asked on two sheets: the canonical
-  one, and the raw one, the paper's, where what was learned is carried to what is asked. Beside them the straight line
+- *targets*: starts and goals are drawn anew from what is shown, and the planner plans on two sheets: the canonical
+  one, and the raw one, the paper's, where what was learned is carried to the requested. Beside them the straight line
   with an even turn (slerp), and the nearest demonstration carried to them. What counts is how far a path is from the
   closest demonstration, matched by dynamic time warping along its whole length;
 - *ends*: targets come from the distribution that was demonstrated. So ends are also requested along
@@ -112,7 +112,7 @@ class Target:
     Attributes
     ----------
     row : of ROWS. path : None where the planner refused, for a reason.
-    carried : how far the learned start and goal were carried to meet the asked ones [m], the mean of both.
+    carried : how far the learned start and goal were carried to meet the requested ones [m], the mean of both.
     turn : angle between the first and the last orientation [rad].
     off : mean distance from the closest demonstration [m].
     """
@@ -159,10 +159,10 @@ class GraspTaskReport:
 
     def summary(self, row: str, seed: int | None = None) -> dict[str, float | int | None]:
         """The figures of one row, of one seed or of all."""
-        asked = [item for item in self.targets if item.row == row and seed in (None, item.seed)]
-        answered = [item for item in asked if item.path is not None]
+        requested = [item for item in self.targets if item.row == row and seed in (None, item.seed)]
+        answered = [item for item in requested if item.path is not None]
         return {
-            "targets": len(asked),
+            "targets": len(requested),
             "answered": len(answered),
             "carried_mm": _mean([1e3 * item.carried for item in answered]),
             "turn_deg": _mean([math.degrees(item.turn) for item in answered]),
@@ -201,7 +201,7 @@ class GraspTaskReport:
 
     def table(self) -> str:
         """The tables as plain text, with what the planner refused."""
-        head = ["targets", "seed", "asked", "answered", "carried mm", "turn deg", "off mm", "farthest off mm"]
+        head = ["targets", "seed", "requested", "answered", "carried mm", "turn deg", "off mm", "farthest off mm"]
         rows: list[list[Cell]] = [
             [row, "all" if seed is None else str(seed), *self.summary(row, seed).values()]
             for row in ROWS for seed in (*self.crossings, None)
@@ -280,7 +280,7 @@ def requested_ends(
 def ask_targets(
     skills: dict[str, Skill], shown: Demonstrations, seed: int, settings: GraspTaskSettings
 ) -> list[Target]:
-    """Starts and goals drawn from a seed, asked of skills by their rows, and both controls between them."""
+    """Starts and goals drawn from a seed, requested of skills by their rows, and both controls between them."""
     planners = {row: PosePathPlanner(skill, settings.planner) for row, skill in skills.items()}
     random, curves = np.random.default_rng([seed, settings.targets]), [item.curve for item in shown]
     found = []

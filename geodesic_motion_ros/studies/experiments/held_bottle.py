@@ -1,4 +1,4 @@
-"""The bottle that the tool holds: spheres for the planner that hold it, and exact distances to judge ways by."""
+"""The bottle that the tool holds: spheres for the planner that hold it, and exact distances to judge paths by."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from geodesic_motion_ros.simulation.teacher import bottle_in_hand
 
 #: Distance of the spheres along the bottle [m].
 _SPACING = 0.03
-#: Radius of spheres in the bottle's way, and how deep in it they are [m].
+#: Radius of spheres on the bottle's path, and how deep in it they are [m].
 SPHERE_RADIUS, DEPTH = 0.04, 0.01
 #: Where they are, seen from the bottle: under it, and beside it.
 SIDES = ((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0))
@@ -29,7 +29,7 @@ def bottle_settings() -> PlannerSettings:
         count = math.ceil(part.height / _SPACING) + 1
         for place in np.linspace(-0.5, 0.5, count) * part.height:
             points.append(tuple((np.array(part.centre) + place * along).tolist()))
-            # Half way between two spheres the cylinder's surface is held just so.
+            # Halfway between two spheres the cylinder's surface is held just so.
             radii.append(math.hypot(part.radius, 0.5 * part.height / (count - 1)))
     return PlannerSettings(tool_points=tuple(points), tool_radii=tuple(radii))
 

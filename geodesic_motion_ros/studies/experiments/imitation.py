@@ -108,7 +108,7 @@ def evaluate(
 
 
 def train_task_space(demonstrations: Demonstrations, seed: int, sheet: Sheet, progress: Progress) -> Skill:
-    """The default way to learn a skill: a task-space auto-encoder with default settings."""
+    """The default method to learn a skill: a task-space auto-encoder with default settings."""
     from geodesic_motion_ros.learning.settings import TrainingSettings
     from geodesic_motion_ros.learning.training import train_task_space_skill
 

@@ -135,8 +135,8 @@ class Judge:
             (curve.start, held_out.curve.start),
             (curve.goal, held_out.curve.goal),
         ]
-        distances = [float(np.linalg.norm(reached[0] - asked[0])) for reached, asked in pairs]
-        angles = [float(angle_between(reached[1], asked[1])) for reached, asked in pairs]
+        distances = [float(np.linalg.norm(reached[0] - requested[0])) for reached, requested in pairs]
+        angles = [float(angle_between(reached[1], requested[1])) for reached, requested in pairs]
         return {
             f"endpoint_{when}_mm": 1e3 * float(np.mean(distances)),
             f"endpoint_{when}_deg": self._degrees(angles),
@@ -185,8 +185,8 @@ def sheet_oracle(planner: PosePathPlanner, held_out: Demonstration) -> PoseCurve
     wanted = held_out.curve.resampled(COMPARED_POINTS)
     features = np.concatenate([query.graph.positions, METRES_PER_RADIAN * 2.0 * query.graph.quaternions], axis=1)
     tree = cKDTree(np.concatenate([features, features * [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0]]))
-    asked = np.concatenate([wanted.positions, METRES_PER_RADIAN * 2.0 * wanted.quaternions], axis=1)
-    nearest = tree.query(asked)[1] % len(features)
+    requested = np.concatenate([wanted.positions, METRES_PER_RADIAN * 2.0 * wanted.quaternions], axis=1)
+    nearest = tree.query(requested)[1] % len(features)
     return PoseCurve(query.graph.positions[nearest], continuous_signs(query.graph.quaternions[nearest]))
 
 

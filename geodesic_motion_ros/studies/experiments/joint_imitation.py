@@ -1,7 +1,7 @@
 """How well a held-out motion of the whole arm is predicted from its first and last configuration alone.
 
 For every fold, skills are trained on the other demonstrations, one per seed. Rows of the table, each for every family
-(way of doing the task, see `demonstrations.modes`) and for all:
+(of the task, see `demonstrations.modes`) and for all:
 
 geodesic            the planner's reference, inside the family of the held-out demonstration
 geodesic_any        the same through whichever family is the cheapest: from starts and goals that families share
@@ -65,7 +65,8 @@ COLUMNS = ("dtw_mm", "orientation_deg", "joint_dtw_rad", "pointwise_mm")
 class JointMeasurement:
     """Values of one row for held-out demonstration number `demonstration`, of a family.
 
-    `seed` : where something was trained, else None. `refusal` : the planner's reason where it found no way, else empty.
+    `seed` : where something was trained, else None.
+    `refusal` : the planner's reason where it found no path, else empty.
     """
 
     row: str
@@ -252,7 +253,7 @@ class _Judge:
         return measured
 
     def _planned(self, row: str, skill: Skill, indices: Sequence[int], seed: int) -> Iterator[JointMeasurement]:
-        """The planner's way for every demonstration, and beside geodesic the row of the latent line."""
+        """The planner's path for every demonstration, and beside geodesic the row of the latent line."""
         planner = ReactivePlanner(skill)
         queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, planner.collision)
         for index in indices:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.simulation.joint_teacher import Guidance
 
 
-def told(robot: Robot, guidance: Guidance, samples: int, swivel: float = 0.0) -> np.ndarray:
+def commanded(robot: Robot, guidance: Guidance, samples: int, swivel: float = 0.0) -> np.ndarray:
     """Configurations (samples, 7) [rad] that the simulated teacher tells the arm, without physics.
 
     swivel : added to the guidance's swivel angles [rad].
@@ -50,7 +50,7 @@ def models(
 ) -> Iterator[tuple[JointSpaceVAE, JointTrainingSettings]]:
     """Learn configurations (N, T, eta) [rad] in each number of latent dimensions, once for every seed.
 
-    settings : with the dimension and the seed that replace its own they come with the model. progress : told what
+    settings : with the dimension and the seed that replace its own they come with the model. progress : receives what
     begins. folder : where models are kept, and taken from where the very same training was done before; None: nowhere.
     """
     for dimension in dimensions:

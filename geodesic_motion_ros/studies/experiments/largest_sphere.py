@@ -1,6 +1,6 @@
 """The largest sphere that is passed: on the path of the tool, place by place, and by how far a detour may lead.
 
-The motion is the planner's from the start to the goal of a skill where nothing is in the way. At evenly spaced places
+The motion is the planner's from the start to the goal of a skill without obstacles. At evenly spaced places
 of the tool's path one sphere stands with its centre on it. It grows until there is no certified motion from start to
 goal any more; the last one is the largest that is passed. Near its ends the arm itself has no room: a sphere that
 touches the arm at start or goal stops any planner, and how large that is stands beside it.

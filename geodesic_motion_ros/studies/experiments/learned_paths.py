@@ -1,7 +1,7 @@
 """Shortest paths through a skill's latent space as it was learned, walls and all: what the planner's graph leaves out.
 
-The planner's graph ends where the support does, so it says only that there is no way out of a tube or into the other
-cluster. How high the walls are is told by a graph of the whole latent box, from which nothing was removed.
+The planner's graph ends where the support does, so it says only that no path leads out of a tube or into the other
+cluster. How high the walls are follows from a graph of the whole latent box, from which nothing was removed.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """What a skill of the tool does not see: the arm behind it.
 
-A skill of tool poses is learned from reaches to grasp, and a sphere is put beside the way, where it touches the arm but
-not the hand. The skill's geodesic stays what it was: no pose of the tool is near the sphere. Whether the arm hits it is
-left to whoever solves the inverse kinematics. So for every node of a fine grid over the latent space, and for every
-pose of the geodesic, many solutions are worked out in closed form (`studies.tools.panda_solutions`; the last joint
-takes evenly spread values, and all branches count), and it is counted how many of them the sphere touches (collision
-spheres).
+A skill of tool poses is learned from reaches to grasp, and a sphere is put beside the path, where it touches the arm
+but not the hand. The skill's geodesic stays what it was: no pose of the tool is near the sphere. Whether the arm hits
+it is left to the solver of the inverse kinematics. So for every node of a fine grid over the latent space, and for
+every pose of the geodesic, many solutions are worked out in closed form (`studies.tools.panda_solutions`; the last
+joint takes evenly spread values, and all branches count), and it is counted how many of them the sphere touches
+(collision spheres).
 
 How many these are is a matter of where the sphere is. The first one leaves the arm's other family free, so that there
 is a path for the whole arm; a second one of the same size is put where most solutions along the geodesic touch it.
@@ -44,7 +44,7 @@ from geodesic_motion_ros.studies.experiments.blocked_arm import (
     every,
     hand_alone,
 )
-from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import RADIUS, mean_ways, sphere_on
+from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import RADIUS, mean_paths, sphere_on
 from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
@@ -112,12 +112,12 @@ class LimbsReport:
     ----------
     centre, radius : of the sphere [m].
     grid, nodes : the grid over the latent space, and its solutions.
-    free, way, along : geodesic of the tool without and with the sphere, and solutions at the samples of the latter.
-    tool_clearance : of the tool's spheres on that way, as the planner promises [m].
+    free, path, along : geodesic of the tool without and with the sphere, and solutions at the samples of the latter.
+    tool_clearance : of the tool's spheres on that path, as the planner promises [m].
     worst_centre, worst : the sphere that most solutions touch [m], and solutions at the same samples with it.
-    nominal, avoiding : ways of the whole arm without and with the sphere; None where that was refused.
+    nominal, avoiding : motions of the whole arm without and with the sphere; None where that was refused.
     nominal_clearance, avoiding_clearance : of the arm's meshes from the sphere on them [m].
-    hand_clearance : of the hand's collision spheres from the sphere on the nominal way [m].
+    hand_clearance : of the hand's collision spheres from the sphere on the nominal motion [m].
     """
 
     settings: LimbsSettings
@@ -129,7 +129,7 @@ class LimbsReport:
     supported: np.ndarray
     nodes: Solutions
     free: PosePath
-    way: PosePath
+    path: PosePath
     along: Solutions
     tool_clearance: float
     worst_centre: np.ndarray
@@ -144,7 +144,7 @@ class LimbsReport:
         """The figures."""
         inside, along = self.supported & (self.nodes.found > 0), self.along.shares
         worst = self.worst.shares
-        moved = np.linalg.norm(self.way.positions[:, None] - self.free.positions, axis=-1).min(axis=1).max()
+        moved = np.linalg.norm(self.path.positions[:, None] - self.free.positions, axis=-1).min(axis=1).max()
         return {
             "nodes": len(self.nodes.found),
             "supported_nodes": int(np.count_nonzero(self.supported)),
@@ -161,7 +161,7 @@ class LimbsReport:
             "worst_sphere_share_of_the_geodesic_over_90_of_100": float(np.mean(worst > 0.9)),
             "joint_space_without_the_sphere_mm": 1e3 * self.nominal_clearance,
             "joint_space_with_the_sphere_mm": 1e3 * self.avoiding_clearance,
-            "hand_of_the_joint_space_way_mm": 1e3 * self.hand_clearance,
+            "hand_of_the_joint_space_path_mm": 1e3 * self.hand_clearance,
         }
 
     def as_dict(self) -> dict[str, Any]:
@@ -204,25 +204,25 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
 
     Raises
     ------
-    ParameterError : the skills are not of task space and of joint space with families; one of them finds no way.
+    ParameterError : the skills are not of task space and of joint space with families; one of them finds no path.
     """
-    ways, arm = mean_ways(joint_skill), ReactivePlanner(joint_skill, settings.joint_planner)
-    start, goal = ways[:, 0].mean(axis=0), ways[:, -1].mean(axis=0)
-    asked = start, ConfigurationGoal(goal[None], "that of all demonstrations")
-    nominal = arm.plan_configurations(*asked).reference
+    means, arm = mean_paths(joint_skill), ReactivePlanner(joint_skill, settings.joint_planner)
+    start, goal = means[:, 0].mean(axis=0), means[:, -1].mean(axis=0)
+    query = start, ConfigurationGoal(goal[None], "that of all demonstrations")
+    nominal = arm.plan_configurations(*query).reference
     tool = PosePathPlanner(skill, settings.planner)
     poses = *arm.robot.forward(start), *arm.robot.forward(goal)
     free = tool.plan(*poses)
     if nominal is None or isinstance(free, Verdict):
-        raise ParameterError("nothing is in the way, and still there is none: the skills are not of one task")
-    arm_way = every(CHECK_PERIOD, nominal)
-    family = int(np.argmin([np.linalg.norm(way[len(way) // 2] - arm_way[len(arm_way) // 2]) for way in ways]))
-    others = np.delete(ways, family, axis=0)
-    middle = slice(*(round(share * len(arm_way)) for share in INTERIOR))
-    sphere = sphere_on(arm, arm_way[middle], np.concatenate(others))
+        raise ParameterError("there is no path, although nothing blocks it: the skills are not of one task")
+    arm_path = every(CHECK_PERIOD, nominal)
+    family = int(np.argmin([np.linalg.norm(mean[len(mean) // 2] - arm_path[len(arm_path) // 2]) for mean in means]))
+    others = np.delete(means, family, axis=0)
+    middle = slice(*(round(share * len(arm_path)) for share in INTERIOR))
+    sphere = sphere_on(arm, arm_path[middle], np.concatenate(others))
     centres, radii = sphere[None], np.array([RADIUS])
     arm.set_obstacles(centres, radii)
-    avoiding = arm.plan_configurations(*asked).reference
+    avoiding = arm.plan_configurations(*query).reference
     tool.set_obstacles(centres, radii)
     path = tool.plan(*poses)
     if isinstance(path, Verdict):
@@ -244,16 +244,16 @@ def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> 
         supported=rms_sigma(decoded.sigma) <= skill.sigma_limit,
         nodes=solved(decoded.positions, decoded.quaternions, centres, radii, settings.solutions),
         free=free,
-        way=path,
+        path=path,
         along=solved(*along, centres, radii, settings.solutions),
         tool_clearance=path.verdict.clearance,
         worst_centre=worst_centre,
         worst=solved(*along, worst_centre[None], radii, settings.solutions),
         nominal=nominal,
         avoiding=avoiding,
-        nominal_clearance=arm_clearance(geometry, arm_way, centres, radii),
+        nominal_clearance=arm_clearance(geometry, arm_path, centres, radii),
         avoiding_clearance=evaded,
-        hand_clearance=float(distances(hand, body_spheres(hand, arm_way), sphere, RADIUS).min()),
+        hand_clearance=float(distances(hand, body_spheres(hand, arm_path), sphere, RADIUS).min()),
     )
 
 
@@ -366,7 +366,7 @@ def _touches(
 
 def draw_limbs(report: LimbsReport, path: Path) -> None:
     """Above: the share of solutions that the sphere touches over the latent space, the same along the geodesic, and the
-    ways of the joint-space skill. Below: solutions of single poses, touched and free, and the way of the whole arm.
+    paths of the joint-space skill. Below: solutions of single poses, touched and free, and the motion of the whole arm.
     """
     from matplotlib.figure import Figure
 
@@ -384,18 +384,18 @@ def draw_limbs(report: LimbsReport, path: Path) -> None:
     axes.set(xlim=(0.0, 1.0), ylim=(0.0, None), xlabel="share of the geodesic", ylabel="touch the sphere [%]")
     axes.grid(alpha=0.3)
     axes.set_title("b  The same along the tool's geodesic", loc="left", fontsize=11)
-    ways = [DrawnPath(report.nominal.latent, np.empty((0, 3)), "geodesic without the sphere", BLUE)]
+    paths = [DrawnPath(report.nominal.latent, np.empty((0, 3)), "geodesic without the sphere", BLUE)]
     if report.avoiding is not None:
-        ways.append(DrawnPath(report.avoiding.latent, np.empty((0, 3)), "geodesic with the sphere", VERMILION))
+        paths.append(DrawnPath(report.avoiding.latent, np.empty((0, 3)), "geodesic with the sphere", VERMILION))
     ball = Sphere(report.centre, report.radius, report.centre[None])
     handles = draw_latent_tubes(
-        figure, grid[0, 2], report.joint_planner, ways, [ball], "c  A skill of joint space", zoom=0.95
+        figure, grid[0, 2], report.joint_planner, paths, [ball], "c  A skill of joint space", zoom=0.95
     )  # fmt: skip
-    # Solutions that follow each other are on different branches: their elbows make no way.
+    # Solutions that follow each other are on different branches: their elbows make no curve.
     rows = [("d  Skill of the tool: arms with the tool on the geodesic, touching the sphere", _hit_arms(report), False)]
     if report.avoiding is not None:
         clear = 1e3 * report.avoiding_clearance
-        title = f"e  Skill of joint space: its way with the sphere there, {clear:.0f} mm clear of it"
+        title = f"e  Skill of joint space: its motion with the sphere there, {clear:.0f} mm clear of it"
         rows.append((title, every(_PICTURE_PERIOD, report.avoiding), True))
     for row, (title, motion, curves) in enumerate(rows, start=1):
         axes = figure.add_subplot(grid[row, :])
@@ -423,8 +423,8 @@ def _heat_map(figure: Any, axes: Any, report: LimbsReport) -> None:
     axes.contour(first, second, report.supported.reshape(shape).T, levels=[0.5], colors="white", linewidths=1.0)
     for code in skill.codes:
         axes.plot(*code.T, color="white", linewidth=0.5, alpha=0.6)
-    axes.plot(*report.way.latent.T, color="white", linewidth=4.0)
-    axes.plot(*report.way.latent.T, color=BLUE, linewidth=2.4)
+    axes.plot(*report.path.latent.T, color="white", linewidth=4.0)
+    axes.plot(*report.path.latent.T, color=BLUE, linewidth=2.4)
     axes.set_facecolor("0.8")
     axes.set(xlabel="$z_1$", ylabel="$z_2$")
     axes.set_title("a  Latent space of a skill of the tool", loc="left", fontsize=11)

@@ -1,17 +1,17 @@
-"""Two ways of doing a task: does a geodesic follow one of them, and does it take the other when the first is blocked?
+"""Two modes of a task: does a geodesic follow one of them, and does it take the other when the first is blocked?
 
 The simulated teacher takes something past a pillar, as often on its left as on its right
 (`teacher.two_mode_demonstrations`); one skill per seed is learned from all of it. Starts and goals are drawn anew from
 what was shown. Then:
 
-- the planner plans. Its answer follows a way if the middle half of its arc is nearer to that way than NEAR times the
-  distance between the ways, and the tool does not touch the pillar, which nobody tells the planner of;
-- a sphere is put on that answer, large enough to block the way it follows, and the planner plans again. It switched if
-  the answer follows the other way, clear of the sphere.
+- the planner plans. Its answer follows a mode if the middle half of its arc is nearer to that mode than NEAR times the
+  distance between the modes, and the tool does not touch the pillar, which the planner does not know;
+- a sphere is put on that answer, large enough to block the mode it follows, and the planner plans again. It switched if
+  the answer follows the other mode, clear of the sphere.
 
-A way is the mean of the demonstrations on that side of the pillar, by the teacher's account and not by the skill's, its
-ends moved to the present start and goal. Clearances are measured on the dense curve, with nothing of the planner's own
-certificate. The control is what a method that knows no modes does: the mean of all demonstrations.
+A mode is judged by the mean of the demonstrations on that side of the pillar, by the teacher's account and not by the
+skill's, its ends moved to the present start and goal. Clearances are measured on the dense curve, with nothing of the
+planner's own certificate. The control is what a method that knows no modes does: the mean of all demonstrations.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
 
 TASK = "past_a_pillar"
-#: A path follows a way within this share of the distance between the ways; half would be in between.
+#: A path follows a mode within this share of the distance between the modes; half would be in between.
 NEAR = 0.25
 #: Where on the answer the sphere is put, in fractions of its arc length, and its radius [m].
 BLOCKED_AT = (0.35, 0.65)
@@ -52,7 +52,7 @@ _SAMPLES = 400
 
 @dataclass(frozen=True)
 class ModesSettings:
-    """How many demonstrations of each way are shown, and how many cases are made, for every seed.
+    """How many demonstrations of each mode are shown, and how many cases are made, for every seed.
 
     `seeds` are of data, training and cases alike.
     """
@@ -64,7 +64,7 @@ class ModesSettings:
 
     def __post_init__(self) -> None:
         if self.shown < 2:
-            raise ParameterError(f"shown is {self.shown}; a way needs at least 2 demonstrations")
+            raise ParameterError(f"shown is {self.shown}; a mode needs at least 2 demonstrations")
         if self.cases < 1:
             raise ParameterError(f"cases is {self.cases}; at least 1 is needed")
         check_seeds(self.seeds)
@@ -77,8 +77,8 @@ class Answer:
     Attributes
     ----------
     code, reason : the verdict, empty for what no planner returned. answered : whether there was a reference.
-    side : the way that it is nearer to; distance : how far its middle half is from there, on average [m].
-    between : how far the ways are from each other there [m].
+    side : the mode that it is nearer to; distance : how far its middle half is from there, on average [m].
+    between : how far the modes are from each other there [m].
     pillar : smallest distance of the tool's spheres from the pillar [m]. All of these NaN, "" without a reference.
     """
 
@@ -92,7 +92,7 @@ class Answer:
 
     @property
     def follows(self) -> bool:
-        """Whether it follows one of the ways, and not the pillar."""
+        """Whether it follows one of the modes, and not the pillar."""
         return self.answered and self.distance < NEAR * self.between and self.pillar > 0.0
 
 
@@ -103,7 +103,7 @@ class Blocked:
     Attributes
     ----------
     centre, radius : of the sphere [m].
-    own_free, other_free : share of the demonstrations of the answer's way, and of the other, that would stay clear.
+    own_free, other_free : share of the demonstrations of the answer's mode, and of the other, that would stay clear.
     answer : with the sphere there; clearance : of it from the sphere, as measured [m], NaN without a reference.
     """
 
@@ -130,7 +130,7 @@ class Case:
 
     @property
     def switched(self) -> bool:
-        """Whether blocking the way made the planner follow the other one, clear of the sphere."""
+        """Whether blocking the mode made the planner follow the other one, clear of the sphere."""
         blocked = self.blocked
         return (
             blocked is not None
@@ -183,8 +183,8 @@ class ModesReport:
             "blocked_unanswered": len(blocked) - len(clear),
             "through_the_sphere": sum(not value > 0.0 for value in clear),
             "least_clearance_mm": min(clear, default=None),
-            "own_way_blocked_percent": _percent([item.own_free == 0.0 for item in blocked]),
-            "other_way_free_percent": _percent([item.other_free == 1.0 for item in blocked]),
+            "own_mode_blocked_percent": _percent([item.own_free == 0.0 for item in blocked]),
+            "other_mode_free_percent": _percent([item.other_free == 1.0 for item in blocked]),
             "mean_follows_percent": _percent([case.mean.follows for case in cases]),
             "mean_through_pillar_percent": _percent([not case.mean.pillar > 0.0 for case in cases]),
         }
@@ -211,21 +211,21 @@ class ModesReport:
         ]
         rows.append(["all", f"{sum(found)} of {len(found)}", *self.summary().values()])
         notes = [
-            f"off mm: largest distance to the nearer way, of so many mm between the ways; {NEAR} of that is allowed",
-            "unanswered to other free: with the sphere there; own blocked, other free: all demonstrations of that way",
+            f"off mm: largest distance to the nearer mode, of so many mm between the modes; {NEAR} of that is allowed",
+            "unanswered to other free: with the sphere there; own blocked, other free: all demonstrations of that mode",
             "mean: of all demonstrations, carried to start and goal",
         ]
         return "\n".join([text_table(head, rows), *notes, *self._failures()])
 
     def _failures(self) -> list[str]:
-        said = []
+        lines = []
         for case in self.cases:
             where = f"seed {case.seed}, case {case.number}"
             if not case.free.follows:
-                said.append(f"{where}: {_in_words(case.free)}")
+                lines.append(f"{where}: {_in_words(case.free)}")
             if case.blocked is not None and not case.switched:
-                said.append(f"{where}, {case.free.side} blocked: {_in_words(case.blocked.answer)}")
-        return said
+                lines.append(f"{where}, {case.free.side} blocked: {_in_words(case.blocked.answer)}")
+        return lines
 
 
 def measure_modes(
@@ -272,12 +272,12 @@ def _case(
     random: np.random.Generator,
 ) -> Drawn:
     fraction, radius = random.uniform(*BLOCKED_AT), random.uniform(*BLOCKING_RADII)
-    ways = [mean_demonstration(side, start, goal).corrected for side in sides]
+    means = [mean_demonstration(side, start, goal).corrected for side in sides]
     together = Demonstrations(tuple(item for side in sides for item in side))
     mean = mean_demonstration(together, start, goal).corrected
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
     path = planner.plan(*start, *goal)
-    free = _answer(path, ways, planner.settings)
+    free = _answer(path, means, planner.settings)
     blocked, second = None, None
     if isinstance(path, PosePath):
         at = arc_length_fractions(path.positions)
@@ -291,9 +291,9 @@ def _case(
             clearance = measured_clearance(second, centre, radius, planner.settings)
         blocked = Blocked(
             tuple(centre.tolist()), radius, shares[own], shares[1 - own],
-            _answer(second, ways, planner.settings), clearance,
+            _answer(second, means, planner.settings), clearance,
         )  # fmt: skip
-    case = Case(seed, number, free, blocked, judged(mean, ways, planner.settings))
+    case = Case(seed, number, free, blocked, judged(mean, means, planner.settings))
     return Drawn(case, _positions(path), _positions(second), mean.positions)
 
 
@@ -310,28 +310,28 @@ def pillar_clearance(curve: PoseCurve, settings: PlannerSettings) -> float:
     return float(np.min(distances))
 
 
-def _answer(path: PosePath | Verdict, ways: Sequence[PoseCurve], settings: PlannerSettings) -> Answer:
+def _answer(path: PosePath | Verdict, means: Sequence[PoseCurve], settings: PlannerSettings) -> Answer:
     if isinstance(path, Verdict):
         return Answer(path.code.name, path.reason, False)
-    return judged(path, ways, settings, path.verdict.code.name, path.verdict.reason)
+    return judged(path, means, settings, path.verdict.code.name, path.verdict.reason)
 
 
 def judged(
-    curve: PoseCurve, ways: Sequence[PoseCurve], settings: PlannerSettings, code: str = "", reason: str = ""
+    curve: PoseCurve, means: Sequence[PoseCurve], settings: PlannerSettings, code: str = "", reason: str = ""
 ) -> Answer:
-    """Which of the two ways a curve is nearer to, how near, and how far from the pillar."""
-    distances = [_middle_distance(curve, way) for way in ways]
+    """Which of the two modes a curve is nearer to, how near, and how far from the pillar."""
+    distances = [_middle_distance(curve, mean) for mean in means]
     nearest = int(np.argmin(distances))
-    between = 0.5 * (_middle_distance(ways[0], ways[1]) + _middle_distance(ways[1], ways[0]))
+    between = 0.5 * (_middle_distance(means[0], means[1]) + _middle_distance(means[1], means[0]))
     return Answer(
         code, reason, True, SIDES[nearest], distances[nearest], between, pillar_clearance(curve, settings)
     )  # fmt: skip
 
 
-def _middle_distance(curve: PoseCurve, way: PoseCurve) -> float:
-    """Mean distance [m] of the middle half of a curve's arc to the nearest points of a way."""
+def _middle_distance(curve: PoseCurve, other: PoseCurve) -> float:
+    """Mean distance [m] of the middle half of a curve's arc to the nearest points of another."""
     middle = curve.resampled(_SAMPLES).positions[_SAMPLES // 4 : -_SAMPLES // 4]
-    return float(cKDTree(way.resampled(_SAMPLES).positions).query(middle)[0].mean())
+    return float(cKDTree(other.resampled(_SAMPLES).positions).query(middle)[0].mean())
 
 
 def _free_share(
@@ -354,7 +354,7 @@ def _in_words(answer: Answer) -> str:
     if not answer.answered:
         return f"{answer.code}: {answer.reason}"
     return (
-        f"on the {answer.side}, {1e3 * answer.distance:.0f} mm off of {1e3 * answer.between:.0f} mm between the ways,"
+        f"on the {answer.side}, {1e3 * answer.distance:.0f} mm off of {1e3 * answer.between:.0f} mm between the modes,"
         f" {1e3 * answer.pillar:.0f} mm from the pillar"
     )
 
@@ -387,8 +387,8 @@ def draw_modes(report: ModesReport, path: Path) -> None:
         around = Circle(centre, reach, fill=False, color=ORANGE, linestyle="--", label="sphere and tool together")
         one.add_patch(around)
     every.set_title(f"seed {report.settings.seeds[0]}: {len(report.drawn)} cases", loc="left")
-    one.set_title("one of them, its way blocked", loc="left")
-    switched.set_title("all, each with its way blocked", loc="left")
+    one.set_title("one of them, its mode blocked", loc="left")
+    switched.set_title("all, each with its mode blocked", loc="left")
     handles, labels = one.get_legend_handles_labels()
     named = dict(zip(labels, handles, strict=True))
     figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=3)

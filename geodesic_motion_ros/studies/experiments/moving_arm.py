@@ -1,9 +1,9 @@
-"""Spheres that move through the arm's way: a Panda in PyBullet plays what the joint-space planner streams.
+"""Spheres that move through the arm's path: a Panda in PyBullet plays what the joint-space planner streams.
 
 The spheres, and what their contacts count as, are those of `moving_spheres.py`; contacts are PyBullet's on the arm's
 meshes. The start and the goal were demonstrated; chasing spheres chase the elbow. The planner ticks at 100 Hz of
-simulated time and is told true positions and velocities; what it answers reaches the arm one tick later and is played
-as joint_trajectory_controller does. The control is the same planner told to ignore the spheres.
+simulated time and receives true positions and velocities; what it answers reaches the arm one tick later and is played
+as joint_trajectory_controller does. The control is the same planner, which ignores the spheres.
 
 The command is judged as a stream of positions, one in every physics step: its differences over the arm's own limits of
 velocity, acceleration and jerk.

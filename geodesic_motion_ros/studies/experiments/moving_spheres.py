@@ -78,7 +78,7 @@ class MovingSphere:
 
 @dataclass(frozen=True, eq=False)
 class NominalMotion:
-    """What a body does where nothing is in its way, from time 0 on for `duration` [s].
+    """What a body does without spheres, from time 0 on for `duration` [s].
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class MovingScene:
     ----------
     spheres : how many; contacts : what each contact was. reached : whether the goal was reached, after `duration` [s].
     clearance : least distance [m] from a sphere while the body moved.
-    stood : time [s] that the body stood on the way.
+    stood : time [s] that the body stood before it reached the goal.
     ticks : processor time [s] of each tick.
     control : contacts of the moving body where the same planner ignores the spheres.
     """
@@ -120,13 +120,13 @@ class MovingScene:
     ticks: tuple[float, ...]
     control: int = 0
 
-    def told(self) -> dict[str, Any]:
-        """What JSON files tell of it: all but the ticks."""
+    def as_dict(self) -> dict[str, Any]:
+        """What JSON files hold of it: all but the ticks."""
         return {name: value for name, value in asdict(self).items() if name != "ticks"}
 
 
 def draw_spheres(nominal: NominalMotion, random: np.random.Generator) -> tuple[MovingSphere, ...]:
-    """One to five spheres in the way of a nominal motion."""
+    """One to five spheres on the path of a nominal motion."""
     kinds = [_chasing if random.uniform() < CHASING_SHARE else _crossing for _ in range(random.integers(1, 6))]
     return tuple(kind(nominal, random) for kind in kinds)
 
@@ -182,7 +182,7 @@ class SpheresInMotion:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Centres (o, 3), radii (o,) [m] and velocities (o, 3) [m/s] of the spheres that are there.
 
-        has_room : asked with centre, radius and speed of a sphere that is there for the first time: may it be stopped
+        has_room : called with centre, radius and speed of a sphere that is there for the first time: may it be stopped
             for?
         """
         present = self._present(now)
@@ -210,7 +210,7 @@ class SpheresInMotion:
             if moves:
                 self.clearance = min(self.clearance, apart)
             if apart <= 0.0:
-                # What the planner has not been told of yet was not there in time.
+                # What the planner has not received yet was not there in time.
                 had_room = self._room.get(i, False)
                 self.contacts.append("standing" if not moves else "moving" if had_room else "no room")
                 del self._spheres[i]

@@ -34,10 +34,10 @@ def draw_laws(report: LawsReport, path: Path) -> None:
     for row in rows:
         row["hit_share"] = row["hits"] / row["found"] if row["found"] else math.nan
     for axes, letter, column, scale, title in (
-        (panels[1], "b", "hit_share", 1e2, "ways found that hit the sphere [%]"),
+        (panels[1], "b", "hit_share", 1e2, "paths found that hit the sphere [%]"),
         (panels[2], "c", "clearance_mean", 1e3, "clearance, mean [mm]"),
-        (panels[3], "d", "deviation_mean", 1e3, "deviation from the way without [mm]"),
-        (panels[4], "e", "infeasible", 1e2, "scenes without a way [%]"),
+        (panels[3], "d", "deviation_mean", 1e3, "deviation from the path without [mm]"),
+        (panels[4], "e", "infeasible", 1e2, "scenes without a path [%]"),
         (panels[5], "f", "capped_infeasible", 1e2, "without one that costs up to the cap [%]"),
     ):
         _draw_column(axes, rows, column, scale)

@@ -1,11 +1,11 @@
 """How the metric may grow towards obstacles, and what removes nodes: the paper's law, ours, and both halves of ours.
 
-Every scene has a start and a goal as they were demonstrated and a sphere that leaves them free. On the way that the
+Every scene has a start and a goal as they were demonstrated and a sphere that leaves them free. On the path that the
 planner takes without obstacles the arm comes near it in every third scene (*near*), touches it where another family's
-mean way is free in the next (*one way*), and touches it, whatever else is free, in the last (*touched*). The same
-scenes are planned in these ways:
+mean path is free in the next (*one path*), and touches it, whatever else is free, in the last (*touched*). The same
+scenes are planned under these laws:
 
-ignored         the way without obstacles, as a control
+ignored         the path without obstacles, as a control
 soft alone      the Gaussian hill of `manifold/ambient_metric.py`, the paper's law: nothing is removed, nothing
 certified. Sheet,
                 graph and the rest are the planner's, not the paper's
@@ -16,17 +16,17 @@ completed       the metric without a top in the place of the Gaussian; nodes rem
 each but the first and the third with several strengths zeta and widths, those of the Gaussian over the radius of
 obstacle and body together. Columns of the table:
 
-infeasible  share of the scenes in which no way was found
-hits        ways found on which the arm (its meshes, by PyBullet) touches the sphere, of all that were found
-capped      both again where ways that cost too much count as none: more than `PlannerSettings.cost_cap` times what a
-            demonstration costs without obstacles. The planner always does that; the paper tells blocked ways by it
+infeasible  share of the scenes in which no path was found
+hits        paths found on which the arm (its meshes, by PyBullet) touches the sphere, of all that were found
+capped      both again where paths that cost too much count as none: more than `PlannerSettings.cost_cap` times what a
+            demonstration costs without obstacles. The planner always does that; the paper tells blocked paths by it
 least       the least distance of the arm's collision spheres from that sphere on any of them [mm], negative inside
-clearance   the same distance: mean of the ways [mm]
-deviation   of the body points from the way without obstacles, matched by dynamic time warping: mean of the ways [mm]
-length      of the body points' ways over that without obstacles: mean
+clearance   the same distance: mean of the paths [mm]
+deviation   of the body points from the path without obstacles, matched by dynamic time warping: mean of the paths [mm]
+length      of the body points' paths over that without obstacles: mean
 ms          processor time of planning: median
 
-Clearance, deviation and length are over those scenes in which a way was always found, so that they are of the same
+Clearance, deviation and length are over those scenes in which a path was always found, so that they are of the same
 ones.
 """
 
@@ -66,13 +66,13 @@ from geodesic_motion_ros.utils.tables import Cell, text_table
 Kind = Literal["ignored", "soft alone", "hard alone", "soft and hard", "completed"]
 #: zeta, and Gaussian width over obstacle and body radius.
 STRENGTHS, WIDTHS = (100.0, 1000.0, 10000.0), (0.5, 1.0)
-#: Postures, evenly along the body's arc, that are matched with those of the way without obstacles.
+#: Postures, evenly along the body's arc, that are matched with those of the path without obstacles.
 _COMPARED = 100
 
 
 @dataclass(frozen=True)
 class Law:
-    """One way to plan among obstacles: strength (zeta) and width as of `PlannerSettings`; None where there is none."""
+    """A method to plan among obstacles: strength (zeta) and width as of `PlannerSettings`; None where there is none."""
 
     kind: Kind
     strength: float | None = None
@@ -104,12 +104,12 @@ LAWS: tuple[Law, ...] = tuple(
 
 @dataclass(frozen=True)
 class LawAnswer:
-    """What came of a scene under a law; the rest is NaN and False without a way, seconds are NaN of the control.
+    """What came of a scene under a law; the rest is NaN and False without a path, seconds are NaN of the control.
 
     Attributes
     ----------
     sphere : what it does, a key of `BETWEEN`.
-    answered : whether there is a way; under_cap : whether there is one that does not cost too much.
+    answered : whether there is a path; under_cap : whether there is one that does not cost too much.
     hits : whether the arm touches the sphere.
     clearance, length, deviation, seconds : as of the table, in metres and seconds.
     """
@@ -140,7 +140,7 @@ class LawsReport:
 
     @property
     def common(self) -> list[int]:
-        """Scenes in which a way was found under every law."""
+        """Scenes in which a path was found under every law."""
         refused = {answer.scene for answer in self.answers if not answer.answered}
         return sorted({answer.scene for answer in self.answers} - refused)
 
@@ -193,7 +193,7 @@ class LawsReport:
                 None if math.isnan(length) else f"{length:.3f}", 1e3 * row["seconds_median"],
             ])  # fmt: skip
         scenes = len(self.of(CONTROL))
-        note = f"{scenes} scenes; clearance, deviation, length: over the {len(self.common)} that always have a way"
+        note = f"{scenes} scenes; clearance, deviation, length: over the {len(self.common)} that always have a path"
         return "\n".join([self.skill, text_table(head, rows, 1), note])
 
 
@@ -224,7 +224,7 @@ def compare_laws(
 
 
 class _Compared:
-    """Draws scenes on a skill's ways, plans them under every law on one graph, and judges what is found."""
+    """Draws scenes on a skill's paths, plans them under every law on one graph, and judges what is found."""
 
     def __init__(self, skill: Skill, laws: Sequence[Law], settings: PlannerSettings) -> None:
         self._planner = planner = ReactivePlanner(skill, settings)
@@ -250,23 +250,23 @@ class _Compared:
         answers = [self._judged(control, nominal, nominal, scene)]
         for law, solver in self._solvers.items():
             began = time.thread_time()
-            way = _way(solver, built[law.is_hard], obstacles)
-            seconds, under_cap = time.thread_time() - began, way is not None
-            if way is None:
-                way = _way(solver, built[law.is_hard], obstacles, capped=False)
-            answer = LawAnswer(law, number, scene.sphere, way is not None, under_cap, seconds)
-            answers.append(answer if way is None else self._judged(answer, way, nominal, scene))
+            path = _solved(solver, built[law.is_hard], obstacles)
+            seconds, under_cap = time.thread_time() - began, path is not None
+            if path is None:
+                path = _solved(solver, built[law.is_hard], obstacles, capped=False)
+            answer = LawAnswer(law, number, scene.sphere, path is not None, under_cap, seconds)
+            answers.append(answer if path is None else self._judged(answer, path, nominal, scene))
         return answers
 
-    def _judged(self, answer: LawAnswer, way: np.ndarray, nominal: np.ndarray, scene: LawScene) -> LawAnswer:
-        """An answer with the figures of its way (n, eta), beside the one without obstacles (m, eta)."""
-        clearance = float(distances(self._planner, body_spheres(self._planner, way), scene.centre, scene.radius).min())
+    def _judged(self, answer: LawAnswer, path: np.ndarray, nominal: np.ndarray, scene: LawScene) -> LawAnswer:
+        """An answer with the figures of its path (n, eta), beside the one without obstacles (m, eta)."""
+        clearance = float(distances(self._planner, body_spheres(self._planner, path), scene.centre, scene.radius).min())
         radii = np.array([scene.radius])
         # The arm's spheres hold its meshes: where they are free so is the arm.
-        hits = clearance <= 0.0 and arm_clearance(self._geometry, way, scene.centre[None], radii) <= 0.0
+        hits = clearance <= 0.0 and arm_clearance(self._geometry, path, scene.centre[None], radii) <= 0.0
         return replace(
-            answer, hits=hits, clearance=clearance, deviation=self._deviation(way, nominal),
-            length=_length(self._points(way)) / _length(self._points(nominal)),
+            answer, hits=hits, clearance=clearance, deviation=self._deviation(path, nominal),
+            length=_length(self._points(path)) / _length(self._points(nominal)),
         )  # fmt: skip
 
     def _points(self, postures: np.ndarray) -> np.ndarray:
@@ -274,20 +274,20 @@ class _Compared:
         body = self._planner.graph.body
         return place_body_points(np.ascontiguousarray(postures), body.frames, body.offsets, self._planner.robot.chain)
 
-    def _deviation(self, way: np.ndarray, nominal: np.ndarray) -> float:
-        """Mean distance [m] of the body points on a way from those on another, at the postures that match."""
+    def _deviation(self, path: np.ndarray, nominal: np.ndarray) -> float:
+        """Mean distance [m] of the body points on a path from those on another, at the postures that match."""
         one, other = (
             self._points(along_body_arc(postures, self._planner.robot, self._planner.skill.metric, _COMPARED))
-            for postures in (way, nominal)
+            for postures in (path, nominal)
         )
         rows, columns = dtw_matching(one.reshape(_COMPARED, -1), other.reshape(_COMPARED, -1)).T
         return float(np.linalg.norm(one[rows] - other[columns], axis=2).mean())
 
 
-def _way(
+def _solved(
     solver: Solver, query: ConfigurationQuery | Verdict, obstacles: Obstacles, capped: bool = True
 ) -> np.ndarray | None:
-    """Configurations (n, eta) on the way from rest at the start to the goal; None where there is none.
+    """Configurations (n, eta) on the path from rest at the start to the goal; None where there is none.
 
     capped : whether it may cost no more than the query allows.
     """

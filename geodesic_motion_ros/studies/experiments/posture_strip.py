@@ -1,4 +1,4 @@
-"""Strips: the arm at even shares of the time of a motion, side by side, with the ways of tool and elbow."""
+"""Strips: the arm at even shares of the time of a motion, side by side, with the curves of tool and elbow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.world import PandaWorld
 
 _TOOL_COLOUR, _ELBOW_COLOUR = (0.16, 0.50, 0.73), (0.93, 0.58, 0.12)
-#: Postures on a motion that its drawn ways are made of.
+#: Postures on a motion that its drawn curves are made of.
 _SAMPLES = 100
 
 
@@ -30,7 +30,7 @@ def posture_strips(
     ----------
     motions : configurations (n, eta) [rad] each, evenly spaced in time.
     obstacles : of each motion, name -> (centre (3,), radius) [m].
-    view : one of `camera.VIEWS`. curves : draw the ways of tool and elbow.
+    view : one of `camera.VIEWS`. curves : draw the curves of tool and elbow.
     """
     with PandaWorld(scene=DeclaredScene.named("table")) as world:
         rows = []
@@ -44,9 +44,9 @@ def _strip(
     world: PandaWorld, motion: np.ndarray, width: int, height: int, postures: int, view: str, curves: bool
 ) -> np.ndarray:
     if curves:
-        way = motion[evenly(len(motion), _SAMPLES)]
-        world.add_curve(np.array([world.robot.forward(configuration)[0] for configuration in way]), _TOOL_COLOUR)
-        world.add_curve(np.array([elbow_position(world.robot, configuration) for configuration in way]), _ELBOW_COLOUR)
+        along = motion[evenly(len(motion), _SAMPLES)]
+        world.add_curve(np.array([world.robot.forward(posture)[0] for posture in along]), _TOOL_COLOUR)
+        world.add_curve(np.array([elbow_position(world.robot, posture) for posture in along]), _ELBOW_COLOUR)
     pictures = []
     for configuration in motion[evenly(len(motion), postures)]:
         world.reset(configuration)

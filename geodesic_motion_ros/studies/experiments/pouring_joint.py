@@ -1,7 +1,7 @@
 """Pouring with the whole arm, three bottles to three cups: does a geodesic change between the groups that were shown?
 
-The simulated teacher shows three of the nine pairs (`joint_teacher.pouring`), and the ways of the three cross. The
-planner is asked for all nine pairs: from the mean configuration at a bottle to that at a cup. Every way is played by
+The simulated teacher shows three of the nine pairs (`joint_teacher.pouring`), and the paths of the three cross. The
+planner plans all nine pairs: from the mean configuration at a bottle to that at a cup. Every motion is played by
 the arm in PyBullet, among the stands of that bottle and of all cups. Two rows: *ours*, one skill of all pairs for every
 seed, and the paper's to the letter (*literal*), one skill with `JointTrainingSettings.paper` and the first seed,
 planned with `PaperPlanner` from code to code and played by its follower.
@@ -75,9 +75,9 @@ class Pouring:
     ----------
     row, seed, bottle, cup : who plans with which skill, and numbers of the places; a pair was shown if they are equal.
     reason : why the planner refused, else empty; then all that follows is empty or NaN.
-    duration : of the way [s].
-    latent : (k, d) latent points of the way at the times of the execution.
-    by_skill, by_tool : (k,) the group at each time, as told above.
+    duration : of the motion [s].
+    latent : (k, d) latent points of the motion at the times of the execution.
+    by_skill, by_tool : (k,) the group at each time, as judged above.
     missed : distance [m] of the executed tool, at the end, from the mean of those shown at this cup.
     off : largest distance [m] of the executed tool from the nearest position that was demonstrated, of any group.
     execution : what the arm did.
@@ -107,7 +107,7 @@ class Pouring:
             return (), ()
         return passed_in_turn(self.by_skill), passed_in_turn(self.by_tool)
 
-    def told(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """What `--json` writes."""
         executed = self.execution
         return {
@@ -134,7 +134,7 @@ class PouringJointReport:
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` writes."""
-        return {"settings": asdict(self.settings), "pourings": [item.told() for item in self.pourings]}
+        return {"settings": asdict(self.settings), "pourings": [item.as_dict() for item in self.pourings]}
 
     def table(self) -> str:
         """The table as plain text."""
@@ -184,10 +184,10 @@ def measure_pouring_joint(
     ours, literally = training or JointTrainingSettings(**BRIEFLY), literal or JointTrainingSettings.paper()
     shown, first = pouring(settings.shown, 0), settings.seeds[0]
     families, tools = Families.of(shown, PAIRS), shown.tool_demonstrations(Robot.named(shown.robot))
-    asked = [(ours, seed) for seed in settings.seeds] + [(literally, first)]
+    trainings = [(ours, seed) for seed in settings.seeds] + [(literally, first)]
     pourings: list[Pouring] = []
     players: list[Player] = []
-    for training, seed in tqdm(asked, desc="pouring-joint", unit="skill", disable=not show_progress):
+    for training, seed in tqdm(trainings, desc="pouring-joint", unit="skill", disable=not show_progress):
         skill = trained_once(TASK, shown, replace(training, seed=seed), skills)
         if training is ours:
             players.append(OurArm(ReactivePlanner(skill, settings.planner), families))
@@ -241,8 +241,8 @@ def _groups(shown: Demonstrations) -> list[Demonstrations]:
 
 
 def draw_pouring_joint(report: PouringJointReport, path: Path) -> None:
-    """The first seed: our way through the most groups in the latent space and from above, the groups of all our pairs
-    over time, and the arm on that way and on the literal planner's between the same places.
+    """The first seed: our path through the most groups in the latent space and from above, the groups of all our pairs
+    over time, and the arm on that path and on the literal planner's between the same places.
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
@@ -258,9 +258,9 @@ def draw_pouring_joint(report: PouringJointReport, path: Path) -> None:
     grid = figure.add_gridspec(
         1 + len(strips), 3, height_ratios=(4.9, *(2.0 for _ in strips)), width_ratios=(1.6, 0.6, 1.3)
     )
-    way = DrawnPath(example.latent, np.empty((0, 3)), f"geodesic, bottle {example.bottle} to cup {example.cup}", BLUE)
+    drawn = DrawnPath(example.latent, np.empty((0, 3)), f"geodesic, bottle {example.bottle} to cup {example.cup}", BLUE)
     title = "a  Ours: latent space, three groups"
-    handles = draw_latent_tubes(figure, grid[0, 0], report.drawn, [way], (), title, zoom=1.0)
+    handles = draw_latent_tubes(figure, grid[0, 0], report.drawn, [drawn], (), title, zoom=1.0)
     _from_above(figure.add_subplot(grid[0, 1]), report, example, FAMILY_COLOURS)
     _bands(figure.add_subplot(grid[0, 2]), answered, FAMILY_COLOURS)
     for row, item in enumerate(strips, start=1):
@@ -281,7 +281,7 @@ def draw_pouring_joint(report: PouringJointReport, path: Path) -> None:
 
 
 def _from_above(axes: Any, report: PouringJointReport, example: Pouring, colours: tuple[str, ...]) -> None:
-    """Demonstrated ways of the tool by group, and the executed one in the colour of the group that it is nearest to."""
+    """Demonstrated paths of the tool by group, and the executed one in the colour of the group nearest to it."""
     assert example.execution is not None
     for pair, group in enumerate(_groups(report.shown)):
         for item in group:

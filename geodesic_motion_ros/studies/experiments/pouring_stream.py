@@ -1,4 +1,4 @@
-"""A sphere moves through the way of a bottle that is carried along its geodesic: followed tick by tick, and drawn."""
+"""A sphere moves through the path of a bottle that is carried along its geodesic: followed tick by tick, and drawn."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ _ARRIVED = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """The stream at a time [s]: the sphere's centre (3,), how the tool is turned (4,), its way so far, and the geodesic
-    from there (n, 3).
+    """The stream at a time [s]: the sphere's centre (3,), how the tool is turned (4,), its path so far, and the
+    geodesic from there (n, 3).
     """
 
     time: float
     centre: np.ndarray
     quaternion: np.ndarray
-    gone: np.ndarray
+    followed: np.ndarray
     ahead: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """A sphere moves through the way of a tool that follows its geodesic.
+    """A sphere moves through the path of a tool that follows its geodesic.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Stream:
 
 
 def past_a_moving_sphere(planner: ReactivePlanner, bottle: int = 0, cup: int = 2) -> Stream:
-    """Follow the stream while a sphere crosses under the bottle where it would be half way, just then.
+    """Follow the stream while a sphere crosses under the bottle where it would be halfway, just then.
 
     planner : of which only the tool, and what it holds, avoids obstacles.
     """
@@ -69,7 +69,7 @@ def past_a_moving_sphere(planner: ReactivePlanner, bottle: int = 0, cup: int = 2
     planner.take_obstacles(Obstacles.none())
     planned = planner.plan(*start, *goal).reference
     if planned is None:
-        raise ParameterError(f"there is no way from bottle {bottle} to cup {cup} even without the sphere")
+        raise ParameterError(f"there is no path from bottle {bottle} to cup {cup} even without the sphere")
     half = 0.5 * planned.duration
     middle = planner.robot.forward(planned.sample(half)[0])
     beside = sphere_beside(*middle, np.array(SIDES[0]))
@@ -90,17 +90,17 @@ def past_a_moving_sphere(planner: ReactivePlanner, bottle: int = 0, cup: int = 2
         centres.append(sphere.position(now + _TICK))
         ahead.append(ahead[-1] if path is None else path[0].positions)
     times = _TICK * np.arange(len(configurations))
-    gone_by, turned = _tool(planner, np.array(configurations))
+    played, turned = _tool(planner, np.array(configurations))
     unaware = _tool(planner, planned.samples(times)[0])
-    nearest = int(np.argmin(np.linalg.norm(gone_by - centres, axis=1)))
+    nearest = int(np.argmin(np.linalg.norm(played - centres, axis=1)))
     moments = tuple(
-        Moment(float(times[at]), centres[at], turned[at], gone_by[: at + 1], _tool(planner, ahead[at])[0])
+        Moment(float(times[at]), centres[at], turned[at], played[: at + 1], _tool(planner, ahead[at])[0])
         for at in (nearest // 3, nearest)
     )
     return Stream(
         (moments[0], moments[1]), _tool(planner, planned.positions)[0],
         _arrived(planner, configurations[-1], goal[0]),
-        bottle_distance(gone_by, turned, np.array(centres), SPHERE_RADIUS),
+        bottle_distance(played, turned, np.array(centres), SPHERE_RADIUS),
         bottle_distance(*unaware, np.array(centres), SPHERE_RADIUS),
     )  # fmt: skip
 
@@ -119,7 +119,7 @@ def _velocity(sphere: LineObstacle, now: float) -> np.ndarray:
 
 
 def draw_moment(axes: Axes, shown: Demonstrations, nominal: np.ndarray, moment: Moment) -> list[Any]:
-    """The stream at a time, seen along x: the tool's ways, and the outline of what it holds.
+    """The stream at a time, seen along x: the tool's paths, and the outline of what it holds.
 
     nominal : as of `Stream`. Returns what a legend shows.
     """
@@ -128,7 +128,7 @@ def draw_moment(axes: Axes, shown: Demonstrations, nominal: np.ndarray, moment: 
     centre, radius = 100.0 * moment.centre[1:], 100.0 * SPHERE_RADIUS
     axes.add_patch(Circle(centre, radius, color=ORANGE, alpha=0.85, label="moving sphere"))
     for part in bottle_in_hand():
-        held = fixed_to(moment.gone[-1], moment.quaternion, part)
+        held = fixed_to(moment.followed[-1], moment.quaternion, part)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * [part.radius, 0.5 * part.height]
         along = to_rotation(np.array(held.quaternion)).apply([0.0, 0.0, 1.0])[1:]
         across = np.array([along[1], -along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
@@ -136,7 +136,7 @@ def draw_moment(axes: Axes, shown: Demonstrations, nominal: np.ndarray, moment: 
         axes.add_patch(Polygon(100.0 * outline, facecolor=GREEN, alpha=0.5, label="bottle"))
     axes.plot(*(100.0 * nominal[:, 1:].T), "--", color=BLUE, linewidth=1.6, label="geodesic without it")
     axes.plot(*(100.0 * moment.ahead[:, 1:].T), color=VERMILION, linewidth=2.2, label="geodesic at the time")
-    axes.plot(*(100.0 * moment.gone[:, 1:].T), color="black", linewidth=2.4, label="way gone by now")
-    axes.plot(*(100.0 * moment.gone[-1, 1:]), "o", color="black", markersize=6)
+    axes.plot(*(100.0 * moment.followed[:, 1:].T), color="black", linewidth=2.4, label="path followed so far")
+    axes.plot(*(100.0 * moment.followed[-1, 1:]), "o", color="black", markersize=6)
     axes.set(xlabel="y [cm]", ylabel="z [cm]", aspect="equal")
     return axes.get_legend_handles_labels()[0]

@@ -1,17 +1,17 @@
 """Pouring in task space, three bottles to three cups of which three pairs were shown: all nine, an obstacle, a chain.
 
-The simulated teacher carries each of three bottles to a cup of its own, and the three ways cross (`joint_teacher.
+The simulated teacher carries each of three bottles to a cup of its own, and the three paths cross (`joint_teacher.
 pouring`); what is learned are the poses of the tool. For every seed of the training:
 
 - *pairs*: from each bottle to each cup, on the raw sheet, the paper's, and on the canonical one. What counts is how far
   a path is from any position that was demonstrated;
-- *clearance*: half way along each path a sphere beside the bottle or under it, 1 cm deep in its way. The planner that
+- *clearance*: halfway along each path a sphere beside the bottle or under it, 1 cm deep in its path. The planner that
   takes the tool for a sphere of 4 cm does not know of the bottle in the hand; the other one has spheres along it that
   hold all of it. Measured is the exact distance of the bottle's two cylinders from the sphere, along the dense path;
 - *chain*: with one bottle to the first cup, on to the second and to the third: three geodesics on the raw sheet, which
   alone takes an end that was shown for a start. It is played by the arm in PyBullet among the stands.
 
-For the first seed a sphere *moves* through the way while the tool follows it on the raw sheet, and the geodesic is
+For the first seed a sphere *moves* through the path while the tool follows it on the raw sheet, and the geodesic is
 drawn at two times. Of the same skill a second picture shows how a sphere reshapes the metric, and many geodesics
 between random points (`reshaped_metric`).
 """
@@ -105,8 +105,8 @@ class Pair:
 
 @dataclass(frozen=True)
 class Blocked:
-    """A sphere in the bottle's way: the exact clearance of the bottle [m] on the path planned with the bottle, and with
-    the hand alone; NaN where that was refused. `side` is one of those where spheres are.
+    """A sphere on the bottle's path: the exact clearance of the bottle [m] on the path planned with the bottle, and
+    with the hand alone; NaN where that was refused. `side` is one of those where spheres are.
     """
 
     sheet: str
@@ -186,14 +186,14 @@ class PouringTaskReport:
         return "\n".join([
             text_table(["pairs", "seed", "reached", "off, shown pairs mm", "off, others mm"], pairs, 1), "",
             text_table(
-                ["sphere in the bottle's way", "seed", "scenes", "answered", "hits", "least mm",
+                ["sphere on the bottle's path", "seed", "scenes", "answered", "hits", "least mm",
                  "hand alone: answered", "hits", "least mm"], blocked, 1,
             ), "",
             text_table(
                 ["chain, seed", "geodesics", "mouth off the cup mm", "tool behind mm", "arm clear mm"], chains, 1
             ), "",
             f"moving sphere: {'reached' if stream.reached else 'NOT reached'}, bottle {1e3 * stream.clearance:.1f} mm "
-            f"clear; {1e3 * stream.unaware:.1f} mm on the way without the sphere",
+            f"clear; {1e3 * stream.unaware:.1f} mm on the path without the sphere",
             *self.reshaped.lines(), *refused,
         ])  # fmt: skip
 
@@ -241,7 +241,7 @@ def measure_pouring_task(
 
 
 def all_pairs(planner: PosePathPlanner, shown: Demonstrations, sheet: str, seed: int) -> list[Pair]:
-    """Every bottle to every cup, nothing in the way."""
+    """Every bottle to every cup, without obstacles."""
     planner.take_obstacles(Obstacles.none())
     tree = cKDTree(np.concatenate([item.positions for item in shown]))
     found = []
@@ -259,7 +259,7 @@ def all_pairs(planner: PosePathPlanner, shown: Demonstrations, sheet: str, seed:
 def blocked_pairs(
     planner: PosePathPlanner, unaware: PosePathPlanner, sheet: str, seed: int, sides: Sequence[int] = range(len(SIDES))
 ) -> list[Blocked]:
-    """Spheres in the bottle's way half way of every pair; `unaware` knows nothing of the bottle."""
+    """Spheres on the bottle's path, halfway, for every pair; `unaware` knows nothing of the bottle."""
     found = []
     for bottle in PLACES:
         for cup in PLACES:
@@ -272,9 +272,9 @@ def blocked_pairs(
             for side in sides:
                 centre = sphere_beside(middle.positions[1], middle.quaternions[1], np.array(SIDES[side]))
                 clearances = []
-                for asked in (planner, unaware):
-                    asked.set_obstacles(centre[None], np.array([SPHERE_RADIUS]))
-                    path = asked.plan(*ends)
+                for each in (planner, unaware):
+                    each.set_obstacles(centre[None], np.array([SPHERE_RADIUS]))
+                    path = each.plan(*ends)
                     clearances.append(_clearance(path, centre) if isinstance(path, PosePath) else math.nan)
                 found.append(Blocked(sheet, seed, side, bottle, cup, *clearances))
     return found
@@ -299,13 +299,13 @@ def draw_pouring_task(report: PouringTaskReport, path: Path) -> None:
     grid = figure.add_gridspec(3, 2, height_ratios=(5.2, 2.4, 2.2), width_ratios=(1.0, 1.0))
     pairs = [item for item in report.pairs if (item.sheet, item.seed) == ("raw", seed) and item.path is not None]
     names = {True: ("geodesic of a pair that was shown", BLUE), False: ("geodesic of another pair", VERMILION)}
-    ways = [DrawnPath(item.path.latent, item.path.positions, *names[item.bottle == item.cup]) for item in pairs]
-    ways.sort(key=lambda way: way.colour == BLUE)
+    paths = [DrawnPath(item.path.latent, item.path.positions, *names[item.bottle == item.cup]) for item in pairs]
+    paths.sort(key=lambda path: path.colour == BLUE)
     axes = figure.add_subplot(grid[0, 0])
     handles = latent_background(figure, axes, report.raw)
-    handles += draw_latent_paths(axes, ways)
+    handles += draw_latent_paths(axes, paths)
     axes.set_title(f"a  Raw sheet: {len(pairs)} of {len(PLACES) ** 2} pairs, 3 shown", loc="left", fontsize=11)
-    _from_above(figure.add_subplot(grid[0, 1]), report.shown, ways)
+    _from_above(figure.add_subplot(grid[0, 1]), report.shown, paths)
     for column, (letter, moment) in enumerate(zip("cd", report.stream.moments, strict=True)):
         panel = figure.add_subplot(grid[1, column])
         handles += draw_moment(panel, report.shown, report.stream.nominal, moment)
@@ -323,13 +323,13 @@ def draw_pouring_task(report: PouringTaskReport, path: Path) -> None:
     draw_reshaped_metric(report.reshaped, path.with_stem(f"{path.stem}_metric"))
 
 
-def _from_above(axes: Any, shown: Demonstrations, ways: Sequence[DrawnPath]) -> None:
-    """The tool's ways among the demonstrations; the y axis, from bottles to cups, to the right."""
+def _from_above(axes: Any, shown: Demonstrations, paths: Sequence[DrawnPath]) -> None:
+    """The tool's paths among the demonstrations; the y axis, from bottles to cups, to the right."""
     for item in shown:
         axes.plot(*(100.0 * item.positions[:, 1::-1].T), color=GREY, linewidth=0.7, alpha=0.7)
-    for way in ways:
-        axes.plot(*(100.0 * way.positions[:, 1::-1].T), color=way.colour, linewidth=1.6)
-    # Beside the points, on the sides that no way comes from.
+    for path in paths:
+        axes.plot(*(100.0 * path.positions[:, 1::-1].T), color=path.colour, linewidth=1.6)
+    # Beside the points, on the sides that no path comes from.
     for region, places, name, side, aligned in (
         (BOTTLE_REGION, BOTTLE_PLACES, "bottle", -7, "right"), (CUP_REGION, CUP_PLACES, "cup", 7, "left"),
     ):  # fmt: skip

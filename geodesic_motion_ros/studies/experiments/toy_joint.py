@@ -11,7 +11,7 @@ Columns of the table, a row for each seed and metric:
 
 own posture     share of codes whose nearest code of another demonstration is of the same posture: 100 % are clusters
 geodesic, line  mean and largest distance of the tool from the demonstrated S [mm], of the joints from the nearest
-                demonstrated configuration [deg], and how often the elbow changes sides on the way, over all pairs
+                demonstrated configuration [deg], and how often the elbow changes sides on the path, over all pairs
 across / within energy of the shortest path to the goal in the other posture over that to the goal in the same one
 
 Metrics: "ours", sigma counted ten times and joints a little besides the body; "literal", sigma once and the body alone,
@@ -197,7 +197,7 @@ def measure_toy_joint(
     Parameters
     ----------
     settings : its seed is replaced. shown : (2n, T, 2) [rad], n of each posture; None: `toy_configurations`.
-    progress : told what begins.
+    progress : receives what begins.
 
     Raises
     ------
@@ -359,6 +359,6 @@ def _draw_off(axes: Axes, row: ToyJointRow) -> None:
     ):
         for curve in curves:
             axes.plot(np.linspace(0.0, 1.0, len(curve.off)), 1e3 * curve.off[:, 0], style, color=colour, linewidth=1.6)
-    axes.set(xlabel="share of the way", ylabel="distance of the tool from the S [mm]", yscale="log", ylim=(1.0, 300.0))
+    axes.set(xlabel="share of the path", ylabel="distance of the tool from the S [mm]", yscale="log", ylim=(1.0, 300.0))
     axes.grid(alpha=0.3)
     axes.set_title(f"f  off the data: {len(row.lines)} pairs of ends", loc="left", fontsize=11)

@@ -207,7 +207,7 @@ def measure_toy_task(
 
     Parameters
     ----------
-    settings : its seed and its orientation model are replaced. shown : None: `toy_demonstrations`. progress : told
+    settings : its seed and its orientation model are replaced. shown : None: `toy_demonstrations`. progress : receives
         what begins.
 
     Raises
@@ -296,7 +296,7 @@ def _apart(shown: ToyPoses) -> tuple[float, float]:
 
 
 def draw_toy_task(report: ToyTaskReport, path: Path) -> None:
-    """The letters with the first seed's curves, its latent space seen three ways, and how far curves leave the data."""
+    """The letters with the first seed's curves, its latent space in three views, and how far curves leave the data."""
     figure = Figure(figsize=(10.5, 6.8), layout="constrained")
     grid = figure.add_gridspec(2, 3)
     row = next(row for row in report.rows if (row.likelihood, row.metric) == ROWS[0])
@@ -305,13 +305,13 @@ def draw_toy_task(report: ToyTaskReport, path: Path) -> None:
     _draw_off(figure.add_subplot(grid[0, 2]), row)
     single, mixture = report.landscapes["single"], report.landscapes["mixture"]
     count, label = len(report.shown.positions), DEVIATION_LABEL + " of positions [m]"
-    for place, landscape, values, title, told in (
+    for place, landscape, values, title, quantity in (
         (grid[1, 0], single, single.deviation, "d  variance measure: two clusters", label),
         (grid[1, 1], single, single.magnification, "e  magnification factor", MAGNIFICATION_LABEL),
         (grid[1, 2], mixture, mixture.deviation, "f  the paper's mixture: one cluster", label),
     ):
         axes = figure.add_subplot(place)
-        draw_values(figure, axes, landscape, values, told, count)
+        draw_values(figure, axes, landscape, values, quantity, count)
         axes.set_title(title, loc="left", fontsize=11)
         if landscape is single:
             _draw_curves(axes, row, lambda curve: curve.latent)
@@ -353,7 +353,7 @@ def _draw_off(axes: Axes, row: ToyRow) -> None:
         for curve in curves:
             share = np.linspace(0.0, 1.0, len(curve.off))
             axes.plot(share, 1e3 * curve.off[:, 0], style, color=colour, linewidth=1.6)
-    axes.set(xlabel="share of the way", ylabel="distance of positions from the data [mm]")
+    axes.set(xlabel="share of the path", ylabel="distance of positions from the data [mm]")
     axes.grid(alpha=0.3)
     axes.set_title(f"c  off the data: {len(row.lines)} pairs of ends", loc="left", fontsize=11)
 

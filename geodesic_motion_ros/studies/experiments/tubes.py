@@ -1,8 +1,8 @@
-"""Nothing in the way: does the geodesic stay in the tube of the family whose start and goal it was given?
+"""Without obstacles: does the geodesic stay in the tube of the family whose start and goal it was given?
 
 A start and a goal are drawn between those of one family's demonstrations (random convex combinations of their offsets),
-family after family. The way's family is that of the nearest ridge at each of its latent points. Where families share
-starts and goals there is no family to stay in: then the question is whether a way keeps to one of them.
+family after family. The path's family is that of the nearest ridge at each of its latent points. Where families share
+starts and goals there is no family to stay in: then the question is whether a path keeps to one of them.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @dataclass(frozen=True)
-class TubeWay:
+class TubePath:
     """What became of one start and goal of a family.
 
     Attributes
     ----------
-    own, kept : whether all of the way is in the family's tube, and whether it is all in one.
-    reason : why there was no way, else empty.
+    own, kept : whether all of the path is in the family's tube, and whether it is all in one.
+    reason : why there was no path, else empty.
     """
 
     number: int
@@ -33,7 +33,7 @@ class TubeWay:
     reason: str = ""
 
 
-def tube_way(planner: ReactivePlanner, number: int, seed: int) -> TubeWay:
+def tube_path(planner: ReactivePlanner, number: int, seed: int) -> TubePath:
     """Draw and plan pair number `number`; it depends on nothing else but the seed.
 
     Raises
@@ -52,7 +52,7 @@ def tube_way(planner: ReactivePlanner, number: int, seed: int) -> TubeWay:
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
     plan = planner.plan_configurations(start, ConfigurationGoal(goal[None], "drawn"))
     if plan.reference is None:
-        return TubeWay(number, family, False, False, plan.verdict.reason)
+        return TubePath(number, family, False, False, plan.verdict.reason)
     _, shares = planner.graph.progress_map(plan.reference.latent)
     passed = np.argmax(shares, axis=1)
-    return TubeWay(number, family, bool(np.all(passed == family)), bool(np.all(passed == passed[0])))
+    return TubePath(number, family, bool(np.all(passed == family)), bool(np.all(passed == passed[0])))

@@ -103,12 +103,12 @@ def compare_volume(
     for weight in weights:
         began, trained = time.monotonic(), []
 
-        def told(stage: str, step: int, steps: int, trained: list[str] = trained) -> None:
+        def noted(stage: str, step: int, steps: int, trained: list[str] = trained) -> None:
             trained.append(stage)
             if progress is not None:
                 progress(stage, step, steps)
 
-        skill = trained_once("volume", demonstrations, replace(base, volume_weight=weight), cache, told)
+        skill = trained_once("volume", demonstrations, replace(base, volume_weight=weight), cache, noted)
         rows.append(_measured(skill, shown, weight, time.monotonic() - began if trained else None))
     return VolumeReport(tuple(rows), np.stack([log_volumes(curve, robot, metric) for curve in shown]))
 

@@ -1,6 +1,6 @@
-"""The whole arm on one joint-space skill, in parts: nothing in its way, spheres that stand there, spheres that move.
+"""The whole arm on one joint-space skill, in parts: no obstacles, spheres that stand there, spheres that move.
 
-What each part asks, and how it is judged, is told in `tubes.py`, `blocked_arm.py` and `moving_arm.py`.
+What each part asks, and how it is judged, stands in `tubes.py`, `blocked_arm.py` and `moving_arm.py`.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.blocked_arm import KINDS, BlockedScene, BlockedWays, Kind, every
+from geodesic_motion_ros.studies.experiments.blocked_arm import KINDS, BlockedPaths, BlockedScene, Kind, every
 from geodesic_motion_ros.studies.experiments.moving_arm import MovingArmScene, MovingArmStage
 from geodesic_motion_ros.studies.experiments.moving_spheres import draw_clearances, moving_figures, play_scenes
 from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
-from geodesic_motion_ros.studies.experiments.tubes import TubeWay, tube_way
+from geodesic_motion_ros.studies.experiments.tubes import TubePath, tube_path
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import write_figure
 
-Part = Literal["tubes", "one way", "all ways", "elbow", "moving"]
+Part = Literal["tubes", "one path", "all paths", "elbow", "moving"]
 PARTS: tuple[Part, ...] = ("tubes", *KINDS, "moving")
 #: Time between the postures that a picture chooses from [s].
 _PICTURE_PERIOD = 0.02
@@ -61,20 +61,20 @@ class WholeArmSettings:
 
 @dataclass(frozen=True)
 class WholeArmReport:
-    """All scenes of the parts that were asked for."""
+    """All scenes of the requested parts."""
 
     settings: WholeArmSettings
-    tubes: list[TubeWay]
+    tubes: list[TubePath]
     blocked: dict[Kind, list[BlockedScene]]
     moving: list[MovingArmScene] = field(repr=False)
 
     def tube_summary(self) -> dict[str, int]:
-        """The figures of ways without obstacles."""
+        """The figures of paths without obstacles."""
         return {
             "pairs": len(self.tubes),
-            "in_their_own_familys_tube": sum(way.own for way in self.tubes),
-            "in_one_tube": sum(way.kept for way in self.tubes),
-            "no_way": sum(bool(way.reason) for way in self.tubes),
+            "in_their_own_familys_tube": sum(path.own for path in self.tubes),
+            "in_one_tube": sum(path.kept for path in self.tubes),
+            "no_path": sum(bool(path.reason) for path in self.tubes),
         }
 
     def blocked_summary(self, kind: Kind) -> dict[str, float | int | None]:
@@ -114,32 +114,32 @@ class WholeArmReport:
         """What `--json` writes."""
         content: dict[str, Any] = {"settings": asdict(self.settings)}
         if self.tubes:
-            content["tubes"] = {"summary": self.tube_summary(), "pairs": [asdict(way) for way in self.tubes]}
+            content["tubes"] = {"summary": self.tube_summary(), "pairs": [asdict(path) for path in self.tubes]}
         for kind, scenes in self.blocked.items():
-            content[kind] = {"summary": self.blocked_summary(kind), "scenes": [_told(scene) for scene in scenes]}
+            content[kind] = {"summary": self.blocked_summary(kind), "scenes": [_as_dict(scene) for scene in scenes]}
         if self.moving:
-            content["moving"] = {"summary": self.moving_summary(), "scenes": [scene.told() for scene in self.moving]}
+            content["moving"] = {"summary": self.moving_summary(), "scenes": [scene.as_dict() for scene in self.moving]}
         return content
 
     def table(self) -> str:
         """The tables as plain text, with what was declared infeasible and why."""
-        said = []
+        lines = []
         if self.tubes:
             rows = [[name.replace("_", " "), value] for name, value in self.tube_summary().items()]
-            said.append(text_table(["nothing in the way", ""], rows, 0))
+            lines.append(text_table(["without obstacles", ""], rows, 0))
         if self.blocked:
             head = [
                 "standing spheres", "scenes", "switched", "same family", "infeasible", "hits", "least mm", "median mm",
                 "promised too much", "hand alone hits",
             ]  # fmt: skip
-            said.append(text_table(head, [[kind, *self.blocked_summary(kind).values()] for kind in self.blocked], 1))
+            lines.append(text_table(head, [[kind, *self.blocked_summary(kind).values()] for kind in self.blocked], 1))
         for kind, scenes in self.blocked.items():
             reasons = Counter(scene.answer.reason for scene in scenes if not scene.answer.answered)
-            said += [f"{kind}, {count} x: {reason}" for reason, count in reasons.most_common()]
+            lines += [f"{kind}, {count} x: {reason}" for reason, count in reasons.most_common()]
         if self.moving:
             rows = [[name.replace("_", " "), value] for name, value in self.moving_summary().items()]
-            said.append(text_table(["moving spheres", ""], rows, 3))
-        return "\n".join(said)
+            lines.append(text_table(["moving spheres", ""], rows, 3))
+        return "\n".join(lines)
 
 
 def measure_whole_arm(
@@ -157,14 +157,14 @@ def measure_whole_arm(
     if "tubes" in settings.parts:
         planner = ReactivePlanner(skill, settings.planner)
         pairs = tqdm(range(settings.blocked_scenes), desc="tubes", unit="pair", disable=not show_progress)
-        tubes = [tube_way(planner, number, settings.seed) for number in pairs]
+        tubes = [tube_path(planner, number, settings.seed) for number in pairs]
     blocked: dict[Kind, list[BlockedScene]] = {}
     kinds = [kind for kind in KINDS if kind in settings.parts]
     if kinds:
-        ways, numbers = BlockedWays(skill, settings.planner), range(settings.blocked_scenes)
+        paths, numbers = BlockedPaths(skill, settings.planner), range(settings.blocked_scenes)
         for kind in kinds:
             counted = tqdm(numbers, desc=kind, unit="scene", disable=not show_progress)
-            blocked[kind] = [ways.scene(kind, number, settings.seed) for number in counted]
+            blocked[kind] = [paths.scene(kind, number, settings.seed) for number in counted]
     moving = []
     if "moving" in settings.parts:
         stage = skill, settings.planner, settings.seed
@@ -175,7 +175,7 @@ def measure_whole_arm(
 def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
     """Clearances in `whole_arm.png`; postures with and without the sphere of one switch in `strip.png`.
 
-    The switch is the one whose sphere is deepest in the arm halfway on the nominal way.
+    The switch is the one whose sphere is deepest in the arm halfway on the nominal path.
     """
     from matplotlib.figure import Figure
     from matplotlib.image import imsave
@@ -206,9 +206,9 @@ def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
 
 
 def switch_strip(scene: BlockedScene, width: int = 600, height: int = 400) -> np.ndarray:
-    """Picture, uint8, of a scene's ways as rows of postures: without the spheres above, with them below.
+    """Picture, uint8, of a scene's motions as rows of postures: without the spheres above, with them below.
 
-    One posture is (height, width, 3) pixels. The curves are the ways of tool and elbow.
+    One posture is (height, width, 3) pixels. The curves are those of tool and elbow.
     """
     references = [scene.nominal, scene.reference or scene.nominal]
     motions = [every(_PICTURE_PERIOD, reference) for reference in references]
@@ -216,7 +216,7 @@ def switch_strip(scene: BlockedScene, width: int = 600, height: int = 400) -> np
 
 
 def _halfway_clearance(scene: BlockedScene) -> float:
-    """How far the arm is from the spheres halfway on the nominal way [m]."""
+    """How far the arm is from the spheres halfway on the nominal path [m]."""
     model, halfway = CollisionModel.panda(), scene.nominal.sample(0.5 * scene.nominal.duration)[0]
     return configuration_clearance(model, Robot.panda(), halfway, scene.centres, scene.radii)[0]
 
@@ -228,7 +228,7 @@ def _spheres(scene: BlockedScene) -> dict[str, tuple[np.ndarray, float]]:
     }
 
 
-def _told(scene: BlockedScene) -> dict[str, Any]:
+def _as_dict(scene: BlockedScene) -> dict[str, Any]:
     return {
         "number": scene.number,
         "start": scene.query.start,

@@ -16,7 +16,7 @@ from geodesic_motion_ros.robot.body_points import lever_bounds, place_body_point
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry, Part
 
 SAMPLES = 2000
-"""Random configurations in which parts are looked at for a meeting, before a proof of the contrary is tried."""
+"""Random configurations in which parts are tested for contact, before a proof of the contrary is tried."""
 BOXES = 100_000
 """How many boxes of joint positions a proof may take; parts without one are taken to meet."""
 GRID_STEP = 0.02
@@ -84,9 +84,9 @@ def telling_sphere_pairs(
     spheres : (S, 4) centres and radii [m] of each part's spheres, by its name, in its link's frame.
 
     Parts that are always close, as a wrist and the forearm, have spheres that always overlap. All configurations of
-    two joints can be looked at: every pair is weighed on a grid by the contacts that only it has told so far and by
-    the false alarms that it adds, and the best is taken until all contacts are told. Parts count as touching as long as
-    they might between the points of the grid, so that nothing is missed there either.
+    two joints can be evaluated: every pair is weighed on a grid by the contacts that only it has found so far and by
+    the false alarms that it adds, and the best is taken until all contacts are found. Parts count as touching as long
+    as they might between the points of the grid, so that nothing is missed there either.
     """
     robot = geometry.robot
     joints = joints_between(geometry, *group[0])
@@ -113,9 +113,9 @@ def telling_sphere_pairs(
     chosen: list[int] = []
     alarmed = np.zeros(len(configurations), dtype=bool)
     while np.any(touching & ~alarmed):
-        told = np.sum(overlaps & (touching & ~alarmed), axis=1)
+        found = np.sum(overlaps & (touching & ~alarmed), axis=1)
         false = np.sum(overlaps & ~(touching | alarmed), axis=1)
-        chosen.append(int(np.argmax(told / (1.0 + false))))
+        chosen.append(int(np.argmax(found / (1.0 + false))))
         alarmed |= overlaps[chosen[-1]]
     return [pairs[number] for number in sorted(chosen)]
 

@@ -20,7 +20,7 @@ from geodesic_motion_ros.studies.tools.self_collision import joints_between, pai
 from geodesic_motion_ros.utils.errors import ParameterError
 
 PROTRUSION = 0.03
-"""How far [m] spheres may stick out of the planes of a mesh, unless said otherwise."""
+"""How far [m] spheres may stick out of the planes of a mesh, unless set otherwise."""
 PANDA_PROTRUSIONS = dict.fromkeys(("panda_hand", "panda_leftfinger", "panda_rightfinger"), 0.02)
 """How far [m] those of the Panda's hand may, as that is what comes near things."""
 TRIANGLE = 0.4

@@ -24,7 +24,7 @@ def seeds() -> dict[str, tuple[int, ...]]:
 
 @pytest.fixture
 def ran(monkeypatch, seeds) -> list[str]:
-    """Names of what ran where nothing is measured, `circle` was asked for wrongly and `modes` has a fault.
+    """Names of what ran where nothing is measured, `circle` was requested wrongly and `modes` has a fault.
 
     Experiment number n, from 1, takes n times SHARES of the processor's time.
     """
@@ -56,9 +56,9 @@ def ran(monkeypatch, seeds) -> list[str]:
 
 def test_all_go_on_after_failures_and_tell_of_them(ran, tmp_path: Path, capsys) -> None:
     assert main(["experiment", "all", "--out", str(tmp_path)]) == 2
-    told = capsys.readouterr()
-    assert told.err == f"geodesic-motion: 2 of {len(ran)} experiments failed: circle, modes\n"
-    assert f"[{len(ran)}/{len(ran)}] {ran[-1]}" in told.out
+    printed = capsys.readouterr()
+    assert printed.err == f"geodesic-motion: 2 of {len(ran)} experiments failed: circle, modes\n"
+    assert f"[{len(ran)}/{len(ran)}] {ran[-1]}" in printed.out
     assert {"toy-task", "toy-joint", "geodesics", "volume", "obstacle-laws"} < set(ran)
     content = json.loads((tmp_path / "all" / "figures.json").read_text())["experiments"]
     assert [row["experiment"] for row in content] == ran

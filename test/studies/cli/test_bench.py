@@ -16,7 +16,7 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "reported"),
     [
         (["--skill", "no_such_skill"], "no skill 'no_such_skill'"),
         (["--skill", "panda_pouring"], "joint-space skill"),
@@ -27,12 +27,12 @@ REPOSITORY = Path(__file__).resolve().parents[3]
         (["--json", "{file}/x.json"], "cannot be written"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(arguments, said, tmp_path, capsys) -> None:
+def test_what_cannot_be_done_is_reported_in_one_line(arguments, reported, tmp_path, capsys) -> None:
     file = tmp_path / "file"
     file.touch()
     assert main(["bench", *(argument.format(file=file) for argument in arguments)]) == 2
     (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("geodesic-motion: ")]
-    assert said in line
+    assert reported in line
 
 
 def test_ctrl_c_ends_it_without_a_traceback(tmp_path) -> None:

@@ -17,7 +17,7 @@ from geodesic_motion_ros.studies.comparison.run import BenchmarkSettings
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "reported"),
     [
         (["--skill", "no_such_skill"], "no skill 'no_such_skill'"),
         (["--skill", "panda_pouring", "--families", "elbow"], "or guard all of the arm"),
@@ -28,13 +28,13 @@ from geodesic_motion_ros.studies.comparison.run import BenchmarkSettings
         (["--json", "{file}/x.json"], "cannot be written"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(arguments, said, tmp_path, capsys) -> None:
+def test_what_cannot_be_done_is_reported_in_one_line(arguments, reported, tmp_path, capsys) -> None:
     file = tmp_path / "file"
     file.touch()
     command = ["benchmark", "--out", str(tmp_path / "out"), *(argument.format(file=file) for argument in arguments)]
     assert main(command) == 2
     (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("geodesic-motion: ")]
-    assert said in line
+    assert reported in line
 
 
 @pytest.mark.parametrize("scene", ["crossing", "wall:1"])

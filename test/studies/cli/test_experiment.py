@@ -22,7 +22,7 @@ def test_simulated_demonstrations_are_saved_to_train_on(tmp_path, capsys) -> Non
     demonstrations = read_demonstrations(file, "m")
     assert len(demonstrations) == 3
     assert len({len(item) for item in demonstrations}) == 1
-    file = tmp_path / "two_ways.npz"
+    file = tmp_path / "two_modes.npz"
     assert main(["experiment", "modes", "--shown", "2", "--seeds", "4", "--save", str(file)]) == 0
     for read, made in zip(read_demonstrations(file, "m"), two_mode_demonstrations(2, 4), strict=True):
         np.testing.assert_allclose(read.positions[[0, -1]], made.positions[[0, -1]], atol=1e-12)
@@ -40,33 +40,33 @@ def test_modes_leave_table_figures_and_picture(tmp_path, capsys, monkeypatch) ->
         return thoroughly(task, shown, replace(settings, **small), folder)
 
     monkeypatch.setattr(modes, "trained_once", briefly)
-    told = tmp_path / "told.json"
+    written = tmp_path / "figures.json"
     made = ["experiment", "modes", "--shown", "2", "--cases", "1", "--seeds", "1", "--steps", "150"]
-    assert main([*made, "--out", str(tmp_path), "--json", str(told)]) == 0
+    assert main([*made, "--out", str(tmp_path), "--json", str(written)]) == 0
     folder = tmp_path / "modes"
     assert (folder / "table.txt").read_text() in capsys.readouterr().out
     content = json.loads((folder / "figures.json").read_text())
-    assert content == json.loads(told.read_text())
+    assert content == json.loads(written.read_text())
     assert len(content["cases"]) == 1
     assert (folder / "modes.png").read_bytes().startswith(b"\x89PNG")
     assert len(list((tmp_path / "skills").iterdir())) == 1
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "reported"),
     [
         (["goals", "--shown", "1"], "at least 2"),
         (["modes", "--cases", "0"], "at least 1"),
         (["goals", "--seeds", "-1"], "none negative"),
-        (["modes", "--shown", "2", "--save", "{tmp}/two_ways.npy"], "written to .npz files"),
+        (["modes", "--shown", "2", "--save", "{tmp}/two_modes.npy"], "written to .npz files"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_one_line(arguments, said, tmp_path, capsys) -> None:
+def test_what_cannot_be_done_is_reported_in_one_line(arguments, reported, tmp_path, capsys) -> None:
     words = ["experiment", *(argument.format(tmp=tmp_path) for argument in arguments)]
     assert main([*words, "--out", str(tmp_path)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("geodesic-motion: ")
-    assert said in line
+    assert reported in line
 
 
 def test_every_experiment_is_described() -> None:

@@ -39,7 +39,7 @@ def test_scenes_of_a_file_are_played_and_reported_apart(scenes, tmp_path, capsys
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "reported"),
     [
         (["--skill", "panda_pouring"], "of the guard 'arm', not of 'tool' (--guard)"),
         (["--skill", "panda_bottle2shelf", "--guard", "arm"], "of the skill 'panda_pouring'"),
@@ -48,10 +48,10 @@ def test_scenes_of_a_file_are_played_and_reported_apart(scenes, tmp_path, capsys
         ([*SKILL, "--save-scenes", "x.npz"], "--scenes-from and --save-scenes exclude each other"),
     ],
 )
-def test_scenes_that_do_not_fit_are_refused_in_a_line(scenes, options, said, tmp_path, capsys) -> None:
+def test_scenes_that_do_not_fit_are_refused_in_a_line(scenes, options, reported, tmp_path, capsys) -> None:
     assert main(["benchmark", *options, "--scenes-from", str(scenes), "--out", str(tmp_path)]) == 2
     (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("geodesic-motion: ")]
-    assert said in line
+    assert reported in line
     assert not list(tmp_path.iterdir())
 
 

@@ -53,11 +53,11 @@ def reach_pose_skill(stored, reach_poses: Demonstrations) -> Skill:
 
 @pytest.fixture(scope="session")
 def pouring_poses() -> Demonstrations:
-    """Three bottles carried to three cups, three times each: the tool's poses as told to the arm, without physics."""
+    """Three bottles carried to three cups, three times each: the tool's commanded poses, without physics."""
     from geodesic_motion_ros.simulation.joint_teacher import pouring_guidances
 
-    told = [guidance.motion for guidance in pouring_guidances(3, 0)]
-    items = [Demonstration(each.positions, each.quaternions, each.times, each.name) for each in told]
+    commanded = [guidance.motion for guidance in pouring_guidances(3, 0)]
+    items = [Demonstration(each.positions, each.quaternions, each.times, each.name) for each in commanded]
     return Demonstrations(tuple(items))
 
 

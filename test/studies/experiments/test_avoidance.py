@@ -35,7 +35,7 @@ def reaches(fan_skill) -> Demonstrations:
 
 @pytest.fixture(scope="module")
 def trained(fan_skill, reaches) -> Trained:
-    """The fan, asked for two motions it was trained on."""
+    """The fan, queried for two motions it was trained on."""
     return Trained("fan", (1, 4), 0, fan_skill, reaches, Demonstrations((reaches[1], reaches[4])))
 
 

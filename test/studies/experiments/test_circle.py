@@ -15,9 +15,9 @@ from geodesic_motion_ros.studies.experiments import circle
 from geodesic_motion_ros.studies.experiments.circle import (
     SWIVELS,
     TRAINING,
+    CirclePath,
     Circles,
-    CircleWay,
-    circle_ways,
+    circle_paths,
     draw_circle,
     measure_circle,
     shown_circles,
@@ -44,9 +44,9 @@ def test_families_draw_the_same_circles_with_their_elbows_elsewhere(shown) -> No
 
 
 def test_a_switch_is_a_change_of_the_nearest_family() -> None:
-    way = CircleWay(np.zeros((6, 2)), np.zeros((6, 7)), 1, np.array([1, 1, 0, 0, 2, 1]), 0.0)
-    assert way.switches == 3
-    assert CircleWay(np.zeros((3, 2)), np.zeros((3, 7)), 2, np.array([2, 2, 2]), 0.0).switches == 0
+    path = CirclePath(np.zeros((6, 2)), np.zeros((6, 7)), 1, np.array([1, 1, 0, 0, 2, 1]), 0.0)
+    assert path.switches == 3
+    assert CirclePath(np.zeros((3, 2)), np.zeros((3, 7)), 2, np.array([2, 2, 2]), 0.0).switches == 0
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -66,13 +66,13 @@ def test_geodesics_switch_between_rings_that_cross_and_not_where_space_keeps_the
     grid = grid_around(codes, {2: 60, 3: 26}[dimension], 0.1)
     everywhere = np.ones(len(grid.nodes()), dtype=bool)
     graph = MetricGraph.on_grid(dear_off_the_data, grid, everywhere, NEIGHBOURS[dimension])
-    ways, apart = circle_ways(graph, codes, Circles(codes, 2), lambda latent: latent)
-    assert (len(ways), apart) == (2 * len(circle.BEGINS), 0)
+    paths, apart = circle_paths(graph, codes, Circles(codes, 2), lambda latent: latent)
+    assert (len(paths), apart) == (2 * len(circle.BEGINS), 0)
     if dimension == 2:
-        assert any(way.switches for way in ways)
+        assert any(path.switches for path in paths)
     else:
-        assert not any(way.switches for way in ways)
-        assert all(np.all(way.nearest == way.family) for way in ways)
+        assert not any(path.switches for path in paths)
+        assert all(np.all(path.nearest == path.family) for path in paths)
 
 
 def test_a_small_run_leaves_table_and_picture(shown, tmp_path, monkeypatch) -> None:
@@ -83,7 +83,7 @@ def test_a_small_run_leaves_table_and_picture(shown, tmp_path, monkeypatch) -> N
     assert again.table() == report.table()
     assert len(list(tmp_path.glob("*.safetensors"))) == 2
     for row in report.rows:
-        assert len(row.ways) + row.apart == len(shown.configurations) * len(circle.BEGINS)
+        assert len(row.paths) + row.apart == len(shown.configurations) * len(circle.BEGINS)
     assert report.table().count("\n") == 3
     assert [row["dimension"] for row in report.as_dict()["rows"]] == [2, 3]
     draw_circle(report, tmp_path / "circle.png")

@@ -21,7 +21,7 @@ def length(report, method: str) -> float:
     return found.length
 
 
-def test_every_way_is_there_between_the_same_ends(report, fan_skill) -> None:
+def test_every_method_is_there_between_the_same_ends(report, fan_skill) -> None:
     names = [f"graph {side}x{side}, {neighbours}" for side, neighbours in GRAPHS]
     expected = {"straight line", "gradient, from line", "gradient, from graph"}
     expected |= {name + suffix for name in names for suffix in ("", ", cubic spline", ", smoothed", ", refined")}

@@ -18,11 +18,11 @@ from geodesic_motion_ros.studies.experiments.goals import (
     ROWS,
     GoalsReport,
     GoalsSettings,
-    asked_of,
     draw_goals,
     drawn,
     measure_goals,
     requested_ends,
+    requested_of,
 )
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
@@ -89,21 +89,21 @@ def test_every_row_has_its_figures_and_answers_end_where_they_were_asked_to(repo
     assert geodesic["unanswered"] == 0
     assert geodesic["endpoint_before_mm"] < 2.0
     assert geodesic["endpoint_after_mm"] < 0.1
-    # Whoever knows neither the regions nor the laws is further off than a motion carried from another place.
+    # A method that knows neither the regions nor the laws is further off than a motion carried from another place.
     assert geodesic["dtw_mm"] < 2.0 * report.rows["people"]["dtw_mm"]
     assert report.over_promp() == pytest.approx(geodesic["dtw_mm"] / report.rows["promp"]["dtw_mm"])
 
 
 def test_ends_are_judged_by_the_planners_usual_limits(report, skill, everything) -> None:
-    assert [item.demonstration for item in report.asked] == [5, 6, 7]
-    for item in report.asked:
+    assert [item.demonstration for item in report.requested] == [5, 6, 7]
+    for item in report.requested:
         for end in (item.start, item.goal):
             assert 0.0 <= end.beyond <= end.offset
     demonstrations, fold = everything
     held_out = demonstrations[fold[0]]
     away = Demonstration(held_out.positions + [0.0, 0.3, 0.0], held_out.quaternions, held_out.times, "away")
-    (moved,) = asked_of(skill, 3, [0], Demonstrations((away,)))
-    (shown,) = asked_of(skill, 3, [0], demonstrations)
+    (moved,) = requested_of(skill, 3, [0], Demonstrations((away,)))
+    (shown,) = requested_of(skill, 3, [0], demonstrations)
     assert moved.refused_for_its_ends
     assert moved.start.beyond > 0.05
     assert shown.start.beyond == pytest.approx(0.0, abs=1e-4)
@@ -114,19 +114,19 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     content = json.loads(write_json(tmp_path / "goals.json", report.as_dict()).read_text())
     assert content["rows"]["geodesic"]["dtw_mm"] == report.rows["geodesic"]["dtw_mm"]
     assert content["over_promp_by_seed"] == {"3": report.over_promp()}
-    assert len(content["asked"]) == 3
+    assert len(content["requested"]) == 3
     assert content["ends"]["25 mm beyond"]["geodesic"]["requested"] == 2
-    said = report.table()
-    assert f"geodesic's DTW over ProMP's: {report.over_promp():.2f}" in said
-    assert all(row in said for row in ROWS)
+    table = report.table()
+    assert f"geodesic's DTW over ProMP's: {report.over_promp():.2f}" in table
+    assert all(row in table for row in ROWS)
     draw_goals(report, tmp_path / "goals.png")
     assert (tmp_path / "goals.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_who_would_be_refused_is_named_in_the_table(report) -> None:
-    refused = replace(report.asked[0], code="GOAL_OUT_OF_SUPPORT", reason="the goal is too far to the left")
-    said = replace(report, asked=(refused, *report.asked[1:])).table()
-    assert "seed 3, held out 5: the goal is too far to the left" in said
+    refused = replace(report.requested[0], code="GOAL_OUT_OF_SUPPORT", reason="the goal is too far to the left")
+    table = replace(report, requested=(refused, *report.requested[1:])).table()
+    assert "seed 3, held out 5: the goal is too far to the left" in table
 
 
 @pytest.mark.parametrize(

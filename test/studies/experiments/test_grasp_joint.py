@@ -1,4 +1,4 @@
-"""Families of grasps, small: two planners are asked alike and judged alike, and what they do is counted."""
+"""Families of grasps, small: two planners are queried alike and judged alike, and what they do is counted."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_ours_never_hits_and_the_paper_s_planner_never_refuses(report) -> None:
                 assert answer.played.promised <= answer.clearance + 1e-4
 
 
-def test_without_a_sphere_every_family_s_own_way_is_taken(report) -> None:
+def test_without_a_sphere_every_family_s_own_path_is_taken(report) -> None:
     for skill in report.skills[:2]:
         free = [answer for answer in skill.answers if not len(answer.scene.radii)]
         assert [answer.passed for answer in free] == [(0,), (1,)]
@@ -107,8 +107,8 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     assert [len(skill["scenes"]) for skill in content["skills"]] == [8, 8, 7, 7]
     assert [len(skill["blocked"]) for skill in content["skills"]] == [0, 8, 0, 3]
     table = report.table()
-    for said in ("canonical", "whole 20x20x20", "support in 30x30x30", "something left", "one family blocked"):
-        assert said in table
+    for text in ("canonical", "whole 20x20x20", "support in 30x30x30", "something left", "one family blocked"):
+        assert text in table
     draw_grasp_joint(report, tmp_path / "grasp_joint.png")
     assert (tmp_path / "grasp_joint.png").read_bytes().startswith(b"\x89PNG")
 

@@ -1,4 +1,4 @@
-"""Families told apart, and spheres put into the way of some of them."""
+"""Families distinguished, and spheres put on the paths of some of them."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from geodesic_motion_ros.studies.experiments.arm_queries import body_spheres, di
 from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import (
     RADIUS,
     Stage,
-    mean_ways,
+    mean_paths,
     passed_in_turn,
     sphere_on,
 )
 from geodesic_motion_ros.utils.errors import ParameterError
 
 
-def test_stays_are_told_from_brushes() -> None:
+def test_stays_are_distinguished_from_brushes() -> None:
     assert passed_in_turn(np.array([0] * 40 + [1] * 60)) == (0, 1)
     assert passed_in_turn(np.array([0] * 40 + [1] * 5 + [0] * 55)) == (0,)
     assert passed_in_turn(np.array([2] * 30)) == (2,)
 
 
-def test_a_sphere_is_put_into_one_way_and_leaves_the_other_free(reach_skill: Skill) -> None:
+def test_a_sphere_is_put_on_one_path_and_leaves_the_other_free(reach_skill: Skill) -> None:
     planner = ReactivePlanner(reach_skill, PlannerSettings(grid_shape=(20, 20, 20)))
-    blocked, free = mean_ways(reach_skill)
+    blocked, free = mean_paths(reach_skill)
     centre = sphere_on(planner, blocked, free)
-    on_blocked, on_free = (distances(planner, body_spheres(planner, way), centre, RADIUS) for way in (blocked, free))
+    on_blocked, on_free = (distances(planner, body_spheres(planner, path), centre, RADIUS) for path in (blocked, free))
     assert on_blocked.min() < 0.0 < on_free.min()
 
 
 def test_a_skill_on_the_raw_sheet_is_refused(reach_skill: Skill) -> None:
     with pytest.raises(ParameterError, match="knows no families"):
-        mean_ways(replace(reach_skill, canonical=None))
+        mean_paths(replace(reach_skill, canonical=None))
 
 
 def test_spheres_are_drawn_in_the_arm_and_some_start_is_not_covered(separated_demonstrations) -> None:

@@ -31,12 +31,12 @@ def test_the_conditional_mean_goes_from_the_start_to_the_goal_that_are_asked_for
     for item in varying_fan:
         ends = item.curve.start, item.curve.goal
         mean = conditional_mean(canonical_fan_skill, *ends)
-        for reached, asked in zip((mean.start, mean.goal), ends, strict=True):
-            np.testing.assert_allclose(reached[0], asked[0], atol=1e-9)
-            assert angle_between(reached[1], asked[1]) < 1e-6
+        for reached, requested in zip((mean.start, mean.goal), ends, strict=True):
+            np.testing.assert_allclose(reached[0], requested[0], atol=1e-9)
+            assert angle_between(reached[1], requested[1]) < 1e-6
 
 
-def test_the_oracle_is_nearer_to_a_demonstration_than_the_planners_way(canonical_fan_skill, varying_fan):
+def test_the_oracle_is_nearer_to_a_demonstration_than_the_planners_path(canonical_fan_skill, varying_fan):
     planner = PosePathPlanner(canonical_fan_skill, EVERY_END)
     for item in list(varying_fan)[::3]:
         planned = planner.plan(*item.curve.start, *item.curve.goal)

@@ -79,6 +79,6 @@ def test_crossings_are_reported_by_their_median_and_how_many_are_refused(report)
         Crossing(1.0, ratio, 1.0, 1.0, True, judged_within={}, judged_across={GRAPHS[0]: Judged(True, 1, refused)})
         for ratio, refused in ((4.0, True), (8.0, True), (2.0, False))
     )
-    told = ImitationReport(report.task, report.folds, report.seeds, report.people, report.measurements, crossings)
-    assert "4 times the energy within (median), refused for its energy 2 of 3" in told.table()
-    assert told.as_dict()["crossing"] == {"median_energy_ratio": 4.0, "refused_for_energy": pytest.approx(2.0 / 3.0)}
+    crossed = ImitationReport(report.task, report.folds, report.seeds, report.people, report.measurements, crossings)
+    assert "4 times the energy within (median), refused for its energy 2 of 3" in crossed.table()
+    assert crossed.as_dict()["crossing"] == {"median_energy_ratio": 4.0, "refused_for_energy": pytest.approx(2.0 / 3.0)}

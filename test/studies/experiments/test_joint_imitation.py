@@ -76,14 +76,14 @@ def test_a_skill_within_some_demonstrations_has_their_tube_alone(reach_skill) ->
     reached = [np.linalg.norm(graph.latent - code, axis=1).min() for code in middle]
     assert max(reached[:4]) < np.linalg.norm(graph.grid.spacing) < 2.0 * min(reached[4:])
     assert len(graph.latent) < 0.8 * len(whole.latent)
-    # Its own way is connected from end to end.
+    # Its own path is connected from end to end.
     ends = [graph.node_near(code, np.ones(len(graph.latent), dtype=bool), 3) for code in reach_skill.codes[0, [0, -1]]]
     assert graph.component[ends[0]] == graph.component[ends[1]]
     assert within_demonstrations(reach_skill, np.ones(8, dtype=bool)) is reach_skill
 
 
-def test_a_refusal_is_counted_and_told(reach_skill, reach_demonstrations) -> None:
-    """No way has edges of almost no energy."""
+def test_a_refusal_is_counted_and_reported(reach_skill, reach_demonstrations) -> None:
+    """No path has edges of almost no energy."""
     blocked = replace(without(reach_skill, (3,)), energy_per_edge=1e-12)
     report = evaluate_joints(reach_demonstrations, [(3,)], [0], lambda *_: blocked, "reach", show_progress=False)
     assert report.means("geodesic")["unanswered"] == 1

@@ -1,4 +1,4 @@
-"""Models without a skill around them: what is told, that each is learned anew, and what counts as support."""
+"""Models without a skill around them: what is commanded, that each is learned anew, and what counts as support."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import swivel_angle
 from geodesic_motion_ros.simulation.joint_teacher import reach_guidances
 from geodesic_motion_ros.studies.experiments.joint_models import (
+    commanded,
     decoded,
     models,
     pullback_metric,
     supported,
-    told,
     tool_error,
     tool_positions,
 )
@@ -31,12 +31,12 @@ SMALL = JointTrainingSettings(
 
 @pytest.fixture(scope="module")
 def shown() -> np.ndarray:
-    return np.stack([told(ROBOT, each, 30) for each in reach_guidances(2, 0, 2, connected=False)])
+    return np.stack([commanded(ROBOT, each, 30) for each in reach_guidances(2, 0, 2, connected=False)])
 
 
-def test_the_arm_is_told_the_guidance_with_its_elbow_turned_on() -> None:
+def test_the_arm_receives_the_guidance_with_its_elbow_turned_on() -> None:
     (guidance,) = reach_guidances(1, 0, 1, connected=False)
-    plain, turned = told(ROBOT, guidance, 12), told(ROBOT, guidance, 12, 0.2)
+    plain, turned = commanded(ROBOT, guidance, 12), commanded(ROBOT, guidance, 12, 0.2)
     np.testing.assert_allclose(tool_positions(ROBOT, plain)[[0, -1]], guidance.motion.positions[[0, -1]], atol=1e-6)
     np.testing.assert_allclose(tool_positions(ROBOT, turned), tool_positions(ROBOT, plain), atol=1e-6)
     more = [swivel_angle(ROBOT, b) - swivel_angle(ROBOT, a) for a, b in zip(plain, turned, strict=True)]

@@ -9,7 +9,7 @@ from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, 
 
 
 @pytest.mark.parametrize("space", ["task", "joint"])
-def test_energy_and_length_fit_together_and_there_is_a_way_everywhere(fan_skill, reach_skill, space) -> None:
+def test_energy_and_length_fit_together_and_there_is_a_path_everywhere(fan_skill, reach_skill, space) -> None:
     skill = fan_skill if space == "task" else reach_skill
     shape = (25, 25) if space == "task" else (12, 12, 12)
     paths = LearnedPaths(whole_box(skill, shape))

@@ -1,4 +1,4 @@
-"""What a skill of the tool does not see, small: solutions are counted right, and the arm's way alone changes."""
+"""What a skill of the tool does not see, small: solutions are counted right, and the arm's motion alone changes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def report(reach_pose_skill, reach_skill) -> LimbsReport:
     return compare_limbs(reach_pose_skill, reach_skill, settings)
 
 
-def test_solutions_are_counted_and_told_apart() -> None:
+def test_solutions_are_counted_and_distinguished() -> None:
     configurations = ROBOT.sample(10, np.random.default_rng(0))
     poses = [ROBOT.forward(configuration) for configuration in configurations]
     positions, quaternions = map(np.array, zip(*poses, strict=True))
@@ -45,7 +45,7 @@ def test_solutions_are_counted_and_told_apart() -> None:
     assert not solved(positions, quaternions, centres + 5.0, radii, 30).touched.any()
 
 
-def test_the_tools_way_stays_and_solutions_on_it_are_touched(report) -> None:
+def test_the_tools_path_stays_and_solutions_on_it_are_touched(report) -> None:
     figures = report.summary()
     assert figures["nodes"] == 15 * 15
     assert figures["geodesic_moved_by_the_sphere_mm"] < 1.0
@@ -67,15 +67,15 @@ def test_where_most_solutions_touch_the_sphere_they_are_more_and_the_hand_is_not
     assert np.min(away) > 0.05
 
 
-def test_the_whole_arm_takes_another_way(report) -> None:
-    # The control: the way without the sphere leads through it.
+def test_the_whole_arm_takes_another_path(report) -> None:
+    # The control: the motion without the sphere leads through it.
     assert report.nominal_clearance < 0.0
     assert report.avoiding_clearance > 0.0
 
 
 def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     content = json.loads(write_json(tmp_path / "figures.json", report.as_dict()).read_text())
-    assert len(content["along"]["found"]) == len(report.way.positions)
+    assert len(content["along"]["found"]) == len(report.path.positions)
     assert "geodesic moved by the sphere mm" in report.table()
     draw_limbs(report, tmp_path / "limbs.png")
     assert (tmp_path / "limbs.png").read_bytes().startswith(b"\x89PNG")

@@ -16,15 +16,15 @@ from geodesic_motion_ros.utils.errors import SkillError
 
 @pytest.fixture
 def of_shipped_skills(monkeypatch: pytest.MonkeyPatch) -> list[type]:
-    """Skills that are shipped in the place of trained ones; returns the settings that were asked for."""
-    asked: list[type] = []
+    """Skills that are shipped in the place of trained ones; returns the requested settings."""
+    requested: list[type] = []
 
     def shipped(name: str, shown: JointDemonstrations, settings: object, *_: object) -> Skill:
-        asked.append(settings)
+        requested.append(settings)
         return Skill.load("paper_reach" if settings.sheet == "raw" else "panda_reach_to_grasp")
 
     monkeypatch.setattr(literal, "trained_once", shipped)
-    return asked
+    return requested
 
 
 def test_both_planners_predict_what_was_held_out(

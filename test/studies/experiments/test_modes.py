@@ -1,4 +1,4 @@
-"""The experiment with two ways past a pillar, on a small skill and with controls that must fail."""
+"""The experiment with two modes past a pillar, on a small skill and with controls that must fail."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def skill(measured) -> Skill:
     return measured[1]
 
 
-def test_a_way_is_followed_and_the_other_taken_when_it_is_blocked(report) -> None:
+def test_a_mode_is_followed_and_the_other_taken_when_it_is_blocked(report) -> None:
     assert report.found(2)
     assert len(report.cases) == 4
     for case in report.cases:
@@ -81,13 +81,13 @@ def test_without_avoidance_nothing_switches(skill) -> None:
 
 
 def test_without_answers_nothing_counts_as_followed(report) -> None:
-    silent = replace(report.cases[0], free=Answer("NO_FEASIBLE_PATH", "no way", False), blocked=None)
+    silent = replace(report.cases[0], free=Answer("NO_FEASIBLE_PATH", "no path", False), blocked=None)
     figures = replace(report, cases=(silent, *report.cases[1:])).summary()
     assert figures["follow_percent"] == figures["switch_percent"] == 75.0
-    assert "seed 2, case 0: NO_FEASIBLE_PATH: no way" in replace(report, cases=(silent,)).table()
+    assert "seed 2, case 0: NO_FEASIBLE_PATH: no path" in replace(report, cases=(silent,)).table()
 
 
-def test_what_lies_between_the_ways_or_in_the_pillar_follows_none() -> None:
+def test_what_lies_between_the_modes_or_in_the_pillar_follows_none() -> None:
     followed = Answer("OK", "", True, "left", 0.01, 0.2, pillar=0.05)
     assert followed.follows
     assert not replace(followed, distance=0.2 * NEAR + 0.001).follows

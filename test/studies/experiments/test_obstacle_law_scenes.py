@@ -1,4 +1,4 @@
-"""Scenes for the laws: spheres as near the way as their kind says."""
+"""Scenes for the laws: spheres as near the path as their kind says."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from geodesic_motion_ros.studies.experiments.obstacle_law_scenes import (
     BETWEEN,
     CHECK_PERIOD,
     FREE_END,
-    FREE_WAY,
+    FREE_PATH,
     draw_scene,
 )
 
@@ -29,9 +29,9 @@ def test_spheres_do_what_their_kind_says(reach_skill: Skill) -> None:
         def clearance(postures, scene=scene) -> float:
             return distances(planner, body_spheres(planner, postures), scene.centre, scene.radius).min()
 
-        way = every(CHECK_PERIOD, scene.nominal)
-        assert BETWEEN[kind][0] <= clearance(way) <= BETWEEN[kind][1]
+        path = every(CHECK_PERIOD, scene.nominal)
+        assert BETWEEN[kind][0] <= clearance(path) <= BETWEEN[kind][1]
         assert clearance(np.stack([scene.query.start, scene.query.goal])) >= FREE_END
-        if kind == "one way":
-            others = np.delete(scene.query.ways, scene.query.family(way), axis=0)
-            assert max(clearance(other) for other in others) >= FREE_WAY
+        if kind == "one path":
+            others = np.delete(scene.query.mean_paths, scene.query.family(path), axis=0)
+            assert max(clearance(other) for other in others) >= FREE_PATH

@@ -32,7 +32,7 @@ def report(reach_skill: Skill) -> LawsReport:
     return compare_laws(reach_skill, SCENES, laws=FEW, settings=COARSE)
 
 
-def test_what_is_hard_answers_with_free_ways_alone(report: LawsReport) -> None:
+def test_what_is_hard_answers_with_free_paths_alone(report: LawsReport) -> None:
     for law in FEW:
         answers = report.of(law)
         assert [answer.scene for answer in answers] == list(range(SCENES))
@@ -52,7 +52,7 @@ def test_the_soft_law_alone_never_refuses_and_goes_through(report: LawsReport) -
     assert refused <= through
 
 
-def test_the_control_is_the_way_without_obstacles(report: LawsReport) -> None:
+def test_the_control_is_the_path_without_obstacles(report: LawsReport) -> None:
     for answer in report.of(CONTROL):
         nearest, farthest = BETWEEN[answer.sphere]
         assert nearest <= answer.clearance <= farthest
@@ -77,7 +77,7 @@ def test_strengths_widths_and_laws_reach_the_planner() -> None:
             assert (settings.ambient_strength, settings.ambient_width_ratio) == (law.strength, law.width)
 
 
-def test_means_are_of_the_scenes_that_always_have_a_way() -> None:
+def test_means_are_of_the_scenes_that_always_have_a_path() -> None:
     def answer(law: Law, scene: int, clearance: float, hits: bool = False) -> LawAnswer:
         found = not math.isnan(clearance)
         return LawAnswer(law, scene, "near", found, found and law != SOFT, 0.1, hits, clearance, 0.02, 1.1)

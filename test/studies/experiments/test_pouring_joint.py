@@ -41,9 +41,9 @@ def thinned(guidance: Guidance, every: int = 10) -> Guidance:
 
 @pytest.fixture(scope="module")
 def report(stored) -> PouringJointReport:
-    # As told to the arm, without physics.
-    told = [thinned(guidance) for guidance in pouring_guidances(2, 0)]
-    items = [JointDemonstration(configurations(ROBOT, g), g.motion.times, g.motion.name) for g in told]
+    # As commanded to the arm, without physics.
+    commanded = [thinned(guidance) for guidance in pouring_guidances(2, 0)]
+    items = [JointDemonstration(configurations(ROBOT, g), g.motion.times, g.motion.name) for g in commanded]
     shown = JointDemonstrations(tuple(items), ROBOT.joint_names, "panda")
     skill = stored("pouring", lambda: train_joint_space_skill(shown, ROBOT, SMALL, name="pouring"))
     planner = ReactivePlanner(skill, COARSE)
@@ -80,8 +80,8 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     assert [(item["bottle"], item["cup"]) for item in content["pourings"]] == 2 * [(1, 1), (0, 2)]
     assert [item["row"] for item in content["pourings"]] == ["ours", "ours", "literal", "literal"]
     assert content["pourings"][1]["clearance"] is not None
-    for said in ("0 to 2", "canonical", "whole 20x20x20"):
-        assert said in report.table()
+    for text in ("0 to 2", "canonical", "whole 20x20x20"):
+        assert text in report.table()
     draw_pouring_joint(report, tmp_path / "pouring_joint.png")
     assert (tmp_path / "pouring_joint.png").read_bytes().startswith(b"\x89PNG")
 

@@ -47,8 +47,8 @@ def test_the_meaning_of_code_changes_with_what_it_does_and_not_with_what_it_says
     source = (
         '"""Module."""\n\nLIMIT = 2.0\n\n\nclass A:\n    """A class."""\n\n    def f(self):\n        return LIMIT\n'
     )
-    said = source.replace("A class.", "Something else.").replace('"""Module."""\n', "# a comment\n")
-    assert meaning(said) == meaning(source)
+    reworded = source.replace("A class.", "Something else.").replace('"""Module."""\n', "# a comment\n")
+    assert meaning(reworded) == meaning(source)
     assert meaning(source.replace("2.0", "3.0")) != meaning(source)
     assert meaning(source.replace("return LIMIT", "return -LIMIT")) != meaning(source)
 

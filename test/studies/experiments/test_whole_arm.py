@@ -1,4 +1,4 @@
-"""Whole-arm avoidance, small: another way is taken, a blocked task refused, and PyBullet counts no contact."""
+"""Whole-arm avoidance, small: another path is taken, a blocked task refused, and PyBullet counts no contact."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_queries import draw_query
-from geodesic_motion_ros.studies.experiments.blocked_arm import FREE_HAND, BlockedWays, hand_alone
+from geodesic_motion_ros.studies.experiments.blocked_arm import FREE_HAND, KINDS, BlockedPaths, hand_alone
 from geodesic_motion_ros.studies.experiments.moving_arm import MovingArmRun, MovingArmStage, nominal_arm
 from geodesic_motion_ros.studies.experiments.moving_spheres import DISTANCE_AT_REST, MovingSphere, draw_spheres
-from geodesic_motion_ros.studies.experiments.tubes import tube_way
+from geodesic_motion_ros.studies.experiments.tubes import tube_path
 from geodesic_motion_ros.studies.experiments.whole_arm import (
     WholeArmReport,
     WholeArmSettings,
@@ -33,8 +33,8 @@ COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 
 
 @pytest.fixture(scope="module")
-def ways(reach_skill: Skill) -> BlockedWays:
-    return BlockedWays(reach_skill, COARSE)
+def paths(reach_skill: Skill) -> BlockedPaths:
+    return BlockedPaths(reach_skill, COARSE)
 
 
 @pytest.fixture(scope="module")
@@ -43,33 +43,33 @@ def stage(reach_skill: Skill) -> MovingArmStage:
 
 
 @pytest.fixture(scope="module")
-def report(ways: BlockedWays, stage: MovingArmStage) -> WholeArmReport:
+def report(paths: BlockedPaths, stage: MovingArmStage) -> WholeArmReport:
     settings = WholeArmSettings(blocked_scenes=2, moving_scenes=1, planner=COARSE)
-    blocked = {kind: [ways.scene(kind, number, 0) for number in range(2)] for kind in ("one way", "all ways", "elbow")}
-    tubes = [tube_way(stage.planner, number, 0) for number in range(4)]
+    blocked = {kind: [paths.scene(kind, number, 0) for number in range(2)] for kind in KINDS}
+    tubes = [tube_path(stage.planner, number, 0) for number in range(4)]
     return WholeArmReport(settings, tubes, blocked, [stage.scene(0)])
 
 
-def test_ways_keep_to_one_tube_whose_it_is(report) -> None:
-    assert [way.family for way in report.tubes] == [0, 1, 0, 1]
-    assert all(way.kept and not way.reason for way in report.tubes)
-    # Both families share starts and goals, and one of them is cheaper: the control that ways of others are told apart.
-    assert {way.own for way in report.tubes} == {True, False}
-    assert report.tube_summary() == {"pairs": 4, "in_their_own_familys_tube": 2, "in_one_tube": 4, "no_way": 0}
+def test_paths_keep_to_one_tube_whose_it_is(report) -> None:
+    assert [path.family for path in report.tubes] == [0, 1, 0, 1]
+    assert all(path.kept and not path.reason for path in report.tubes)
+    # Both families share starts and goals, and one of them is cheaper: the control that paths of others are found.
+    assert {path.own for path in report.tubes} == {True, False}
+    assert report.tube_summary() == {"pairs": 4, "in_their_own_familys_tube": 2, "in_one_tube": 4, "no_path": 0}
 
 
-def test_another_family_is_taken_where_one_is_blocked(report, ways) -> None:
-    for scene in report.blocked["one way"]:
+def test_another_family_is_taken_where_one_is_blocked(report, paths) -> None:
+    for scene in report.blocked["one path"]:
         # The control: without avoidance the arm would be in the sphere.
-        assert ways.clearance(scene.nominal.positions, scene.centres, scene.radii) < 0.0
+        assert paths.clearance(scene.nominal.positions, scene.centres, scene.radii) < 0.0
         assert scene.answer.switched
         assert scene.answer.clearance > 0.0
         assert scene.answer.certified <= scene.answer.clearance + 1e-4
 
 
-def test_what_is_answered_where_all_ways_are_blocked_is_clear(report, ways) -> None:
-    for scene in report.blocked["all ways"]:
-        assert all(ways.clearance(way, scene.centres, scene.radii) < 0.0 for way in scene.query.ways)
+def test_what_is_answered_where_all_paths_are_blocked_is_clear(report, paths) -> None:
+    for scene in report.blocked["all paths"]:
+        assert all(paths.clearance(path, scene.centres, scene.radii) < 0.0 for path in scene.query.mean_paths)
         assert not scene.answer.hits
         assert scene.answer.answered or scene.answer.reason
 
@@ -84,11 +84,11 @@ def test_an_elbow_is_hit_by_who_knows_the_hand_alone(report) -> None:
         assert not scene.answer.hits
 
 
-def test_the_same_seed_makes_the_same_scene(report, ways) -> None:
-    again = ways.scene("one way", 1, 0)
-    np.testing.assert_array_equal(again.centres, report.blocked["one way"][1].centres)
-    assert again.answer == report.blocked["one way"][1].answer
-    assert not np.array_equal(ways.scene("one way", 1, 1).centres, again.centres)
+def test_the_same_seed_makes_the_same_scene(report, paths) -> None:
+    again = paths.scene("one path", 1, 0)
+    np.testing.assert_array_equal(again.centres, report.blocked["one path"][1].centres)
+    assert again.answer == report.blocked["one path"][1].answer
+    assert not np.array_equal(paths.scene("one path", 1, 1).centres, again.centres)
 
 
 def test_moving_spheres_touch_no_moving_arm_and_the_command_is_smooth(report) -> None:
@@ -113,7 +113,7 @@ def test_spheres_begin_clear_of_the_arm(stage) -> None:
         assert distance >= DISTANCE_AT_REST
 
 
-def test_who_is_to_blame_for_a_contact_is_told(stage) -> None:
+def test_who_is_to_blame_for_a_contact_is_judged(stage) -> None:
     query, nominal = draw_query(stage.planner, np.random.default_rng(0))
     elbow = elbow_position(stage.planner.robot, query.start)
     # Into an arm that cannot leave, for its goal is covered; and out of nothing in front of one that moves.
@@ -133,11 +133,11 @@ def test_who_is_to_blame_for_a_contact_is_told(stage) -> None:
 def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     content = json.loads(write_json(tmp_path / "whole_arm.json", report.as_dict()).read_text())
     assert content["tubes"]["summary"]["pairs"] == len(content["tubes"]["pairs"]) == 4
-    assert content["one way"]["summary"]["switched"] == 2
+    assert content["one path"]["summary"]["switched"] == 2
     assert content["elbow"]["summary"]["hand_only_hits"] == 2
     assert content["moving"]["summary"]["contacts_moving"] == 0
     assert "hand alone hits" in report.table()
-    draw_whole_arm(replace(report, blocked={"all ways": report.blocked["all ways"]}), tmp_path)
+    draw_whole_arm(replace(report, blocked={"all paths": report.blocked["all paths"]}), tmp_path)
     assert (tmp_path / "whole_arm.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -150,12 +150,12 @@ def test_the_picture_shows_the_sphere_in_its_lower_row_alone(report) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("wrong", "reason"),
     [({"parts": ("all",)}, "choose from tubes"), ({"parts": ()}, "choose from"), ({"seed": -1}, "negative"),
      ({"blocked_scenes": 0}, "at least 1")],
 )  # fmt: skip
-def test_impossible_settings_are_refused(wrong, said) -> None:
-    with pytest.raises(ParameterError, match=said):
+def test_impossible_settings_are_refused(wrong, reason) -> None:
+    with pytest.raises(ParameterError, match=reason):
         WholeArmSettings(**wrong)
 
 
