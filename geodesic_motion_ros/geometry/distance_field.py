@@ -131,10 +131,7 @@ _NONE = DistanceField(np.empty((0, 0, 0), dtype=np.float32), np.zeros(15))
 @numba.njit(cache=True, nogil=True)
 def _squares(points: np.ndarray, first: np.ndarray, shape: np.ndarray, edge: float, most: float) -> np.ndarray:
     """Squared distances [edges^2], at most `most`, of the cubes from those that hold points (n, 3)."""
-    result = np.full((shape[0], shape[1], shape[2]), np.float32(most))
-    for n in range(len(points)):
-        i, j, k = round(points[n, 0] / edge), round(points[n, 1] / edge), round(points[n, 2] / edge)
-        result[i - first[0], j - first[1], k - first[2]] = 0.0
+    result = _occupied(points, first, shape, edge, most)
     longest = max(shape[0], max(shape[1], shape[2]))
     line, best = np.empty(longest, dtype=np.float32), np.empty(longest, dtype=np.float32)
     at, begins = np.empty(longest, dtype=np.int64), np.empty(longest + 1)
@@ -153,6 +150,16 @@ def _squares(points: np.ndarray, first: np.ndarray, shape: np.ndarray, edge: flo
             line[: shape[0]] = result[:, j, k]
             if _lower_envelope(line, shape[0], most, best, at, begins):
                 result[:, j, k] = best[: shape[0]]
+    return result
+
+
+@numba.njit(cache=True, nogil=True)
+def _occupied(points: np.ndarray, first: np.ndarray, shape: np.ndarray, edge: float, most: float) -> np.ndarray:
+    """0 for the cubes that hold points (n, 3) [m], `most` for the others."""
+    result = np.full((shape[0], shape[1], shape[2]), np.float32(most))
+    for n in range(len(points)):
+        i, j, k = round(points[n, 0] / edge), round(points[n, 1] / edge), round(points[n, 2] / edge)
+        result[i - first[0], j - first[1], k - first[2]] = 0.0
     return result
 
 

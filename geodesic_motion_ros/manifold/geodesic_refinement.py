@@ -73,12 +73,7 @@ def _refined(
     Each step keeps, or betters, how well nodes support each piece and how far it is from obstacles: where it would not
     the piece's points are held, and the step is looked for anew. Where the energy does not sink the step is halved.
     """
-    cells, d = 0.0, path.shape[1]
-    for i in range(len(path) - 1):
-        squared = 0.0
-        for a in range(d):
-            squared += (path[i + 1, a] - path[i, a]) ** 2
-        cells += math.sqrt(squared)
+    cells, d = _polyline_length(path), path.shape[1]
     count = int(min(_MOST_PIECES, max(_LEAST_PIECES, math.ceil(cells))))
     curve = evenly(path, count)
     trial, nearest = curve.copy(), np.zeros((count, len(field.centres)), dtype=np.int64)
@@ -87,11 +82,7 @@ def _refined(
     gradient, diagonal, beside = np.empty((count + 1, d)), np.empty((count + 1, d, d)), np.empty((count, d, d))
     new_gradient, new_diagonal, new_beside = gradient.copy(), diagonal.copy(), beside.copy()
     held = np.empty(count + 1, dtype=np.bool_)
-    nearest_samples(curve[0], field.centres, field.precisions, nearest[0])
-    for i in range(1, count):
-        for k in range(nearest.shape[1]):
-            nearest[i, k] = nearest[i - 1, k]
-        nearest_along(curve[i], field.centres, field.precisions, nearest[i])
+    _nearest_to_pieces(curve, field.centres, field.precisions, nearest)
     _assemble(field, reshaping, curve, weights, nearest, energies, support, clearance, gradient, diagonal, beside)
     length = _length(energies)
     _smooth(curve, trial)
@@ -116,9 +107,7 @@ def _refined(
             held[i] = False
         for _ in range(_ATTEMPTS):
             step = _newton_step(gradient, diagonal, beside, held)
-            for i in range(1, count):
-                for a in range(d):
-                    trial[i, a] = min(max(curve[i, a] + share * step[i, a], 0.0), field.shape[a] - 1.0)
+            _move(curve, step, share, field.shape, trial)
             after = _assemble(
                 field, reshaping, trial, weights, nearest, energies, new_support, new_clearance, new_gradient,
                 new_diagonal, new_beside,
@@ -143,6 +132,36 @@ def _refined(
 
 
 # Loops, here and above, where numpy has a word for it: an array that is copied into another takes a second to compile.
+
+
+@numba.njit(cache=True, nogil=True)
+def _polyline_length(path: np.ndarray) -> float:
+    """sum_i |z_{i+1} - z_i| of a polyline (p, d), in steps of the grid."""
+    length = 0.0
+    for i in range(len(path) - 1):
+        squared = 0.0
+        for a in range(path.shape[1]):
+            squared += (path[i + 1, a] - path[i, a]) ** 2
+        length += math.sqrt(squared)
+    return length
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest_to_pieces(curve: np.ndarray, centres: np.ndarray, precisions: np.ndarray, nearest: np.ndarray) -> None:
+    """Fill in the samples (N, R) of the R ridges that are nearest to where the pieces of a curve (N + 1, d) begin."""
+    nearest_samples(curve[0], centres, precisions, nearest[0])
+    for i in range(1, len(nearest)):
+        for k in range(nearest.shape[1]):
+            nearest[i, k] = nearest[i - 1, k]
+        nearest_along(curve[i], centres, precisions, nearest[i])
+
+
+@numba.njit(cache=True, nogil=True)
+def _move(curve: np.ndarray, step: np.ndarray, share: float, shape: tuple[int, ...], moved: np.ndarray) -> None:
+    """Fill in the inner points of a curve (N + 1, d) after a share of a step (N + 1, d), kept inside the grid."""
+    for i in range(1, len(curve) - 1):
+        for a in range(curve.shape[1]):
+            moved[i, a] = min(max(curve[i, a] + share * step[i, a], 0.0), shape[a] - 1.0)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -290,25 +309,35 @@ def _newton_step(gradient: np.ndarray, diagonal: np.ndarray, beside: np.ndarray,
 
     Steps of the ends, and of points that are held (N + 1,), are 0. A pivot that rounding makes small is raised.
     """
-    count, d = gradient.shape
-    factor, lower, step = np.zeros((count, d, d)), np.zeros((count, d, d)), np.zeros((count, d))
+    factor, lower = _factorise(diagonal, beside, held)
+    step = np.zeros(gradient.shape)
+    _substitute(gradient, factor, lower, held, step)
+    _substitute_back(factor, lower, step)
+    return step
+
+
+@numba.njit(cache=True, nogil=True)
+def _factorise(diagonal: np.ndarray, beside: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cholesky's factors of the block tridiagonal H, (N + 1, d, d) each:
+
+        lower_i = beside_{i-1}^T factor_{i-1}^-T,      factor_i factor_i^T = diagonal_i - lower_i lower_i^T.
+
+    Points that are held (N + 1,) have the unit matrix, and are beside none.
+    """
+    count, d = diagonal.shape[:2]
+    factor, lower = np.zeros((count, d, d)), np.zeros((count, d, d))
     for i in range(1, count - 1):
         if held[i]:
             for a in range(d):
                 factor[i, a, a] = 1.0
             continue
-        for a in range(d):
-            step[i, a] = -gradient[i, a]
         if i > 1 and not held[i - 1]:
-            # lower_i = beside_{i-1}^T factor_{i-1}^-T
             for a in range(d):
                 for b in range(d):
                     value = beside[i - 1, b, a]
                     for k in range(b):
                         value -= lower[i, a, k] * factor[i - 1, b, k]
                     lower[i, a, b] = value / factor[i - 1, b, b]
-                for k in range(d):
-                    step[i, a] -= lower[i, a, k] * step[i - 1, k]
         for a in range(d):
             for b in range(a + 1):
                 value = diagonal[i, a, b]
@@ -320,9 +349,32 @@ def _newton_step(gradient: np.ndarray, diagonal: np.ndarray, beside: np.ndarray,
                     factor[i, a, a] = math.sqrt(max(value, 1e-6 * diagonal[i, a, a], 1e-300))
                 else:
                     factor[i, a, b] = value / factor[i, b, b]
+    return factor, lower
+
+
+@numba.njit(cache=True, nogil=True)
+def _substitute(
+    gradient: np.ndarray, factor: np.ndarray, lower: np.ndarray, held: np.ndarray, step: np.ndarray
+) -> None:
+    """From the first inner point to the last, fill in step_i = factor_i^-1 (-gradient_i - lower_i step_{i-1})."""
+    count, d = gradient.shape
+    for i in range(1, count - 1):
+        if held[i]:
+            continue
+        for a in range(d):
+            step[i, a] = -gradient[i, a]
+            if i > 1 and not held[i - 1]:
+                for k in range(d):
+                    step[i, a] -= lower[i, a, k] * step[i - 1, k]
             for k in range(a):
                 step[i, a] -= factor[i, a, k] * step[i, k]
             step[i, a] /= factor[i, a, a]
+
+
+@numba.njit(cache=True, nogil=True)
+def _substitute_back(factor: np.ndarray, lower: np.ndarray, step: np.ndarray) -> None:
+    """From the last inner point to the first, turn step_i into factor_i^-T (step_i - lower_{i+1}^T step_{i+1})."""
+    count, d = step.shape
     for i in range(count - 2, 0, -1):
         for a in range(d - 1, -1, -1):
             value = step[i, a]
@@ -332,4 +384,3 @@ def _newton_step(gradient: np.ndarray, diagonal: np.ndarray, beside: np.ndarray,
             for k in range(a + 1, d):
                 value -= factor[i, k, a] * step[i, k]
             step[i, a] = value / factor[i, a, a]
-    return step

@@ -145,14 +145,21 @@ def hold_nodes(
 
 
 @numba.njit(cache=True, nogil=True)
+def _pivot(matrix, k):
+    """The row from k on whose entry in column k is the largest by its amount."""
+    pivot = k
+    for i in range(k + 1, len(matrix)):
+        if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+            pivot = i
+    return pivot
+
+
+@numba.njit(cache=True, nogil=True)
 def _solve(matrix, right):
     """Solve a square system in place by Gauss's elimination with pivots; False where it is singular."""
     count = len(right)
     for k in range(count):
-        pivot = k
-        for i in range(k + 1, count):
-            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
-                pivot = i
+        pivot = _pivot(matrix, k)
         if abs(matrix[pivot, k]) < 1e-9:
             return False
         if pivot != k:

@@ -145,6 +145,35 @@ def _carrier(robot: Robot, frame: int) -> tuple[int, np.ndarray]:
     return frame, place
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def _place_point(rotations, origins, frame, points, k, placed):
+    """Write R_f p_k + o_f (3,) [m], a point k of points (K, 3) that is given in the frame f of some of them."""
+    for row in range(3):
+        placed[row] = origins[frame, row]
+        for column in range(3):
+            placed[row] += rotations[frame, row, column] * points[k, column]
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _write_rodrigues(axis, fixed, along, across, terms):
+    """Write C = F a a^T, A = F - C, B = F [a]x as terms (3, 3, 3): C + cos q A + sin q B is F, a rotation (3, 3),
+    followed by that about a unit axis a (3,) by q.
+
+    along, across : (3, 3), for a a^T and [a]x; the diagonal of the latter is zero already.
+    """
+    x, y, z = axis[0], axis[1], axis[2]
+    across[0, 1], across[0, 2], across[1, 2] = -z, y, -x
+    across[1, 0], across[2, 0], across[2, 1] = z, -y, x
+    for row in range(3):
+        for column in range(3):
+            along[row, column] = axis[row] * axis[column]
+    multiply(fixed, along, terms[0])
+    multiply(fixed, across, terms[2])
+    for row in range(3):
+        for column in range(3):
+            terms[1, row, column] = fixed[row, column] - terms[0, row, column]
+
+
 @numba.njit(cache=True, nogil=True)
 def joint_terms(chain):
     """What the joints' frames are made of, per moving joint j.
@@ -174,10 +203,7 @@ def joint_terms(chain):
         carriers[k + 1] = joint
         moves = joint_index[k] >= 0
         origin = translations[joint] if moves else mount_origins[k + 1]
-        for row in range(3):
-            origin[row] = mount_origins[k, row]
-            for column in range(3):
-                origin[row] += mounts[k, row, column] * offset_translations[k, column]
+        _place_point(mounts, mount_origins, k, offset_translations, k, origin)
         multiply(mounts[k], offset_rotations[k], fixed if moves else mounts[k + 1])
         if not moves:
             continue
@@ -187,17 +213,7 @@ def joint_terms(chain):
                     terms[joint, 0, row, column] = fixed[row, column]
                     slides[joint, row] += fixed[row, column] * axes[k, column]
         else:
-            x, y, z = axes[k, 0], axes[k, 1], axes[k, 2]
-            across[0, 1], across[0, 2], across[1, 2] = -z, y, -x
-            across[1, 0], across[2, 0], across[2, 1] = z, -y, x
-            for row in range(3):
-                for column in range(3):
-                    along[row, column] = axes[k, row] * axes[k, column]
-            multiply(fixed, along, terms[joint, 0])
-            multiply(fixed, across, terms[joint, 2])
-            for row in range(3):
-                for column in range(3):
-                    terms[joint, 1, row, column] = fixed[row, column] - terms[joint, 0, row, column]
+            _write_rodrigues(axes[k], fixed, along, across, terms[joint])
         joint += 1
         unit(mounts[k + 1])
         carriers[k + 1] = joint
@@ -284,10 +300,7 @@ def body_point_jacobians(configurations, frames, offsets, chain):
                 for column in range(3):
                     directions[joint, row] += rotations[joint + 1, row, column] * axes[moving[joint], column]
         for k in range(len(frames)):
-            for row in range(3):
-                arm[row] = origins[joints[k], row]
-                for column in range(3):
-                    arm[row] += rotations[joints[k], row, column] * points[k, column]
+            _place_point(rotations, origins, joints[k], points, k, arm)
             for joint in range(joints[k]):
                 a = directions[joint]
                 if prismatic[moving[joint]]:

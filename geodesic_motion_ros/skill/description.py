@@ -63,11 +63,7 @@ def check_description(described: Any) -> None:
     for name, bounds in RANGES.items():
         _check_number(name, described[name], *bounds)
     _check_metric(described["metric"], space)
-    # The scene may be left out: skills of earlier releases have none.
-    for name in [name for name in ("quality", "provenance", "scene") if name in described]:
-        if not isinstance(described[name], dict):
-            raise SkillError(f"{name} is {brief(described[name])}; it must hold names with their values")
-        _check_plain(name, described[name])
+    _check_tables(described)
     if described["sheet"] == "canonical":
         _check_penalty(described.get("regression_penalty"))
     digests = described["sha256"]
@@ -105,6 +101,14 @@ def _check_metric(metric: Any, space: str) -> None:
         _check_number(f"metric.{name}", metric[name], *ranges[name])
     for name, allowed in choices.items():
         _check_choice(f"metric.{name}", metric[name], allowed)
+
+
+def _check_tables(described: dict[str, Any]) -> None:
+    # The scene may be left out: skills of earlier releases have none.
+    for name in [name for name in ("quality", "provenance", "scene") if name in described]:
+        if not isinstance(described[name], dict):
+            raise SkillError(f"{name} is {brief(described[name])}; it must hold names with their values")
+        _check_plain(name, described[name])
 
 
 def _check_plain(name: str, value: Any) -> None:
