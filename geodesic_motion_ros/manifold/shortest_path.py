@@ -1,6 +1,6 @@
 """Shortest paths on the latent graph: Dijkstra's field, and A* with the obstacle-free field as exact heuristic.
 
-The weight of edge e = (u, v) under obstacles is (design.md section 4)
+The weight of edge e = (u, v) under obstacles is
 
     w_e = sqrt(b_e + sum_k (m_k(u) + m_k(v)) / 2 * a_ek)
 

@@ -53,7 +53,7 @@ class Attempt(NamedTuple):
     optimistic: bool = False
 
 
-#: What is tried until a path is certified: one that a smooth curve does not cut keeps further off.
+#: What is tried until a path is certified. The second keeps so far off that smoothing does not cut into obstacles.
 ATTEMPTS = Attempt(1.0), Attempt(4.0), Attempt(1.0, optimistic=True)
 #: Widths in grid steps by which paths are smoothed, first in the latent space, then decoded: refined ones, which have
 #: no corners of the grid, and those that are not refined.

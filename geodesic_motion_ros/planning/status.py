@@ -8,7 +8,9 @@ from enum import IntEnum
 
 
 class VerdictCode(IntEnum):
-    """Why there is, or is not, a new reference. OK is the only code that comes with one."""
+    """Why there is, or is not, a path to the goal. OK alone comes with one; a stop, an evasion or an approach that is
+    handed out has the code of why there is none.
+    """
 
     OK = 0
     HOLD_REQUESTED = 1
@@ -37,7 +39,7 @@ class Verdict:
     Attributes
     ----------
     code, reason : the outcome, and a sentence for a person.
-    clearance : smallest distance [m] from the tool spheres to any obstacle along the reference, already reduced
+    clearance : smallest distance [m] from the arm's spheres to any obstacle along the reference, already reduced
         by the certificate's allowance between samples; inf without obstacles, nan without a path.
     energy_per_edge : largest squared Riemannian length of one edge of the path; nan without a path.
     cost_gap : how much more than the cheapest path through the graph this one costs at most, as a share of that; 0 but
@@ -45,7 +47,8 @@ class Verdict:
     in_support : whether the whole path stays where the decoder can be trusted.
     start_offset, goal_offset : distance [m] that the learned start and goal are carried to meet the asked poses.
     start_offset_angle, goal_offset_angle : the same for the orientation [rad].
-    end_correction : how far [m] the path's ends still had to be moved after that, the farther of the two.
+    end_correction : how far the path's ends still had to be moved after that, the farther of the two: over all joints
+        [rad], or [m] with the paper's planner.
     start_beyond, goal_beyond : how much of that [m] no demonstration shows: all of it on the raw sheet, the distance
         from the convex hull of the demonstrated offsets on a canonical one. start_beyond_angle, goal_beyond_angle :
         the same for the orientation [rad].
