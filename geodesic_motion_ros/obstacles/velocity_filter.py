@@ -29,7 +29,7 @@ from bisect import bisect_left
 from operator import add, sub
 
 from geodesic_motion_ros.obstacles.detection_noise import DetectionNoise, Point
-from geodesic_motion_ros.obstacles.velocity_history import VelocityHistory
+from geodesic_motion_ros.obstacles.velocity_history import CHANGE_FACTOR, VelocityHistory
 
 #: Detections of this last time [s] count, two of them at least; of exact ones (`DetectionNoise`) these alone.
 SHORTEST = 0.15
@@ -151,6 +151,23 @@ class ObstacleMotion:
             self.place = tuple(o + p + since * v for o, p, v in zip(origin, mean, self.velocity, strict=True))
             self.place_error = BOUND * math.hypot(deviation / math.sqrt(count), since * velocity_deviation)
             self._velocity_error = 0.0 if stands else BOUND * velocity_deviation
+            self._allow_for_turn(deviation)
+
+    def _allow_for_turn(self, deviation: float) -> None:
+        """Enlarge the errors of what turns too slowly to begin a new line: older and newer half have other velocities.
+
+        At a constant acceleration a over the time T of the line these differ by a T / 2, and the line's end is off by
+        a T^2 / 12: by T / 6 of the difference.
+        """
+        half = len(self._seen) // 2
+        if half < 2 or not self.moves:
+            return
+        older, newer = _line(self._over(0, half)), _line(self._over(half))
+        velocities = [[along / spread for along in line] for _, _, spread, _, line in (older, newer)]
+        noise = BOUND * deviation * math.sqrt(1.0 / older[2] + 1.0 / newer[2])
+        turned = max(0.0, math.dist(*velocities) - noise)
+        self.place_error += turned * (self._seen[-1][0] - self._seen[0][0]) / 6.0
+        self._velocity_error += min(CHANGE_FACTOR * turned, math.hypot(*self.velocity))
 
     def _over(self, first: int, end: int | None = None) -> Sums:
         """Sums over the detections from the first one on, before the end."""

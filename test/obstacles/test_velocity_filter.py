@@ -84,7 +84,9 @@ def test_the_errors_of_what_moves_straight_on_are_within_their_bounds(rate: floa
 
 
 def test_a_line_is_the_one_of_least_squares_and_so_are_its_errors() -> None:
+    """But where noise makes older and newer half differ by more than it does in 97 % of all cases."""
     detected: list[float] = []
+    ratios = []
     for time, motion, _ in camera(lambda time: (0.5 * time, -0.2 * time, 0.4), 30.0, 5e-3, 20.0, 3):
         detected.append(time)
         if time < 2.0:
@@ -94,8 +96,9 @@ def test_a_line_is_the_one_of_least_squares_and_so_are_its_errors() -> None:
         spread = np.sum((times - times.mean()) ** 2)
         deviation = motion.noise.deviation
         expected = BOUND * deviation * np.sqrt(1.0 / count + times.mean() ** 2 / spread)
-        assert motion.place_error == pytest.approx(expected, rel=1e-6)
-        assert motion.error == pytest.approx(BOUND * deviation / np.sqrt(spread), rel=1e-6)
+        ratios.append((motion.place_error / expected, motion.error / (BOUND * deviation / np.sqrt(spread))))
+    assert np.min(ratios) >= 1.0 - 1e-6
+    assert np.mean(np.array(ratios) <= 1.0 + 1e-6) > 0.9
 CHANGES: dict[str, Callable[[float], Place]] = {
     "starts": lambda passed: (max(0.0, passed), 0.0, 0.0),
     "stops": lambda passed: (min(0.0, passed), 0.0, 0.0),
@@ -177,6 +180,22 @@ def test_a_turn_is_no_noise_until_the_obstacle_is_lost(rate: float) -> None:
     assert np.all(errors(centres, STAMP + times, 1e-3)[times > 4.5] > 0.1)
     gap = np.append(times, times[-1] + LONGEST_GAP + 0.1)
     assert errors(np.append(centres, centres[-1:], axis=0), STAMP + gap, 1e-3)[-1] == 0.0
+
+
+def test_what_turns_too_slowly_for_a_new_line_is_larger_in_the_prediction() -> None:
+    """As a sphere does that follows a hand: 0.12 m/s, turning by 0.4 rad/s. The control: straight on."""
+
+    def circling(time: float) -> Place:
+        return 0.3 * math.sin(0.4 * time), 0.3 - 0.3 * math.cos(0.4 * time), 0.4
+
+    def straight(time: float) -> Place:
+        return 0.12 * time, 0.0, 0.4
+
+    turning, going = (
+        np.mean([motion.error for time, motion, _ in camera(path, 30.0, 1e-2, 30.0, 4) if time > 2.0])
+        for path in (circling, straight)
+    )
+    assert turning > 3.0 * going
 
 
 def test_late_and_early_arrivals_of_an_even_motion_hardly_matter() -> None:
