@@ -42,7 +42,7 @@ class LateArm(PlayedMethod):
 
     def reset(self, scene: Scene) -> None:
         super().reset(scene)
-        self._pending: deque[Answer] = deque(Answer() for _ in range(self._ticks))
+        self._delayed: deque[Answer] = deque(Answer() for _ in range(self._ticks))
         self._measured: deque[np.ndarray] = deque(maxlen=self._ticks + 1)
 
     def tick(self, now: float, obstacles: Obstacles) -> None:
@@ -55,8 +55,8 @@ class LateArm(PlayedMethod):
         super().tick(now, obstacles)
 
     def hand_over(self, answer: Answer) -> None:
-        self._pending.append(replace(answer, begin=answer.begin + self._lag))
-        super().hand_over(self._pending.popleft())
+        self._delayed.append(replace(answer, begin=answer.begin + self._lag))
+        super().hand_over(self._delayed.popleft())
 
 
 class LateStage(Stage):
