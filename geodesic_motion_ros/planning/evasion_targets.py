@@ -24,33 +24,31 @@ from geodesic_motion_ros.robot.kinematics import Robot
 _STEPS = 3
 
 
-def path_to_target(
+def paths_to_targets(
     graph: LatentGraph, query: SearchQuery, start: np.ndarray, reshaping: Reshaping, steps: int, apart: float
-) -> LatentPath | None:
-    """The path from a latent point (d,) to the nearest evasion target on a graph; None where there is none.
+) -> Iterator[LatentPath]:
+    """Paths from a latent point (d,) to evasion targets, one in each direction, the nearest first.
 
     reshaping : where obstacles are expected to be, all at once; apart : a target's clearance from that, at least [m].
-    steps : a target is no more grid steps away.
+    steps : targets are no more grid steps away.
     """
     near = graph.nodes_near(start, steps)
     near = near[query.to_goal[near] < query.cost_limit]
     if len(near) == 0:
-        return None
+        return
     source, near = int(near[0]), np.ascontiguousarray(near[:: 1 + len(near) // constants.EVASION_NODES])
     look_at(near, reshaping)
     free = near[reshaping.clearance[near] >= apart]
-    if len(free) == 0:
-        return None
-    target = int(free[0])
-    # By the triangle inequality a node is no nearer to the target than their costs from the start, or to the goal,
-    # differ.
-    from_start, to_goal = (np.abs(costs - costs[target]) for costs in (query.from_start, query.to_goal))
-    ahead = np.maximum(from_start, to_goal)
-    nodes, edges, _ = shortest_free_path(graph.adjacency, query.graph.base, ahead, source, target)
-    if len(edges) == 0:
-        return None
-    points = np.concatenate([start[None], graph.latent[nodes]])
-    return LatentPath(nodes, points, float(np.max(query.graph.energies(edges))), 0.0)
+    directions = _in_all_directions(free, (graph.latent[free] - start) / graph.grid.spacing)
+    for target in directions[:constants.EVASION_TARGETS]:
+        # By the triangle inequality a node is no nearer to the target than their costs from the start, or to the goal,
+        # differ.
+        from_start, to_goal = (np.abs(costs - costs[target]) for costs in (query.from_start, query.to_goal))
+        ahead = np.maximum(from_start, to_goal)
+        nodes, edges, _ = shortest_free_path(graph.adjacency, query.graph.base, ahead, source, target)
+        if len(edges) > 0:
+            points = np.concatenate([start[None], graph.latent[nodes]])
+            yield LatentPath(nodes, points, float(np.max(query.graph.energies(edges))), 0.0)
 
 
 def displaced_paths(
@@ -85,3 +83,15 @@ def _displacements(joints: int) -> list[tuple[np.ndarray, float]]:
     directions = [np.array(one, dtype=float) for one in product((-1, 0, 1), repeat=3) if any(one)]
     displaced = [(one / np.linalg.norm(one), 0.0) for one in directions]
     return displaced + ([(np.zeros(3), -1.0), (np.zeros(3), 1.0)] if joints > 6 else [])
+
+
+def _in_all_directions(nodes: np.ndarray, away: np.ndarray) -> list[int]:
+    """Of nodes (n,) at offsets away (n, d), the nearest first, those of which none lies behind another one."""
+    lengths = np.linalg.norm(away, axis=1)
+    nodes, away = nodes[lengths > 0.0], away[lengths > 0.0] / lengths[lengths > 0.0, None]
+    chosen: list[int] = []
+    while len(nodes):
+        chosen.append(int(nodes[0]))
+        apart = away @ away[0] < constants.EVASION_COSINE
+        nodes, away = nodes[apart], away[apart]
+    return chosen

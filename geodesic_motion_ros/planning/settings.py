@@ -72,8 +72,10 @@ CURVE_SIGMA_FACTOR = 1.2
 
 # ------------------------------------------------------------------ evasion
 
-#: An evasion target is searched up to so many grid steps around, among so many nodes.
+#: Evasion targets are searched up to so many grid steps around, among so many nodes.
 EVASION_STEPS, EVASION_NODES = 30, 500
+#: So many of them are tried, in directions of which any two have no larger cosine than this.
+EVASION_TARGETS, EVASION_COSINE = 4, 0.7
 #: Where no place on the graph is free of what comes within this time [s], the tool is displaced by up to so much [m],
 #: or the arm swivels by up to so much [rad].
 EVASION_DISPLACED_WITHIN, EVASION_DISPLACEMENT, EVASION_SWIVEL = 0.6, 0.15, 0.6

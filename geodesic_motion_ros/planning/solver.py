@@ -27,7 +27,7 @@ from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.certificate import ArmCertifier, CertifiedTrajectory, SweptArm
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.evasion_targets import displaced_paths, path_to_target
+from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, SearchQuery, cheapest_path, path_verdict
@@ -324,17 +324,21 @@ class Solver:
         found = None if objection else self.certifier.certified(timed.reference, certificate)
         return Plan(found, state.time, verdict)
 
-    def evade(self, query: HeldQuery, state: MotionState, obstacles: Obstacles) -> Plan | None:
-        """A certified path to a place nearby that nothing is expected to come to; None where none is found."""
+    def evade(
+        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, deadline: Deadline = NEVER
+    ) -> Plan | None:
+        """A certified path to a place nearby that nothing is expected to come to; None where none is found in time."""
         reshaping = self._reshaping(query, obstacles.swept(self.settings.prediction))
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         start, steps = _latent_start(query, state), constants.EVASION_STEPS
-        path = path_to_target(self.graph, query, start, reshaping, steps, apart)
-        if path is None:
-            return None
-        # To pass what is coming narrowly is better than to be met by it.
-        plan = self._certified(query, state, path, obstacles, 0.0, True, evading=True)
-        return None if plan.trajectory is None else plan
+        for path in paths_to_targets(self.graph, query, start, reshaping, steps, apart):
+            # To pass what is coming narrowly is better than to be met by it.
+            plan = self._certified(query, state, path, obstacles, 0.0, True, evading=True)
+            if plan.trajectory is not None:
+                return plan
+            if deadline.passed:
+                return None
+        return None
 
     def evade_displaced(
         self,

@@ -1,4 +1,6 @@
-"""Evasion targets: free, near, with a path back, or beside the graph; the paths there begin where the tool is."""
+"""Evasion targets: free, near, in different directions, with a path back, or beside the graph; the paths there begin
+where the tool is.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
-from geodesic_motion_ros.planning.evasion_targets import displaced_paths, path_to_target
+from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints
@@ -28,7 +30,7 @@ def planner(fan_skill) -> PosePathPlanner:
 
 
 def found(planner: PosePathPlanner, radius: float, steps: int = STEPS):
-    """The path on which a tool in the middle of its own evades a sphere around it, and what the search knows."""
+    """The paths on which a tool in the middle of its own evades a sphere around it, and what the search knows."""
     ends = np.split(planner.skill.start_pose, [3]), np.split(planner.skill.goal_pose, [3])
     query = planner.query(*ends[0], *ends[1])
     reference = planner.plan(*ends[0], *ends[1])
@@ -39,43 +41,47 @@ def found(planner: PosePathPlanner, radius: float, steps: int = STEPS):
         query.body, sphere, settings.ambient_strength, settings.ambient_width_ratio, 0.05, settings.ambient_law
     )
     start = reference.latent[middle]
-    return path_to_target(planner.graph, query, start, reshaping, steps, APART), start, reshaping, query
+    return list(paths_to_targets(planner.graph, query, start, reshaping, steps, APART)), start, reshaping, query
 
 
-def test_the_target_is_free_and_the_nearest_that_is(planner) -> None:
-    path, start, reshaping, query = found(planner, 0.03)
-    target = path.nodes[-1]
-    assert reshaping.clearance[target] >= APART
-    near = planner.graph.nodes_near(start, STEPS)
-    near = near[query.to_goal[near] < query.cost_limit]
-    evaluated = list(near[:: 1 + len(near) // constants.EVASION_NODES])
-    nearer = evaluated[: evaluated.index(target)]
-    assert len(nearer) > 1
-    assert np.max(reshaping.clearance[nearer]) < APART
+def test_targets_are_free_near_and_none_lies_behind_another(planner) -> None:
+    paths, start, reshaping, query = found(planner, 0.03)
+    assert len(paths) > 1
+    ends = np.array([path.nodes[-1] for path in paths])
+    assert np.all(reshaping.clearance[ends] >= APART)
+    steps = (planner.graph.latent[ends] - start) / planner.graph.grid.spacing
+    lengths = np.linalg.norm(steps, axis=1)
+    assert np.all(np.diff(lengths) >= 0.0)
+    assert np.max(np.abs(steps)) <= STEPS + 0.5
+    cosines = (steps @ steps.T) / np.outer(lengths, lengths)
+    assert np.max(cosines[~np.eye(len(ends), dtype=bool)]) < 0.7
+    assert np.all(query.to_goal[ends] < query.cost_limit)
 
 
-def test_the_path_there_begins_where_the_tool_is_and_leads_from_node_to_node(planner) -> None:
-    path, start, _, _ = found(planner, 0.03)
-    np.testing.assert_array_equal(path.polyline[0], start)
-    np.testing.assert_array_equal(path.polyline[1:], planner.graph.latent[path.nodes])
-    steps = np.abs(np.diff(planner.graph.latent[path.nodes], axis=0)) / planner.graph.grid.spacing
-    assert np.max(steps, initial=0.0) < 4.0
-    assert path.energy > 0.0
+def test_paths_there_begin_where_the_tool_is_and_lead_from_node_to_node(planner) -> None:
+    paths, start, _, _ = found(planner, 0.03)
+    for path in paths:
+        np.testing.assert_array_equal(path.polyline[0], start)
+        np.testing.assert_array_equal(path.polyline[1:], planner.graph.latent[path.nodes])
+        steps = np.abs(np.diff(planner.graph.latent[path.nodes], axis=0)) / planner.graph.grid.spacing
+        assert np.max(steps, initial=0.0) < 4.0
+        assert path.energy > 0.0
 
 
-def test_the_path_there_is_the_cheapest(planner) -> None:
+def test_paths_there_are_the_cheapest(planner) -> None:
     """Dijkstra's algorithm, without a heuristic, finds the same."""
-    path, _, _, query = found(planner, 0.03)
-    nodes, _, _ = shortest_free_path(
-        planner.graph.adjacency, query.graph.base, np.zeros_like(query.to_goal), path.nodes[0], path.nodes[-1]
-    )
-    np.testing.assert_array_equal(path.nodes, nodes)
+    paths, _, _, query = found(planner, 0.03)
+    for path in paths:
+        nodes, _, _ = shortest_free_path(
+            planner.graph.adjacency, query.graph.base, np.zeros_like(query.to_goal), path.nodes[0], path.nodes[-1]
+        )
+        np.testing.assert_array_equal(path.nodes, nodes)
 
 
 def test_nowhere_free_is_no_path(planner) -> None:
-    assert found(planner, 0.03)[0] is not None
-    assert found(planner, 0.6)[0] is None
-    assert found(planner, 0.03, steps=1)[0] is None
+    assert found(planner, 0.03)[0]
+    assert not found(planner, 0.6)[0]
+    assert not found(planner, 0.03, steps=1)[0]
 
 
 def beside(sphere: Obstacles, reach: float = 0.3, away: float = 0.0) -> list[np.ndarray]:
