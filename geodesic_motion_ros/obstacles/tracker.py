@@ -1,4 +1,4 @@
-"""Which obstacles exist now, out of everything the obstacle topics have said; knows nothing of ROS.
+"""Which obstacles exist now, out of everything that the obstacle topics published; knows nothing of ROS.
 
 Every topic is one source. Within a source an obstacle is identified by its key: (namespace, id) for
 markers, so that several publishers share a topic without disturbing each other. Time is passed in [s, any
@@ -52,8 +52,7 @@ class ObstacleSet:
         (`velocity_filter.py`).
     times : (n,) [s] when each sphere was where its newest update says, on the clock that is passed in.
     solids, solid_velocities, solid_velocity_errors, solid_times : (b, 16) rows as of `geometry/shapes.py`, (b, 3),
-    (b,), (b,),
-        likewise.
+        (b,), (b,), likewise.
     cloud : distances from the points of the newest cloud, which stands.
     """
 

@@ -16,10 +16,13 @@ nine tenths in brackets, 5 % of the detections lost. What moves at 0.1 m/s is ha
 what stops has come to a stand when its slope is not significant any more:
 
     noise, rate    m/s  noticed: starts  turns by 90 degrees  right: starts  turns        stops
-    1 cm, 30 Hz    0.3  0.17 (0.20)      0.17 (0.20)          0.30 (0.44)    0.30 (0.40)  0.23 (0.30)
-    1 cm, 30 Hz    0.1  0.43 (0.47)      not as one           0.53 (0.78)    0.80 (0.93)  0.77 (0.84)
-    1 mm, 60 Hz    0.3  0.03 (0.03)      0.03 (0.03)          0.12 (0.12)    0.13 (0.13)  0.12 (0.12)
-    1 mm, 60 Hz    0.1  0.07 (0.07)      0.05 (0.05)          0.18 (0.23)    0.17 (0.22)  0.18 (0.22)
+    1 cm, 30 Hz    0.3  0.20 (0.23)      0.13 (0.17)          0.30 (0.43)    0.27 (0.37)  0.20 (0.24)
+    1 cm, 30 Hz    0.1  0.43 (0.60)      0.37 (0.37)          0.63 (0.87)    0.60 (0.90)  0.47 (0.57)
+    1 mm, 60 Hz    0.3  0.03 (0.03)      0.02 (0.03)          0.12 (0.12)    0.13 (0.13)  0.15 (0.34)
+    1 mm, 60 Hz    0.1  0.07 (0.08)      0.05 (0.07)          0.15 (0.20)    0.18 (0.23)  0.29 (0.59)
+
+What turns too slowly for that is larger instead: by what the velocities of the older and the newer half of its line
+differ beyond noise.
 """
 
 from __future__ import annotations

@@ -79,6 +79,8 @@ def measured(arena: Arena, count: int, seed: int) -> str:
         positions = arena.collision.positions(arena.robot, undisturbed)
         earliest = earliest_arrival(free_of(positions, arena.collision.radii, scene.spheres))
         rows.append([number, outcome.duration, waited(postures), STEP * len(undisturbed), earliest])
+    if not rows:
+        return f"{arena.skill.name}: in none of {count} scenes ours waits for longer than {WAITED:g} s; play more"
     cells = [[f"{value:.2f}" if isinstance(value, float) else value for value in row] for row in rows]
     gains = [row[1] - row[4] if math.isfinite(row[4]) else 0.0 for row in rows]
     table = text_table([arena.skill.name, "arrives [s]", "waited", "without spheres", "earliest"], cells)
