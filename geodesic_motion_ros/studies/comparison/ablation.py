@@ -38,7 +38,7 @@ def parsed(texts: Sequence[str]) -> dict[str, float]:
     for text in texts:
         name, _, value = text.partition("=")
         if not (name.isupper() and isinstance(getattr(constants, name, None), int | float)):
-            raise ParameterError(f"'{name}': give a constant of planning/settings.py that is one number, as SEARCH_PERIOD")
+            raise ParameterError(f"'{name}': give a constant of planning/settings.py that is one number")
         try:
             values[name] = type(getattr(constants, name))(value)
         except ValueError:
