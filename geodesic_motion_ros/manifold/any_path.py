@@ -10,7 +10,7 @@ import numpy as np
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import TAKEN, put, take
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look
-from geodesic_motion_ros.manifold.search_memory import SearchMemory, begin_at_both_ends, lent_memory, trace
+from geodesic_motion_ros.manifold.search_buffers import SearchBuffers, begin_at_both_ends, lent_buffers, trace
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
 from geodesic_motion_ros.utils.deadline import Deadline
 
@@ -33,7 +33,7 @@ def _go_on(
     to_target: np.ndarray,
     target: int,
     most: int,
-    memory: SearchMemory,
+    buffers: SearchBuffers,
 ) -> float:
     """Weighted A* (I. Pohl, "Heuristic search viewed as path finding in a graph", Artificial Intelligence 1, 1970) from
     the source, for so many nodes at most: a path found among far fewer of them than the cheapest.
@@ -45,7 +45,7 @@ def _go_on(
         centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
         listed, following, looked, factors, touched, clearance,
     ) = reshaping  # fmt: skip
-    costs, predecessor, arrival, all_keys, all_items, places, size, _, _, written, count, _, _ = memory
+    costs, predecessor, arrival, all_keys, all_items, places, size, _, _, written, count, _, _ = buffers
     cost, keys, items, place = costs[0], all_keys[0], all_items[0], places[0]
     for _ in range(most):
         if size[0] == 0:
@@ -96,18 +96,18 @@ def any_path(
     graph : first slots, nodes and edges of the adjacency, base, fixed, shares, reshaping and margin: all that kernels
         want first. The source has been looked at. The rest as of `shortest_path_from_both_ends`.
     """
-    with lent_memory(adjacency) as memory:
-        begin_at_both_ends(to_target, from_landmark, source, target, memory)
-        memory.cost[0, target] = cost = math.inf
-        while cost == math.inf and memory.size[0] > 0 and not deadline.passed:
-            cost = _go_on(*graph, to_target, target, _BATCH, memory)
+    with lent_buffers(adjacency) as buffers:
+        begin_at_both_ends(to_target, from_landmark, source, target, buffers)
+        buffers.cost[0, target] = cost = math.inf
+        while cost == math.inf and buffers.size[0] > 0 and not deadline.passed:
+            cost = _go_on(*graph, to_target, target, _BATCH, buffers)
         if cost == math.inf:
-            return cost, 0, cost if memory.size[0] == 0 else 0.0
-        count = trace(target, source, target, memory)
-        nodes[: count + 1], edges[:count] = memory.nodes[: count + 1], memory.edges[:count]
+            return cost, 0, cost if buffers.size[0] == 0 else 0.0
+        count = trace(target, source, target, buffers)
+        nodes[: count + 1], edges[:count] = buffers.nodes[: count + 1], buffers.edges[:count]
         return cost, count, 0.0
 
 
-def load_any_path(graph: tuple, to_target: np.ndarray, node: int, memory: SearchMemory) -> None:
-    """Load the kernel of `any_path`, or compile it: from a node to itself, where both ends wait in the memory."""
-    _go_on(*graph, to_target, node, _BATCH, memory)
+def load_any_path(graph: tuple, to_target: np.ndarray, node: int, buffers: SearchBuffers) -> None:
+    """Load the kernel of `any_path`, or compile it: from a node to itself, where both ends wait in the buffers."""
+    _go_on(*graph, to_target, node, _BATCH, buffers)

@@ -15,7 +15,7 @@ from geodesic_motion_ros.manifold.any_path import any_path, load_any_path
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import put, take
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look, look_at
-from geodesic_motion_ros.manifold.search_memory import SearchMemory, begin_at_both_ends, lent_memory, trace
+from geodesic_motion_ros.manifold.search_buffers import SearchBuffers, begin_at_both_ends, lent_buffers, trace
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
@@ -90,7 +90,7 @@ def _go_on(
     best: float,
     meeting: int,
     batches: int,
-    memory: SearchMemory,
+    buffers: SearchBuffers,
 ) -> tuple[float, int, float]:
     """Bidirectional A* (W. Pijls and H. Post, "Yet another bidirectional algorithm for finding the shortest path",
     technical report EI 2009-10, Erasmus University Rotterdam, 2009), for so many batches of nodes.
@@ -109,7 +109,7 @@ def _go_on(
         centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
         listed, following, looked, factors, touched, clearance,
     ) = reshaping  # fmt: skip
-    cost, predecessor, arrival, all_keys, all_items, places, size, begun, spent, written, count, _, _ = memory
+    cost, predecessor, arrival, all_keys, all_items, places, size, begun, spent, written, count, _, _ = buffers
     at_source = from_landmark[source]
     while _lower_bound(all_keys, size) < best and batches > 0:
         batches -= 1
@@ -226,29 +226,29 @@ def shortest_path_from_both_ends(
     if not math.isfinite(to_target[source]):
         return ShortestPath(_NOTHING, _NOTHING, math.inf, math.inf)
     graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, margin
-    with lent_memory(adjacency) as memory:
-        best, count = _field_path(*graph, to_target, source, target, memory.nodes, memory.edges)
+    with lent_buffers(adjacency) as buffers:
+        best, count = _field_path(*graph, to_target, source, target, buffers.nodes, buffers.edges)
         found = best < cap
         best, meeting, bound = best if found else cap, -1, to_target[source]
-        begin_at_both_ends(to_target, from_landmark, source, target, memory)
+        begin_at_both_ends(to_target, from_landmark, source, target, buffers)
         batches, looks = _UNLIMITED if deadline.at == math.inf else _BATCHES, 0
         while bound < best:
             best, meeting, bound = _go_on(
-                *graph, to_target, from_landmark, source, target, best, meeting, batches, memory
+                *graph, to_target, from_landmark, source, target, best, meeting, batches, buffers
             )
             looks += 1
             if deadline.passed:
                 break
             if looks == _PATIENCE and not found and meeting < 0:
                 ends = to_target, from_landmark, source, target
-                cost, count, least = any_path(adjacency, graph, *ends, deadline, memory.nodes, memory.edges)
+                cost, count, least = any_path(adjacency, graph, *ends, deadline, buffers.nodes, buffers.edges)
                 found, best = cost < best, min(best, cost)
                 bound = max(bound, min(best, least))
         if meeting >= 0:
-            found, count = True, trace(meeting, source, target, memory)
+            found, count = True, trace(meeting, source, target, buffers)
         if not found:
             return ShortestPath(_NOTHING, _NOTHING, math.inf, bound)
-        return ShortestPath(memory.nodes[: count + 1].copy(), memory.edges[:count].copy(), best, bound)
+        return ShortestPath(buffers.nodes[: count + 1].copy(), buffers.edges[:count].copy(), best, bound)
 
 
 def load_search_from_both_ends(
@@ -267,9 +267,9 @@ def load_search_from_both_ends(
     """
     graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, -math.inf
     look_at(np.array([node]), reshaping)
-    with lent_memory(adjacency) as memory:
-        best, _ = _field_path(*graph, to_target, node, node, memory.nodes, memory.edges)
-        begin_at_both_ends(to_target, from_landmark, node, node, memory)
-        _go_on(*graph, to_target, from_landmark, node, node, best, -1, _BATCHES, memory)
-        load_any_path(graph, to_target, node, memory)
-        trace(node, node, node, memory)
+    with lent_buffers(adjacency) as buffers:
+        best, _ = _field_path(*graph, to_target, node, node, buffers.nodes, buffers.edges)
+        begin_at_both_ends(to_target, from_landmark, node, node, buffers)
+        _go_on(*graph, to_target, from_landmark, node, node, best, -1, _BATCHES, buffers)
+        load_any_path(graph, to_target, node, buffers)
+        trace(node, node, node, buffers)

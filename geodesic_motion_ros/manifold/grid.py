@@ -114,13 +114,13 @@ class Adjacency:
     Attributes
     ----------
     first : (n + 1,) int64; node : (2m,) int32 neighbour in each slot; edge : (2m,) int32 undirected edge of the slot.
-    spare_memories : what searches on the graph write into, those that none is using (`search_memory.lent_memory`).
+    spare_buffers : what searches on the graph write into, those that none is using (`search_buffers.lent_buffers`).
     """
 
     first: np.ndarray
     node: np.ndarray
     edge: np.ndarray
-    spare_memories: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
+    spare_buffers: list[Any] = field(default_factory=list, init=False, repr=False, compare=False)
 
     @classmethod
     def from_edges(cls, edges: np.ndarray, nodes: int) -> Adjacency:

@@ -30,6 +30,7 @@ from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.approach import approached, still_approaching
+from geodesic_motion_ros.planning.attempt_memory import AttemptMemory, Blocked, DetourRequest, DetourSearch
 from geodesic_motion_ros.planning.certificate import CertifiedTrajectory
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_demonstrations
@@ -41,7 +42,6 @@ from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Inputs, Miss
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
 from geodesic_motion_ros.planning.search import KnownPaths, load_search
-from geodesic_motion_ros.planning.search_memory import Blocked, DetourRequest, DetourSearch, SearchMemory
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
 from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
@@ -69,7 +69,7 @@ class _Decision:
 
     step: Step
     query: Query | None
-    memory: SearchMemory
+    memory: AttemptMemory
     detour: DetourRequest | None = None
 
 
@@ -125,7 +125,7 @@ class ReactivePlanner:
         # How far a detour may lead [m]; any thread may set it.
         self._reach = self.settings.detour if self.may_detour else 0.0
         self._mission = Mission()
-        self._memory = SearchMemory()
+        self._memory = AttemptMemory()
         # The time of the newest tick [s], and how often the arm was said to stand somewhere, or to hold something.
         self._ticked, self._stands = 0.0, 0
         self._load_kernels()
@@ -384,7 +384,7 @@ class ReactivePlanner:
         # What was carried meanwhile counts what was held before.
         self._stands += 1
         query = prepared.query if self._mission.query is prepared.before else None
-        self._mission, self._memory = replace(self._mission, query=query), SearchMemory()
+        self._mission, self._memory = replace(self._mission, query=query), AttemptMemory()
         played, followed = self._stream.played, self._stream.followed
         self._stream.take_certifier(self._solver.certifier)
         if played is not None:
@@ -409,7 +409,7 @@ class ReactivePlanner:
         self._ticked = now
         self._stands += 1
         self._stream.stand(trajectory, now)
-        self._mission, self._memory = replace(self._mission, query=None), SearchMemory()
+        self._mission, self._memory = replace(self._mission, query=None), AttemptMemory()
         return Plan(trajectory, now, Verdict(VerdictCode.OK))
 
     def _certified(self, reference: JointReference, begin: float) -> CertifiedTrajectory:
@@ -662,7 +662,7 @@ class ReactivePlanner:
         plan = self._solver.solve(query, state, obstacles, attempts, deadline, known, longest, refusal)
         return situation.stoppable(plan)
 
-    def _taken(self, situation: Situation, query: Query, plan: Plan, memory: SearchMemory) -> _Decision:
+    def _taken(self, situation: Situation, query: Query, plan: Plan, memory: AttemptMemory) -> _Decision:
         """A new path; found too late, the evasion path being played stays where it is free."""
         step = still_evading(situation) if situation.late.passed else None
         return _Decision(step or situation.handed_out(plan, Followed.begun(query, plan, situation)), query, memory)

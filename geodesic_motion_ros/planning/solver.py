@@ -163,7 +163,7 @@ class _Timed:
         return self.certifier.swept(self.reference)
 
 
-class _Memory(NamedTuple):
+class _TimedPaths(NamedTuple):
     """What was timed of one query from one state of motion: an arm that waits finds the same paths again and again."""
 
     query: HeldQuery
@@ -199,7 +199,7 @@ class Solver:
         self._width = constants.REFINED_WIDTH if settings.refine else constants.UNREFINED_WIDTH
         self.attempts = constants.ATTEMPTS
         self.certifier = ArmCertifier(robot, collision, self.scene)
-        self._memory: _Memory | None = None
+        self._timed_paths: _TimedPaths | None = None
 
     @property
     def cautious(self) -> tuple[Attempt, ...]:
@@ -547,14 +547,14 @@ class Solver:
     def _timed(
         self, query: HeldQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
     ) -> _Timed:
-        """The motion along a path, from memory where nothing that it depends on has changed."""
-        memory = self._memory
-        if memory is None or not memory.is_of(query, state) or len(memory.timed) >= _MOST_REMEMBERED:
-            memory = self._memory = _Memory(query, state, {})
+        """The motion along a path, timed once while nothing that it depends on changes."""
+        kept = self._timed_paths
+        if kept is None or not kept.is_of(query, state) or len(kept.timed) >= _MOST_REMEMBERED:
+            kept = self._timed_paths = _TimedPaths(query, state, {})
         key = (path.polyline.tobytes(), to_goal, longest)
-        if key not in memory.timed:
-            memory.timed[key] = self._timed_anew(query, state, path, to_goal, longest)
-        return memory.timed[key]
+        if key not in kept.timed:
+            kept.timed[key] = self._timed_anew(query, state, path, to_goal, longest)
+        return kept.timed[key]
 
     def _timed_anew(
         self, query: HeldQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float

@@ -9,7 +9,7 @@ import pytest
 
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.heap import put
-from geodesic_motion_ros.manifold.search_memory import SearchMemory, lent_memory
+from geodesic_motion_ros.manifold.search_buffers import SearchBuffers, lent_buffers
 
 
 def adjacency() -> Adjacency:
@@ -17,35 +17,35 @@ def adjacency() -> Adjacency:
     return Adjacency.from_edges(grid.edges(np.arange(36).reshape(6, 6), 8), 36)
 
 
-def written_in(memory: SearchMemory) -> None:
+def written_in(buffers: SearchBuffers) -> None:
     """As a search does: two nodes with a cost, one of them in a heap, the other closed."""
-    memory.cost[0, 5], memory.cost[:, 7] = 1.0, -np.inf
-    memory.written[:2], memory.count[0] = (5, 7), 2
-    memory.size[0] = put(memory.keys[0], memory.items[0], memory.place[0], 0, 5, 1.0)
-    memory.spent[:] = 3
+    buffers.cost[0, 5], buffers.cost[:, 7] = 1.0, -np.inf
+    buffers.written[:2], buffers.count[0] = (5, 7), 2
+    buffers.size[0] = put(buffers.keys[0], buffers.items[0], buffers.place[0], 0, 5, 1.0)
+    buffers.spent[:] = 3
 
 
-def test_a_memory_is_given_back_as_it_was_and_lent_again():
-    graph, new = adjacency(), SearchMemory.of(36)
-    with lent_memory(graph) as memory:
-        written_in(memory)
-    with lent_memory(graph) as again:
-        assert again is memory
+def test_buffers_are_given_back_as_they_were_and_lent_again():
+    graph, new = adjacency(), SearchBuffers.of(36)
+    with lent_buffers(graph) as buffers:
+        written_in(buffers)
+    with lent_buffers(graph) as again:
+        assert again is buffers
         for name in ("cost", "place", "size", "spent", "count"):
             np.testing.assert_array_equal(getattr(again, name), getattr(new, name))
 
 
 def test_searches_at_the_same_time_have_one_each():
     graph = adjacency()
-    with lent_memory(graph) as first, lent_memory(graph) as second:
+    with lent_buffers(graph) as first, lent_buffers(graph) as second:
         assert first is not second
-    with lent_memory(graph) as third:
+    with lent_buffers(graph) as third:
         assert any(third is one for one in (first, second))
     lent = []
 
     def lend() -> None:
-        with lent_memory(graph) as memory:
-            lent.append(id(memory))
+        with lent_buffers(graph) as buffers:
+            lent.append(id(buffers))
             gate.wait(10.0)
 
     gate = threading.Barrier(4)
@@ -62,12 +62,12 @@ def test_what_an_interrupted_search_leaves_is_not_used_again():
     lent = []
 
     def search() -> None:
-        with lent_memory(graph) as memory:
-            written_in(memory)
-            lent.append(memory)
+        with lent_buffers(graph) as buffers:
+            written_in(buffers)
+            lent.append(buffers)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         search()
-    with lent_memory(graph) as memory:
-        assert memory is not lent[0]
+    with lent_buffers(graph) as buffers:
+        assert buffers is not lent[0]

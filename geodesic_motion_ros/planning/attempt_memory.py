@@ -1,4 +1,4 @@
-"""SearchMemory: what earlier searches of an arm without a path found, so that a tick need not try it again."""
+"""AttemptMemory: what earlier attempts of an arm without a path came to, and therefore which of them come next."""
 
 from __future__ import annotations
 
@@ -84,16 +84,17 @@ class DetourSearch:
 
 
 @dataclass(frozen=True, eq=False)
-class SearchMemory:
-    """What earlier searches found.
+class AttemptMemory:
+    """What earlier attempts, detours, evasions and approaches came to; each tick that searches makes the next one.
 
     Attributes
     ----------
     without_path : the query for which there was no path the last time; refusal : why; attempted : the number of the
         last attempt.
+    blocked : what was tried where obstacles stand; None: they have moved since, or the arm follows a path.
     last_failed_evasion : the last search of an evasion path that found none.
     blocked_since : since when the arm has had no path [s].
-    approach : the last one that was searched.
+    detour, approach : the last ones that were searched.
     """
 
     without_path: Query | None = None
@@ -118,7 +119,7 @@ class SearchMemory:
 
     def chosen_attempts(
         self, solver: Solver, query: Query, situation: Situation
-    ) -> tuple[tuple[Attempt, ...], SearchMemory]:
+    ) -> tuple[tuple[Attempt, ...], AttemptMemory]:
         """What is tried by an arm that follows no path to a query's goal, and the memory of that.
 
         All where a path has just been lost, or was not searched yet; where there was none the last time, another one in
@@ -135,7 +136,7 @@ class SearchMemory:
 
     def after(
         self, plan: Plan, query: Query, blocked: Blocked | None, attempts: tuple[Attempt, ...], situation: Situation
-    ) -> SearchMemory:
+    ) -> AttemptMemory:
         """With what a search came to; blocked : what was tried before in the same situation."""
         still, out_of_time = None, plan.verdict.code is VerdictCode.DEADLINE_MISSED
         without = out_of_time or plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
@@ -151,13 +152,13 @@ class SearchMemory:
         since = min(self.blocked_since, situation.now)
         return replace(self, without_path=query, refusal=plan.verdict, blocked=still, blocked_since=since)
 
-    def interrupted(self, verdict: Verdict) -> SearchMemory:
+    def interrupted(self, verdict: Verdict) -> AttemptMemory:
         """Where there was no time for an approach that a verdict asks for: all is tried once more."""
         if self.blocked is None or not verdict.goal_covered:
             return self
         return replace(self, blocked=replace(self.blocked, unfinished=True))
 
-    def after_approach(self, search: ApproachSearch | None, found: bool) -> SearchMemory:
+    def after_approach(self, search: ApproachSearch | None, found: bool) -> AttemptMemory:
         """With the last approach that was searched; found : the arm leaves where it was blocked."""
         if not found:
             return replace(self, approach=search)

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning import search_memory
-from geodesic_motion_ros.planning.search_memory import SearchMemory
+from geodesic_motion_ros.planning import attempt_memory
+from geodesic_motion_ros.planning.attempt_memory import AttemptMemory
 from geodesic_motion_ros.planning.settings import ATTEMPTS, Attempt
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.utils.deadline import NEVER
@@ -28,7 +28,7 @@ def situation(now: float, stand: bool = False) -> SimpleNamespace:
 
 def tried(ticks: int, stand: bool = False, refusal: Verdict = NO_PATH) -> list[tuple[Attempt, ...]]:
     """What is tried tick after tick by an arm that has lost its path, and finds none."""
-    memory, chosen = SearchMemory(), []
+    memory, chosen = AttemptMemory(), []
     for tick in range(ticks):
         attempts, memory = memory.chosen_attempts(SOLVER, QUERY, situation(tick * TICK, stand))
         memory = replace(memory, without_path=QUERY, refusal=refusal)
@@ -40,7 +40,7 @@ def tried(ticks: int, stand: bool = False, refusal: Verdict = NO_PATH) -> list[t
 def coming(monkeypatch) -> list[bool]:
     """Whether an evasion path is searched in the next ticks, each in its turn; False after the last."""
     searched: list[bool] = []
-    monkeypatch.setattr(search_memory, "is_searched", lambda *_: bool(searched) and searched.pop(0))
+    monkeypatch.setattr(attempt_memory, "is_searched", lambda *_: bool(searched) and searched.pop(0))
     return searched
 
 

@@ -1,7 +1,7 @@
-"""What a search from both ends writes down: made once for a graph, and lent to one search after the other.
+"""SearchBuffers: what a search from both ends writes into; made once for a graph, lent to one search after another.
 
 To fill arrays for all nodes takes longer than most searches. So a search notes the nodes that it writes at, and only
-those are undone when it gives the memory back. Searches that run at the same time have one memory each.
+those are undone when it gives the buffers back. Searches that run at the same time have buffers of their own.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import WAITING, put
 
 
-class SearchMemory(NamedTuple):
+class SearchBuffers(NamedTuple):
     """Of one search on n nodes; side 0 comes from the source, side 1 from the target.
 
     Attributes
@@ -46,7 +46,7 @@ class SearchMemory(NamedTuple):
     edges: np.ndarray
 
     @classmethod
-    def of(cls, nodes: int) -> SearchMemory:
+    def of(cls, nodes: int) -> SearchBuffers:
         """For a graph of so many nodes."""
         sides = (2, nodes)
         return cls(
@@ -68,35 +68,35 @@ class SearchMemory(NamedTuple):
 
 @numba.njit(cache=True, nogil=True)
 def begin_at_both_ends(
-    to_target: np.ndarray, from_landmark: np.ndarray, source: int, target: int, memory: SearchMemory
+    to_target: np.ndarray, from_landmark: np.ndarray, source: int, target: int, buffers: SearchBuffers
 ) -> None:
     """Both ends wait to be taken; to_target, from_landmark : (n,) as of `shortest_path_from_both_ends`."""
     for side, end in enumerate((source, target)):
         ahead = to_target[source] if side == 0 else abs(from_landmark[target] - from_landmark[source])
-        memory.cost[side, end], memory.begun[side] = 0.0, ahead
-        put(memory.keys[side], memory.items[side], memory.place[side], 0, end, ahead)
-        memory.size[side], memory.written[side] = 1, end
-    memory.count[0] = 2
+        buffers.cost[side, end], buffers.begun[side] = 0.0, ahead
+        put(buffers.keys[side], buffers.items[side], buffers.place[side], 0, end, ahead)
+        buffers.size[side], buffers.written[side] = 1, end
+    buffers.count[0] = 2
 
 
 @numba.njit(cache=True, nogil=True)
-def trace(meeting: int, source: int, target: int, memory: SearchMemory) -> int:
+def trace(meeting: int, source: int, target: int, buffers: SearchBuffers) -> int:
     """Write the path through a node that both sides know, from source to target; returns its number of edges."""
     before = 0
     u = meeting
     while u != source:
-        u = memory.predecessor[0, u]
+        u = buffers.predecessor[0, u]
         before += 1
     u = meeting
-    memory.nodes[before] = meeting
+    buffers.nodes[before] = meeting
     for i in range(before, 0, -1):
-        memory.edges[i - 1], u = memory.arrival[0, u], memory.predecessor[0, u]
-        memory.nodes[i - 1] = u
+        buffers.edges[i - 1], u = buffers.arrival[0, u], buffers.predecessor[0, u]
+        buffers.nodes[i - 1] = u
     u, count = meeting, before
     while u != target:
-        memory.edges[count], u = memory.arrival[1, u], memory.predecessor[1, u]
+        buffers.edges[count], u = buffers.arrival[1, u], buffers.predecessor[1, u]
         count += 1
-        memory.nodes[count] = u
+        buffers.nodes[count] = u
     return count
 
 
@@ -118,13 +118,13 @@ def _undo(
 
 
 @contextmanager
-def lent_memory(adjacency: Adjacency) -> Iterator[SearchMemory]:
-    """A memory for one search on a graph; from any thread."""
+def lent_buffers(adjacency: Adjacency) -> Iterator[SearchBuffers]:
+    """The buffers of one search on a graph; from any thread."""
     try:
-        memory = adjacency.spare_memories.pop()
+        buffers = adjacency.spare_buffers.pop()
     except IndexError:
-        memory = SearchMemory.of(len(adjacency.first) - 1)
-    yield memory
+        buffers = SearchBuffers.of(len(adjacency.first) - 1)
+    yield buffers
     # A search that was interrupted does not come here: what it leaves is not used again.
-    _undo(memory.cost, memory.place, memory.size, memory.spent, memory.written, memory.count)
-    adjacency.spare_memories.append(memory)
+    _undo(buffers.cost, buffers.place, buffers.size, buffers.spent, buffers.written, buffers.count)
+    adjacency.spare_buffers.append(buffers)
