@@ -81,9 +81,9 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     if WORKER is None:
         return (yield)
     alone = item.get_closest_marker("realtime") is not None
-    with ExitStack() as held:
+    with ExitStack() as locks:
         with locked(Path(__file__).parent, fcntl.LOCK_EX):
-            held.enter_context(locked(Path(__file__), fcntl.LOCK_EX if alone else fcntl.LOCK_SH))
+            locks.enter_context(locked(Path(__file__), fcntl.LOCK_EX if alone else fcntl.LOCK_SH))
         return (yield)
 
 

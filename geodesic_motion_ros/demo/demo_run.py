@@ -112,7 +112,7 @@ class Processes:
         module = f"geodesic_motion_ros.nodes.{name}_node"
         command = [*before, sys.executable, "-m", module, "--ros-args", "--params-file", str(file)]
         command += [word for names in remapped.items() for word in ("-r", ":=".join(names))]
-        with log.open("wb") as output, _interrupts_held():
+        with log.open("wb") as output, _interrupts_deferred():
             # In a session of its own: Ctrl-C reaches the demo alone, which then ends its nodes in order.
             process = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=self._environment,
@@ -287,7 +287,7 @@ class Probe:
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
+def _interrupts_deferred() -> Iterator[None]:
     """Let signals that end the demo wait: a process that has begun must be known to those who will end it."""
     heard: list[int] = []
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

@@ -162,8 +162,8 @@ class Demonstrations:
 
     def split(self, held_out: Sequence[int]) -> tuple[Demonstrations, Demonstrations]:
         """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
-        kept, held = split_items(self.items, held_out)
-        return replace(self, items=kept), replace(self, items=held)
+        kept, others = split_items(self.items, held_out)
+        return replace(self, items=kept), replace(self, items=others)
 
     def _check_equal_lengths(self) -> None:
         check_equal_lengths([len(item) for item in self])

@@ -143,8 +143,8 @@ class JointDemonstrations:
 
     def split(self, held_out: Sequence[int]) -> tuple[JointDemonstrations, JointDemonstrations]:
         """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
-        kept, held = split_items(self.items, held_out)
-        return replace(self, items=kept), replace(self, items=held)
+        kept, others = split_items(self.items, held_out)
+        return replace(self, items=kept), replace(self, items=others)
 
     def tool_demonstrations(self, robot: Robot) -> Demonstrations:
         """The poses of the robot's tool in its base frame, by forward kinematics, with the same names and times.

@@ -216,9 +216,9 @@ def _read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
     if "positions" in arrays:
         return _named_arrays(arrays, quaternion_order(names), path)
     if len(arrays) != 1:
-        held = brief(", ".join(arrays)) if arrays else "nothing"
+        keys = brief(", ".join(arrays)) if arrays else "nothing"
         raise DemonstrationError(
-            f"{path}: holds {held}; it needs keys positions (and quaternions, times), or one array alone"
+            f"{path}: holds {keys}; it needs keys positions (and quaternions, times), or one array alone"
         )
     return _split_array(next(iter(arrays.values())), names, path)
 

@@ -20,7 +20,7 @@ import numpy as np
 def quintic_samples(
     times: np.ndarray, positions: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray, at: np.ndarray
 ) -> np.ndarray:
-    """Positions, velocities and accelerations (3, k, eta) of a motion at the times `at` (k,), held at both ends.
+    """Positions, velocities and accelerations (3, k, eta) of a motion at the times `at` (k,), constant beyond its ends.
 
     Parameters
     ----------

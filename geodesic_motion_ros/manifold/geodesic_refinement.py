@@ -71,7 +71,7 @@ def _refined(
     after a few of Newton's steps; and how many cells the path is long, 0 where it has no length.
 
     Each step keeps, or betters, how well nodes support each piece and how far it is from obstacles: where it would not
-    the piece's points are held, and the step is looked for anew. Where the energy does not sink the step is halved.
+    the piece's points are fixed, and the step is looked for anew. Where the energy does not sink the step is halved.
     """
     cells, d = _polyline_length(path), path.shape[1]
     count = int(min(_MOST_PIECES, max(_LEAST_PIECES, math.ceil(cells))))
@@ -81,7 +81,7 @@ def _refined(
     new_energies, new_support, new_clearance = np.empty(count), np.empty(count), np.empty(count)
     gradient, diagonal, beside = np.empty((count + 1, d)), np.empty((count + 1, d, d)), np.empty((count, d, d))
     new_gradient, new_diagonal, new_beside = gradient.copy(), diagonal.copy(), beside.copy()
-    held = np.empty(count + 1, dtype=np.bool_)
+    fixed = np.empty(count + 1, dtype=np.bool_)
     _nearest_to_pieces(curve, field.centres, field.precisions, nearest)
     _assemble(field, reshaping, curve, weights, nearest, energies, support, clearance, gradient, diagonal, beside)
     length = _length(energies)
@@ -90,7 +90,7 @@ def _refined(
         field, reshaping, trial, weights, nearest, new_energies, new_support, new_clearance, gradient, diagonal, beside
     )
     new_length = _length(new_energies)
-    if new_length < length and not _worse(support, clearance, new_support, new_clearance, margin, held):
+    if new_length < length and not _worse(support, clearance, new_support, new_clearance, margin, fixed):
         length, curve, trial, energies = new_length, trial, curve, new_energies
         support, clearance, new_support, new_clearance = new_support, new_clearance, support, clearance
     if not length > 0.0:
@@ -104,15 +104,15 @@ def _refined(
     for _ in range(_SWEEPS):
         after, share = math.inf, 1.0
         for i in range(count + 1):
-            held[i] = False
+            fixed[i] = False
         for _ in range(_ATTEMPTS):
-            step = _newton_step(gradient, diagonal, beside, held)
+            step = _newton_step(gradient, diagonal, beside, fixed)
             _move(curve, step, share, field.shape, trial)
             after = _assemble(
                 field, reshaping, trial, weights, nearest, energies, new_support, new_clearance, new_gradient,
                 new_diagonal, new_beside,
             )  # fmt: skip
-            worse = _worse(support, clearance, new_support, new_clearance, margin, held)
+            worse = _worse(support, clearance, new_support, new_clearance, margin, fixed)
             if after < before and not worse:
                 break
             if not worse:
@@ -195,13 +195,13 @@ def _worse(
     new_support: np.ndarray,
     new_clearance: np.ndarray,
     margin: float,
-    held: np.ndarray,
+    fixed: np.ndarray,
 ) -> bool:
     """Whether pieces (N,) of a curve are not as they should be and not as they were; marks their ends (N + 1,)."""
     worse = False
     for i in range(len(support)):
         if new_support[i] < min(_SUPPORT, support[i]) or new_clearance[i] < min(margin, clearance[i]):
-            held[i], held[i + 1], worse = True, True, True
+            fixed[i], fixed[i + 1], worse = True, True, True
     return worse
 
 
@@ -304,34 +304,34 @@ def _assemble(
 
 
 @numba.njit(cache=True, nogil=True)
-def _newton_step(gradient: np.ndarray, diagonal: np.ndarray, beside: np.ndarray, held: np.ndarray) -> np.ndarray:
+def _newton_step(gradient: np.ndarray, diagonal: np.ndarray, beside: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     """Solve H step = -gradient (N + 1, d) for the inner points by Cholesky's factors of the block tridiagonal H.
 
-    Steps of the ends, and of points that are held (N + 1,), are 0. A pivot that rounding makes small is raised.
+    Steps of the ends, and of points that are fixed (N + 1,), are 0. A pivot that rounding makes small is raised.
     """
-    factor, lower = _factorise(diagonal, beside, held)
+    factor, lower = _factorise(diagonal, beside, fixed)
     step = np.zeros(gradient.shape)
-    _substitute(gradient, factor, lower, held, step)
+    _substitute(gradient, factor, lower, fixed, step)
     _substitute_back(factor, lower, step)
     return step
 
 
 @numba.njit(cache=True, nogil=True)
-def _factorise(diagonal: np.ndarray, beside: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _factorise(diagonal: np.ndarray, beside: np.ndarray, fixed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cholesky's factors of the block tridiagonal H, (N + 1, d, d) each:
 
         lower_i = beside_{i-1}^T factor_{i-1}^-T,      factor_i factor_i^T = diagonal_i - lower_i lower_i^T.
 
-    Points that are held (N + 1,) have the unit matrix, and are beside none.
+    Points that are fixed (N + 1,) have the unit matrix, and are beside none.
     """
     count, d = diagonal.shape[:2]
     factor, lower = np.zeros((count, d, d)), np.zeros((count, d, d))
     for i in range(1, count - 1):
-        if held[i]:
+        if fixed[i]:
             for a in range(d):
                 factor[i, a, a] = 1.0
             continue
-        if i > 1 and not held[i - 1]:
+        if i > 1 and not fixed[i - 1]:
             for a in range(d):
                 for b in range(d):
                     value = beside[i - 1, b, a]
@@ -354,16 +354,16 @@ def _factorise(diagonal: np.ndarray, beside: np.ndarray, held: np.ndarray) -> tu
 
 @numba.njit(cache=True, nogil=True)
 def _substitute(
-    gradient: np.ndarray, factor: np.ndarray, lower: np.ndarray, held: np.ndarray, step: np.ndarray
+    gradient: np.ndarray, factor: np.ndarray, lower: np.ndarray, fixed: np.ndarray, step: np.ndarray
 ) -> None:
     """From the first inner point to the last, fill in step_i = factor_i^-1 (-gradient_i - lower_i step_{i-1})."""
     count, d = gradient.shape
     for i in range(1, count - 1):
-        if held[i]:
+        if fixed[i]:
             continue
         for a in range(d):
             step[i, a] = -gradient[i, a]
-            if i > 1 and not held[i - 1]:
+            if i > 1 and not fixed[i - 1]:
                 for k in range(d):
                     step[i, a] -= lower[i, a, k] * step[i - 1, k]
             for k in range(a):

@@ -1,6 +1,6 @@
 """A binary heap's wider cousin: four children a parent, and every item knows its place, so that its key can fall.
 
-It is held in three arrays of as many entries as there are items: keys (n,), items (n,) int32, and place (n,) int32 of
+It is kept in three arrays of as many entries as there are items: keys (n,), items (n,) int32, and place (n,) int32 of
 each item, WAITING before it is first put and TAKEN once it has been taken.
 """
 

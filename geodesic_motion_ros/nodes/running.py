@@ -50,7 +50,7 @@ class LoopingNode(Node, ABC):
         except BaseException:
             self.destroy_node()
             raise
-        # rclpy's first line looks through all modules, 0.1 s and more with the interpreter held: not in a loop.
+        # rclpy's first line looks through all modules, 0.1 s and more in which no other thread runs: not in a loop.
         self.get_logger().info(self._introduction())
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""How much of a virtual machine's time its host gave to others meanwhile: no rate is held in time that is not there."""
+"""How much of a virtual machine's time its host gave to others meanwhile: no rate is kept in time that is not there."""
 
 from __future__ import annotations
 

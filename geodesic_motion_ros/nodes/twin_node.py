@@ -306,8 +306,8 @@ class TwinNode(LoopingNode):
             position, quaternion = read_pose(message, self._frame)
             posture, stamp = self._posture
             known = posture is not None and abs(seconds(message.header.stamp) - stamp) <= _SAME_TIME
-            held = posture if known and self._options["follow_posture"] else None
-            self._ask(_Command(_POSES, partial(self._world.set_target_pose, position, quaternion, held)))
+            followed = posture if known and self._options["follow_posture"] else None
+            self._ask(_Command(_POSES, partial(self._world.set_target_pose, position, quaternion, followed)))
 
     def _on_posture(self, message: JointState) -> None:
         with self._refusals.guard(_POSTURES):

@@ -14,7 +14,7 @@ import numpy as np
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
-from geodesic_motion_ros.planning.solver import HeldQuery, Solver
+from geodesic_motion_ros.planning.solver import ArmQuery, Solver
 from geodesic_motion_ros.planning.status import Verdict
 
 
@@ -22,12 +22,12 @@ from geodesic_motion_ros.planning.status import Verdict
 class ApproachSearch:
     """An approach that was searched: for what query, from where (eta,) [rad], among what obstacles, and when [s]."""
 
-    query: HeldQuery
+    query: ArmQuery
     position: np.ndarray
     obstacles: Obstacles
     time: float
 
-    def is_due_again(self, query: HeldQuery, situation: Situation) -> bool:
+    def is_due_again(self, query: ArmQuery, situation: Situation) -> bool:
         """Whether another one may come to something else: in motion only obstacles change that."""
         if query is not self.query:
             return True
@@ -37,7 +37,7 @@ class ApproachSearch:
         return not unmoved and situation.now >= self.time + constants.SEARCH_PERIOD - TIME_ROUNDING
 
 
-def still_approaching(query: HeldQuery, verdict: Verdict, situation: Situation) -> Step | None:
+def still_approaching(query: ArmQuery, verdict: Verdict, situation: Situation) -> Step | None:
     """The approach being played, as long as what is left of it is free and the arm can stop on it; None where it is
     not, or the arm does not approach.
 
@@ -54,7 +54,7 @@ def still_approaching(query: HeldQuery, verdict: Verdict, situation: Situation) 
 
 
 def approached(
-    solver: Solver, query: HeldQuery, verdict: Verdict, situation: Situation, last: ApproachSearch | None
+    solver: Solver, query: ArmQuery, verdict: Verdict, situation: Situation, last: ApproachSearch | None
 ) -> tuple[Step | None, ApproachSearch | None]:
     """A new approach of an arm whose goal is covered, where that leads nearer than where it is, or is going; and the
     last one that was searched.

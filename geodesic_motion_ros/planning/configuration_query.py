@@ -1,6 +1,6 @@
 """ConfigurationQuery: a start and a goal configuration, with the graph of a skill of configurations carried to them.
 
-As `query.Query` for poses. A goal that is given as a pose may be held by several configurations, one in each family
+As `query.Query` for poses. A goal that is given as a pose may be reached by several configurations, one in each family
 that was demonstrated: the query goes to the one that is cheapest to reach from where the arm is (`ConfigurationGoal`).
 """
 
@@ -324,7 +324,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         return replace(self._between(here, there, query.task_start, along_ridges), displaced=displaced)
 
     def other_posture(self, query: ConfigurationQuery) -> None:
-        """None: in which posture a path is held is what was demonstrated."""
+        """None: in which posture a path is followed is what was demonstrated."""
 
     def first_posture(self, query: ConfigurationQuery) -> ConfigurationQuery:
         """The query itself."""

@@ -22,7 +22,7 @@ from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, Detour
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
-from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, PathEnds, Plan, Solver
+from geodesic_motion_ros.planning.solver import ArmQuery, MotionState, PathEnds, Plan, Solver
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: Why there is none between two configurations; in another posture there may be one.
@@ -97,7 +97,7 @@ class DetourPlanner:
         """The same on another solver of the skill."""
         return DetourPlanner(solver, self._spread)
 
-    def frames(self, query: HeldQuery, obstacles: Obstacles) -> list[DetourFrame] | str:
+    def frames(self, query: ArmQuery, obstacles: Obstacles) -> list[DetourFrame] | str:
         """The coordinates beside the base paths of a query, in the order in which they are tried; or why the arm cannot
         hold any.
 
@@ -119,7 +119,7 @@ class DetourPlanner:
             frames[mode] = DetourFrame.along(self._solver.robot, path, latent, covariances)
         return list(frames.values()) or objection
 
-    def find(self, query: HeldQuery, obstacles: Obstacles, reach: float) -> Detour | str:
+    def find(self, query: ArmQuery, obstacles: Obstacles, reach: float) -> Detour | str:
         """The cheapest detour with displacements up to `reach` [m], or why there is none."""
         frames = self.frames(query, obstacles)
         if isinstance(frames, str):

@@ -23,7 +23,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
 from geodesic_motion_ros.planning.detour_frame import DetourFrame, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, nearness_factor, stretch
-from geodesic_motion_ros.planning.posture import hold_displaced
+from geodesic_motion_ros.planning.posture import solve_displaced
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: Points of the band, so often [m], at first and then; rounds in which each of them is moved.
@@ -68,13 +68,13 @@ def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: f
         lengths = _lengths(points * _SPACED_BY)
         even = np.linspace(0.0, lengths[-1], max(len(frame), math.ceil(lengths[-1] / spacing) + 1))
         points, near = interpolated(even, lengths, points), interpolated(even, lengths, configurations)
-        held = _at(frame, points[:, 0] / frame.step)
-        configurations = _hold(*held[:4], points, near, arm)
+        local = _at(frame, points[:, 0] / frame.step)
+        configurations = _solve_all(*local[:4], points, near, arm)
         if not len(configurations):
             return None
-        _draw(*held, points, configurations, arm, reach, margin, _ROUNDS)
+        _draw(*local, points, configurations, arm, reach, margin, _ROUNDS)
     progress = points[:, 0] / frame.step
-    precisions, displacements = held[4], points[:, 1:4]
+    precisions, displacements = local[4], points[:, 1:4]
     return Band(
         progress, displacements, points[:, 4] / constants.DETOUR_METRES_PER_SWIVEL, configurations,
         interpolated(progress, np.arange(float(len(frame))), frame.latent),
@@ -112,7 +112,7 @@ def _at(frame: DetourFrame, progress: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _hold_at(
+def _solve_at(
     i: int,
     position: np.ndarray,
     quaternions: np.ndarray,
@@ -127,11 +127,11 @@ def _hold_at(
     for a in range(3):
         displaced[a] = position[i, a] + point[a]
     swivel = point[3] / constants.DETOUR_METRES_PER_SWIVEL
-    return hold_displaced(displaced, quaternions[i], nulls[i], postures[i], swivel, q, arm.chain)
+    return solve_displaced(displaced, quaternions[i], nulls[i], postures[i], swivel, q, arm.chain)
 
 
 @numba.njit(cache=True, nogil=True)
-def _hold(
+def _solve_all(
     positions: np.ndarray,
     quaternions: np.ndarray,
     postures: np.ndarray,
@@ -140,10 +140,10 @@ def _hold(
     near: np.ndarray,
     arm: ArmInScene,
 ) -> np.ndarray:
-    """Configurations (m, eta) of points (m, 5), each from one that is near (m, eta); none where one is not held."""
+    """Configurations (m, eta) of points (m, 5), each from one that is near (m, eta); none where one has no solution."""
     found = near.copy()
     for i in range(len(points)):
-        if not _hold_at(i, positions, quaternions, postures, nulls, points[i, 1:], found[i], arm):
+        if not _solve_at(i, positions, quaternions, postures, nulls, points[i, 1:], found[i], arm):
             return np.empty((0, postures.shape[1]))
     return found
 
@@ -207,7 +207,7 @@ def _draw(
                 clearance = clearances[i]
                 if clearance < felt:
                     q[:] = configurations[i]
-                    if _hold_at(i, positions, quaternions, postures, nulls, trial, q, arm):
+                    if _solve_at(i, positions, quaternions, postures, nulls, trial, q, arm):
                         clearance = max(clearance_at(q, arm, felt), clearance - _DIFFERENCE)
                 price = _price(trial, precisions[i], clearance)
                 slope[a] = (_local_cost(points, prices, i, trial, price) - cost) / _DIFFERENCE
@@ -218,7 +218,7 @@ def _draw(
                 if trial[0] ** 2 + trial[1] ** 2 + trial[2] ** 2 > reach * reach:
                     continue
                 q[:] = configurations[i]
-                if not _hold_at(i, positions, quaternions, postures, nulls, trial, q, arm):
+                if not _solve_at(i, positions, quaternions, postures, nulls, trial, q, arm):
                     continue
                 clearance = clearance_at(q, arm, felt)
                 price = _price(trial, precisions[i], clearance)

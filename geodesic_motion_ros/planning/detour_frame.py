@@ -1,7 +1,7 @@
 """DetourFrame: coordinates in which an arm may leave a path that was demonstrated, and what leaving it costs.
 
 Along the base path of a query, at progress tau, demonstrations held the tool at x(tau), R(tau) and the arm at q^(tau).
-A displacement delta (3,) [m] of the tool and a swivel e [rad] of the arm are held by the configuration q that solves
+A displacement delta (3,) [m] of the tool and a swivel e [rad] of the arm are reached by the configuration q that solves
 
     FK(q) = (x(tau) + delta, R(tau)),      n(tau) . (q - q^(tau)) = e,
 

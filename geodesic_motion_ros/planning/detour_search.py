@@ -25,7 +25,7 @@ from geodesic_motion_ros.manifold.heap import TAKEN, WAITING, put, take
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at, distance_from_obstacles, place_spheres
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
-from geodesic_motion_ros.planning.posture import hold_displaced
+from geodesic_motion_ros.planning.posture import solve_displaced
 from geodesic_motion_ros.planning.seen_volume import is_inside
 
 #: A node that so many neighbours do not reach is given up.
@@ -272,7 +272,7 @@ def _search(
                     displaced[a] = positions[t, a] + spacing * (at[a + 1] - middle)
                 swivel = lattice.swivel_spacing * (at[4] - upright)
                 q[:] = found[before]
-                if hold_displaced(displaced, quaternions[t], nulls[t], postures[t], swivel, q, arm.chain):
+                if solve_displaced(displaced, quaternions[t], nulls[t], postures[t], swivel, q, arm.chain):
                     clearance = clearance_at(q, arm, constants.DETOUR_FELT_CLEARANCE)
                     known[v], dead[v], found[v] = True, clearance < margin, q
                     x, y, z = spacing * (at[1] - middle), spacing * (at[2] - middle), spacing * (at[3] - middle)

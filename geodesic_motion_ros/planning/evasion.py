@@ -13,7 +13,7 @@ from functools import lru_cache
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.certificate import SweptArm
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
-from geodesic_motion_ros.planning.solver import HeldQuery, Plan, Solver
+from geodesic_motion_ros.planning.solver import ArmQuery, Plan, Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
 
@@ -30,7 +30,7 @@ class FailedEvasion:
 
 
 def evaded(
-    solver: Solver, query: HeldQuery, verdict: Verdict, situation: Situation, last_failed: FailedEvasion
+    solver: Solver, query: ArmQuery, verdict: Verdict, situation: Situation, last_failed: FailedEvasion
 ) -> tuple[Step | None, FailedEvasion]:
     """An evasion path where something comes to where the arm stops or stands, and it has no path to the goal; and the
     last search that found none.
@@ -90,7 +90,7 @@ def _assessed(verdict: Verdict, situation: Situation, last_failed: FailedEvasion
     return False, None
 
 
-def _taken(query: HeldQuery, plan: Plan, verdict: Verdict, situation: Situation) -> Step:
+def _taken(query: ArmQuery, plan: Plan, verdict: Verdict, situation: Situation) -> Step:
     """A new evasion path."""
     reason = f"{verdict.reason}; evading what is coming"
     plan = replace(plan, verdict=replace(verdict, clearance=plan.verdict.clearance, reason=reason))

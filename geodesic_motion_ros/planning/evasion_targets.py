@@ -16,7 +16,7 @@ from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
 from geodesic_motion_ros.manifold.shortest_path import shortest_free_path
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
-from geodesic_motion_ros.planning.posture import hold_path
+from geodesic_motion_ros.planning.posture import solve_path
 from geodesic_motion_ros.planning.search import LatentPath, SearchQuery
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -68,12 +68,12 @@ def displaced_paths(
         steps = constants.EVASION_DISPLACEMENT * np.arange(1, _STEPS + 1) / _STEPS
         positions = position + steps[:, None] * direction
         swivels = np.full(_STEPS, swivel * constants.EVASION_SWIVEL / _STEPS)
-        held = hold_path(robot, positions, np.tile(quaternion, (_STEPS, 1)), start, swivels)
-        within = held.held & (np.linalg.norm(positions - undisplaced, axis=1) <= reach)
+        solved = solve_path(robot, positions, np.tile(quaternion, (_STEPS, 1)), start, swivels)
+        within = solved.reached & (np.linalg.norm(positions - undisplaced, axis=1) <= reach)
         for step in range(int(np.argmin(np.append(within, False)))):
-            clearance = clearance_at(held.configurations[step], arm, np.inf)
+            clearance = clearance_at(solved.configurations[step], arm, np.inf)
             if clearance >= apart:
-                found.append((step, -clearance, number, held.configurations[: step + 1]))
+                found.append((step, -clearance, number, solved.configurations[: step + 1]))
     for _, _, _, configurations in sorted(found, key=lambda target: target[:3]):
         yield np.concatenate([start[None], configurations])
 

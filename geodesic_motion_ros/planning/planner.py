@@ -522,11 +522,11 @@ class ReactivePlanner:
         """What an arm without a path does: it goes on searching."""
         memory = self._memory
         blocked = memory.still_blocked(query, situation.obstacles)
-        held, tried = self._held(situation, query, blocked, goal)
-        if held is None:
+        chosen, tried = self._query_to_try(situation, query, blocked, goal)
+        if chosen is None:
             assert blocked is not None
             return _Decision(situation.stopped(blocked.verdict), query, memory)
-        return self._searched(situation, held, tried)
+        return self._searched(situation, chosen, tried)
 
     def _detoured(self, situation: Situation, query: Query, goal: Goal) -> _Decision | None:
         """A detour of an arm at rest that has had no path for long enough, or the search of one; None: neither.
@@ -604,7 +604,7 @@ class ReactivePlanner:
             updated = replace(updated, rejected=plan.path)
         return _Decision(situation.answered(updated.verdict, updated), query, self._memory)
 
-    def _held(
+    def _query_to_try(
         self, situation: Situation, query: Query, blocked: Blocked | None, goal: Goal
     ) -> tuple[Query | None, Blocked | None]:
         """The query that is searched next, and what was tried with that; None where everything was tried in full.

@@ -2,7 +2,7 @@
 
 Along the base path of a query the configuration q^(tau) follows from the one in which the arm stands, by steps of least
 norm: along a path the posture changes no more than the poses ask for. n(tau) is the unit null vector of the tool's
-Jacobian at q^(tau), with a continuous sign. Any other pose at progress tau is held by the q that solves
+Jacobian at q^(tau), with a continuous sign. Any other pose at progress tau is reached by the q that solves
 
     FK(q) = pose,      n(tau) . (q - q^(tau)) = 0,
 
@@ -60,25 +60,25 @@ class Posture:
 
 
 @dataclass(frozen=True)
-class HeldPath:
+class SolvedPath:
     """Configurations (m, eta) that hold a path of poses.
 
     Attributes
     ----------
     nulls : (m, eta) unit null vectors of the tool's Jacobian there; zeros for six joints.
-    held : (m,) whether the pose is held, within the limits of the joints.
+    reached : (m,) whether the pose is reached, within the limits of the joints.
     """
 
     configurations: np.ndarray
     nulls: np.ndarray
-    held: np.ndarray
+    reached: np.ndarray
 
     def objection(self, robot: Robot, name: str = "the path") -> str:
         """Where and why the arm cannot hold the path; "" where it can."""
-        if np.all(self.held):
+        if np.all(self.reached):
             return ""
-        missed = np.flatnonzero(~self.held)
-        share = 100.0 / max(1, len(self.held) - 1)
+        missed = np.flatnonzero(~self.reached)
+        share = 100.0 / max(1, len(self.reached) - 1)
         first, last = missed[0], missed[-1]
         place = f"from {first * share:.0f} to {last * share:.0f} %" if last > first else f"at {first * share:.0f} %"
         beyond = np.maximum(robot.lower - self.configurations[missed], self.configurations[missed] - robot.upper)
@@ -89,35 +89,35 @@ class HeldPath:
         return f"the arm cannot hold {name} {place}: {reason}"
 
 
-def hold_path(
+def solve_path(
     robot: Robot, positions: np.ndarray, quaternions: np.ndarray, start: np.ndarray, swivels: np.ndarray | None = None
-) -> HeldPath:
+) -> SolvedPath:
     """Hold poses (m, 3) [m], (m, 4), one near the other, from a configuration (eta,) [rad] by steps of least norm.
 
     swivels : (m,) [rad] the steps along the null vector besides; None: none.
     """
     steps = np.zeros(len(positions)) if swivels is None else contiguous(swivels)
-    found = _hold_path(
+    found = _solve_path(
         contiguous(positions), contiguous(quaternions), contiguous(start), steps, robot.lower, robot.upper, robot.chain
     )  # fmt: skip
-    return HeldPath(*found)
+    return SolvedPath(*found)
 
 
-def hold_beside(
+def solve_beside(
     robot: Robot, positions: np.ndarray, quaternions: np.ndarray, near: np.ndarray, posture: Posture, tau: np.ndarray
-) -> HeldPath:
+) -> SolvedPath:
     """Hold poses (m, 3), (m, 4), one near the other, at progress tau (m,), as a posture says; the first one from a
     configuration near it (eta,).
     """
     configurations, nulls = posture.at(tau)
-    found, held = _hold_beside(
+    found, reached = _solve_beside(
         contiguous(positions), contiguous(quaternions), contiguous(near), configurations, nulls, robot.lower,
         robot.upper, robot.chain,
     )  # fmt: skip
-    return HeldPath(found, nulls, held)
+    return SolvedPath(found, nulls, reached)
 
 
-def hold_nodes(
+def solve_nodes(
     robot: Robot,
     positions: np.ndarray,
     quaternions: np.ndarray,
@@ -130,7 +130,7 @@ def hold_nodes(
     """Configurations (n, eta) of a graph's nodes, and which of them (n,) hold their pose within the joints' limits.
 
     Each follows from a neighbour's, along a spanning tree that grows breadth first from the seeds (s,): nodes on the
-    base path, which follow from the posture. Nodes that are not held have the posture's own configuration.
+    base path, which follow from the posture. Nodes that are not reached have the posture's own configuration.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def hold_nodes(
     first, neighbour : of the graph's `Adjacency`.
     """
     configurations, nulls = posture.at(tau)
-    return _hold_nodes(
+    return _solve_nodes(
         contiguous(positions), contiguous(quaternions), configurations, nulls, np.asarray(seeds, dtype=np.int64),
         first, neighbour, robot.lower, robot.upper, robot.chain,
     )  # fmt: skip
@@ -179,7 +179,7 @@ def _solve(matrix, right):
 
 
 @numba.njit(cache=True, nogil=True)
-def hold_displaced(position, quaternion, null, posture, offset, q, chain):
+def solve_displaced(position, quaternion, null, posture, offset, q, chain):
     """Solve FK(q) = pose, null . (q - posture) = offset from q (eta,), in place; whether it was found.
 
     For use within compiled loops: position (3,), quaternion (4,), null and posture (eta,), chain of `Robot`.
@@ -259,51 +259,51 @@ def _inside(q, lower, upper):
 
 
 @numba.njit(cache=True, nogil=True)
-def _hold_path(positions, quaternions, start, steps, lower, upper, chain):
+def _solve_path(positions, quaternions, start, steps, lower, upper, chain):
     count, joints = len(positions), len(start)
-    found, nulls, held = np.empty((count, joints)), np.zeros((count, joints)), np.zeros(count, dtype=np.bool_)
+    found, nulls, reached = np.empty((count, joints)), np.zeros((count, joints)), np.zeros(count, dtype=np.bool_)
     q, null = start.copy(), np.zeros(joints)
     for i in range(count):
         null = _null_vector(q, null, chain)
         before = q.copy()
-        solved = hold_displaced(positions[i], quaternions[i], null, before, steps[i], q, chain)
+        solved = solve_displaced(positions[i], quaternions[i], null, before, steps[i], q, chain)
         if not solved:
             q[:] = before
-        held[i] = solved and _inside(q, lower, upper)
+        reached[i] = solved and _inside(q, lower, upper)
         found[i] = q
         nulls[i] = _null_vector(q, null, chain)
-    return found, nulls, held
+    return found, nulls, reached
 
 
 @numba.njit(cache=True, nogil=True)
-def _hold_beside(positions, quaternions, near, postures, nulls, lower, upper, chain):
+def _solve_beside(positions, quaternions, near, postures, nulls, lower, upper, chain):
     count, joints = postures.shape
-    found, held = np.empty((count, joints)), np.zeros(count, dtype=np.bool_)
+    found, reached = np.empty((count, joints)), np.zeros(count, dtype=np.bool_)
     q = near.copy()
     for i in range(count):
         before = q.copy()
-        solved = hold_displaced(positions[i], quaternions[i], nulls[i], postures[i], 0.0, q, chain)
+        solved = solve_displaced(positions[i], quaternions[i], nulls[i], postures[i], 0.0, q, chain)
         if not solved:
             q[:] = before
-        held[i] = solved and _inside(q, lower, upper)
+        reached[i] = solved and _inside(q, lower, upper)
         found[i] = q
-    return found, held
+    return found, reached
 
 
 @numba.njit(cache=True, nogil=True)
-def _hold_nodes(positions, quaternions, postures, nulls, seeds, first, neighbour, lower, upper, chain):
+def _solve_nodes(positions, quaternions, postures, nulls, seeds, first, neighbour, lower, upper, chain):
     count, joints = postures.shape
-    found, held = postures.copy(), np.zeros(count, dtype=np.bool_)
+    found, reached = postures.copy(), np.zeros(count, dtype=np.bool_)
     tries = np.zeros(count, dtype=np.int64)
     queue, begin, end = np.empty(count, dtype=np.int64), 0, 0
     q = np.empty(joints)
     for seed in seeds:
-        if held[seed]:
+        if reached[seed]:
             continue
         q[:] = postures[seed]
-        if hold_displaced(positions[seed], quaternions[seed], nulls[seed], postures[seed], 0.0, q, chain):
+        if solve_displaced(positions[seed], quaternions[seed], nulls[seed], postures[seed], 0.0, q, chain):
             found[seed] = q
-            held[seed] = True
+            reached[seed] = True
             queue[end] = seed
             end += 1
     while begin < end:
@@ -311,15 +311,15 @@ def _hold_nodes(positions, quaternions, postures, nulls, seeds, first, neighbour
         begin += 1
         for slot in range(first[parent], first[parent + 1]):
             node = neighbour[slot]
-            if held[node] or tries[node] == _MOST_TRIES:
+            if reached[node] or tries[node] == _MOST_TRIES:
                 continue
             tries[node] += 1
             q[:] = found[parent]
-            if hold_displaced(positions[node], quaternions[node], nulls[node], postures[node], 0.0, q, chain):
+            if solve_displaced(positions[node], quaternions[node], nulls[node], postures[node], 0.0, q, chain):
                 found[node] = q
-                held[node] = True
+                reached[node] = True
                 queue[end] = node
                 end += 1
     for node in range(count):
-        held[node] = held[node] and _inside(found[node], lower, upper)
-    return found, held
+        reached[node] = reached[node] and _inside(found[node], lower, upper)
+    return found, reached

@@ -25,7 +25,7 @@ from geodesic_motion_ros.planning.certificate import (
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan
+from geodesic_motion_ros.planning.solver import ArmQuery, MotionState, Plan
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.stopping import stopping_reference
@@ -91,7 +91,7 @@ class Followed:
     `obstacles`: those among which it was last judged; None: it is to be judged anew.
     """
 
-    query: HeldQuery
+    query: ArmQuery
     verdict: Verdict
     obstacles: Obstacles | None
     searched: float
@@ -104,7 +104,7 @@ class Followed:
     @classmethod
     def begun(
         cls,
-        query: HeldQuery,
+        query: ArmQuery,
         plan: Plan,
         situation: Situation,
         evading: bool = False,
@@ -212,12 +212,12 @@ class Situation:
 
     # ------------------------------------------------------------- assessments
 
-    def following(self, query: HeldQuery | None) -> Followed | None:
+    def following(self, query: ArmQuery | None) -> Followed | None:
         """What is being followed, where that leads to the goal of a query."""
         followed = self.followed
         return followed if followed is not None and followed.query is query and followed.verdict.ok else None
 
-    def free_path(self, query: HeldQuery) -> Followed | None:
+    def free_path(self, query: ArmQuery) -> Followed | None:
         """The same with its present clearance, where what is left of it is free and can be stopped on."""
         followed = self.following(query)
         if followed is None:

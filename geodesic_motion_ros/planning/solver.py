@@ -61,7 +61,7 @@ class PathEnds(Protocol):
     misfits: dict[str, float]
 
 
-class HeldQuery(SearchQuery, PathEnds, Protocol):
+class ArmQuery(SearchQuery, PathEnds, Protocol):
     """A `SearchQuery` whose nodes are configurations of an arm of eta joints.
 
     Attributes
@@ -145,7 +145,7 @@ class Approach:
 
 @dataclass(frozen=True)
 class _Timed:
-    """A path smoothed into a latent curve (m, d), held and timed; or why it is not, without a reference.
+    """A path smoothed into a latent curve (m, d), decoded and timed; or why it is not, without a reference.
 
     correction : how far its ends were moved [rad].
     """
@@ -166,11 +166,11 @@ class _Timed:
 class _TimedPaths(NamedTuple):
     """What was timed of one query from one state of motion: an arm that waits finds the same paths again and again."""
 
-    query: HeldQuery
+    query: ArmQuery
     state: MotionState
     timed: dict[tuple[bytes, bool, float], _Timed]
 
-    def is_of(self, query: HeldQuery, state: MotionState) -> bool:
+    def is_of(self, query: ArmQuery, state: MotionState) -> bool:
         names = ("position", "velocity", "acceleration")
         return self.query is query and all(
             np.array_equal(getattr(self.state, name), getattr(state, name)) for name in names
@@ -213,7 +213,7 @@ class Solver:
 
     def solve(
         self,
-        query: HeldQuery,
+        query: ArmQuery,
         state: MotionState,
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
@@ -242,7 +242,7 @@ class Solver:
 
     def _first_certified(
         self,
-        query: HeldQuery,
+        query: ArmQuery,
         state: MotionState,
         obstacles: Obstacles,
         attempts: tuple[Attempt, ...],
@@ -280,7 +280,7 @@ class Solver:
         return Plan(None, state.time, verdict, first)
 
     def _search(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline
+        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline
     ) -> _Search | Verdict:
         """The searches among obstacles, or the refusal where one of them covers an end."""
         avoided = obstacles if self.settings.avoidance else Obstacles.none()
@@ -291,7 +291,7 @@ class Solver:
         return self._search_among(query, state, swept, ends, deadline)
 
     def _search_among(
-        self, query: HeldQuery, state: MotionState, standing: Obstacles, ends: float, deadline: Deadline
+        self, query: ArmQuery, state: MotionState, standing: Obstacles, ends: float, deadline: Deadline
     ) -> _Search:
         """The searches among obstacles that stand; ends : clearance [m] of the nearer of both ends."""
         start, reshaping = _latent_start(query, state), self._reshaping(query, standing)
@@ -325,7 +325,7 @@ class Solver:
         return Plan(found, state.time, verdict)
 
     def evade(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, deadline: Deadline = NEVER
+        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, deadline: Deadline = NEVER
     ) -> Plan | None:
         """A certified path to a place nearby that nothing is expected to come to; None where none is found in time."""
         reshaping = self._reshaping(query, obstacles.swept(self.settings.prediction))
@@ -342,7 +342,7 @@ class Solver:
 
     def evade_displaced(
         self,
-        query: HeldQuery,
+        query: ArmQuery,
         state: MotionState,
         obstacles: Obstacles,
         horizon: float,
@@ -356,11 +356,11 @@ class Solver:
         """
         latent = _latent_start(query, state)[None]
         progress, _ = self.graph.progress_map(latent)
-        held, objection = query.configurations_along(latent, state.position)
+        configurations, objection = query.configurations_along(latent, state.position)
         if objection:
             return None
         left = reach - query.displaced_at(progress)
-        undisplaced, _ = self.robot.forward(held[0])
+        undisplaced, _ = self.robot.forward(configurations[0])
         seen = self.seen_beside(state.position[None])
         arm = ArmInScene.of(self.robot, self.collision, obstacles.swept(horizon).beside(self.scene.solids), seen)
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
@@ -379,7 +379,7 @@ class Solver:
 
     def approach(
         self,
-        query: HeldQuery,
+        query: ArmQuery,
         state: MotionState,
         obstacles: Obstacles,
         refusal: Verdict,
@@ -430,7 +430,7 @@ class Solver:
         return None
 
     def _path_to_covered(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, here: float, deadline: Deadline
+        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, here: float, deadline: Deadline
     ) -> tuple[np.ndarray, np.ndarray, float] | None:
         """Configurations (m, eta) of the path to a goal among the obstacles that do not cover it, their latent points
         (m, d), and how far the ends were moved [rad]; here : clearance of the start [m].
@@ -444,10 +444,10 @@ class Solver:
         if isinstance(path, Verdict):
             return None
         path = search.refined(path, multiple)
-        latent, held = self._held(query, state.position, path, True)
-        if isinstance(held, str):
+        latent, found = self._joint_curve(query, state.position, path, True)
+        if isinstance(found, str):
             return None
-        curve, correction = held
+        curve, correction = found
         judged = path_verdict(
             self.skill, self.graph, query, self.graph.sigma_at(latent), path, here, correction, objection=None
         )
@@ -456,7 +456,7 @@ class Solver:
     def _clearance(self, configuration: np.ndarray, obstacles: Obstacles) -> float:
         return obstacle_clearance(self.collision, self.robot, configuration, obstacles)[0]
 
-    def _reshaping(self, query: HeldQuery, obstacles: Obstacles) -> Reshaping:
+    def _reshaping(self, query: ArmQuery, obstacles: Obstacles) -> Reshaping:
         settings = self.settings
         return Reshaping.of(
             query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
@@ -464,7 +464,7 @@ class Solver:
         )  # fmt: skip
 
     def _end_clearance(
-        self, query: HeldQuery, state: MotionState, obstacles: Obstacles, optimistic: bool
+        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, optimistic: bool
     ) -> float | Verdict:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
@@ -509,7 +509,7 @@ class Solver:
 
     def _certified(
         self,
-        query: HeldQuery,
+        query: ArmQuery,
         state: MotionState,
         path: LatentPath,
         obstacles: Obstacles,
@@ -545,7 +545,7 @@ class Solver:
         return Plan(found, state.time, verdict)
 
     def _timed(
-        self, query: HeldQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
+        self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
     ) -> _Timed:
         """The motion along a path, timed once while nothing that it depends on changes."""
         kept = self._timed_paths
@@ -557,27 +557,27 @@ class Solver:
         return kept.timed[key]
 
     def _timed_anew(
-        self, query: HeldQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
+        self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
     ) -> _Timed:
-        """Time what is held of it (`_held`)."""
-        latent, held = self._held(query, state.position, path, to_goal)
-        if isinstance(held, str):
-            return _Timed(latent, self.certifier, held)
-        curve, correction = held
+        """Time the configurations along it (`_joint_curve`)."""
+        latent, found = self._joint_curve(query, state.position, path, to_goal)
+        if isinstance(found, str):
+            return _Timed(latent, self.certifier, found)
+        curve, correction = found
         return self._timed_curve(state, curve, latent, correction, longest)
 
-    def _held(
-        self, query: HeldQuery, start: np.ndarray, path: LatentPath, to_goal: bool
+    def _joint_curve(
+        self, query: ArmQuery, start: np.ndarray, path: LatentPath, to_goal: bool
     ) -> tuple[np.ndarray, tuple[np.ndarray, float] | str]:
         """Smooth a path, decode, transport, meet the ends exactly: the latent curve (m, d), and the configurations
         (m, eta) with how far [rad] their ends were moved; or why the arm cannot hold it.
         """
         step = float(np.min(self.graph.grid.spacing))
         latent = smooth_latent(resample_latent(path.polyline, step), self._width)
-        held, objection = query.configurations_along(latent, start)
+        configurations, objection = query.configurations_along(latent, start)
         if objection:
             return latent, objection
-        curve = smooth_latent(held, self._smoothing_factor * self._width)
+        curve = smooth_latent(configurations, self._smoothing_factor * self._width)
         return latent, _meeting(curve, start, query.goal if to_goal else curve[-1])
 
     def _timed_curve(
@@ -600,7 +600,7 @@ class Solver:
             return SeenVolume.unbounded()
         return SeenVolume.beside(base, self.scene.seen, self.robot, self.collision)
 
-    def base_path(self, query: HeldQuery, obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray] | str:
+    def base_path(self, query: ArmQuery, obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray] | str:
         """The geodesic of the metric that obstacles reshape, whether it is free of them or not: latent points (m, d)
         and configurations (m, eta); or why there is none, or the arm cannot hold it.
         """
@@ -610,8 +610,8 @@ class Solver:
             return path.reason
         if self.settings.refine:
             path = replace(path, polyline=refined(query.field, reshaped, -math.inf, path.polyline))
-        latent, held = self._held(query, query.start, path, True)
-        return held if isinstance(held, str) else (latent, held[0])
+        latent, found = self._joint_curve(query, query.start, path, True)
+        return found if isinstance(found, str) else (latent, found[0])
 
 
 class _Search:
@@ -620,7 +620,7 @@ class _Search:
     def __init__(
         self,
         graph: LatentGraph,
-        query: HeldQuery,
+        query: ArmQuery,
         start: np.ndarray,
         reshaping: Reshaping,
         deadline: Deadline,
@@ -656,7 +656,7 @@ class _Search:
         return replace(path, polyline=refined(self._query.field, self._reshaping, margin, path.polyline))
 
 
-def _latent_start(query: HeldQuery, state: MotionState) -> np.ndarray:
+def _latent_start(query: ArmQuery, state: MotionState) -> np.ndarray:
     return query.start_latent if state.latent is None else state.latent
 
 

@@ -1,4 +1,4 @@
-"""ToolQuery: a start configuration and a goal pose, with the graph of a skill of tool poses held by the whole arm.
+"""ToolQuery: a start configuration and a goal pose, with a skill of tool poses' graph in configurations of the arm.
 
 The decoded poses are carried to the query (`query.QueryBuilder`); the arm holds those along the cheapest path without
 obstacles, its base path, from the configuration in which it stands; and every other node in the posture of the base
@@ -26,7 +26,7 @@ from geodesic_motion_ros.planning.carried_query import edges_in_scene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent
 from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder
-from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
+from geodesic_motion_ros.planning.posture import Posture, solve_beside, solve_nodes, solve_path
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -38,7 +38,7 @@ from geodesic_motion_ros.utils.errors import RobotError
 
 @dataclass(frozen=True)
 class ToolQuery:
-    """A start and a goal with the graph held by the arm.
+    """A start and a goal with the graph in configurations of the arm.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class ToolQuery:
         where and why the arm cannot hold it, "" where it can.
         """
         positions, quaternions, progress = _poses_along(self.decoded, self.poses, self.frame, latent)
-        path = hold_beside(self.robot, positions, quaternions, start, self.posture, _tau(self.poses, progress))
+        path = solve_beside(self.robot, positions, quaternions, start, self.posture, _tau(self.poses, progress))
         return path.configurations, path.objection(self.robot)
 
     @property
@@ -193,7 +193,7 @@ class ToolQueryBuilder:
 
     def rebuilt(self, query: ToolQuery) -> ToolQuery | Verdict:
         """The query of a builder that guards other spheres, with the spheres of this one."""
-        return self._held_with(query.poses, query.frame, query.start, query.swivel)
+        return self._in_posture(query.poses, query.frame, query.start, query.swivel)
 
     def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ToolGoal | Verdict:
         """A goal pose of the base frame, refused where it is too far from what was demonstrated.
@@ -218,43 +218,43 @@ class ToolQueryBuilder:
     def build(self, start: np.ndarray, goal: ToolGoal) -> ToolQuery | Verdict:
         """Carry the graph to a query that begins in a configuration (eta,), and hold it from there."""
         query = self._poses.build(_in_task(goal.frame, self._pose(start)), goal.in_task)
-        return query if isinstance(query, Verdict) else self._held(query, goal.frame, start)
+        return query if isinstance(query, Verdict) else self._for_arm(query, goal.frame, start)
 
     def redirected(
         self, query: ToolQuery, start: np.ndarray, latent: np.ndarray, goal: ToolGoal
     ) -> ToolQuery | Verdict | None:
         """As `QueryBuilder.redirected`: on from a configuration on the path of an older query."""
         poses = self._poses.redirected(query.poses, _in_task(goal.frame, self._pose(start)), latent, goal.in_task)
-        return poses if poses is None or isinstance(poses, Verdict) else self._held(poses, goal.frame, start)
+        return poses if poses is None or isinstance(poses, Verdict) else self._for_arm(poses, goal.frame, start)
 
     def _pose(self, configuration: np.ndarray) -> Pose:
         return Pose(*self._robot.forward(configuration))
 
     def other_posture(self, query: ToolQuery) -> ToolQuery | None:
         """The same query in the next posture in which the arm can hold the base path; None where none is left."""
-        found = self._held(query.poses, query.frame, query.start, query.swivel + 1)
+        found = self._for_arm(query.poses, query.frame, query.start, query.swivel + 1)
         return found if isinstance(found, ToolQuery) else None
 
     def first_posture(self, query: ToolQuery) -> ToolQuery:
         """The same query in the posture that follows from the start by steps of least norm, or the next that serves."""
-        found = self._held(query.poses, query.frame, query.start) if query.swivel else query
+        found = self._for_arm(query.poses, query.frame, query.start) if query.swivel else query
         assert isinstance(found, ToolQuery)
         return found
 
-    def _held(self, query: Query, frame: TaskFrame, start: np.ndarray, first: int = 0) -> ToolQuery | Verdict:
-        """A query of poses held by the arm from a configuration (eta,) on, with the first of the swivels from a number
-        on with which it can hold the base path; or why it cannot with that one.
+    def _for_arm(self, query: Query, frame: TaskFrame, start: np.ndarray, first: int = 0) -> ToolQuery | Verdict:
+        """A query of poses for the arm in a configuration (eta,) at its start, with the first swivel from a number on
+        with which it can hold the base path; or why it cannot with that one.
         """
         refusal: Verdict | None = None
         for swivel in range(first, len(constants.SWIVELS)):
-            found = self._held_with(query, frame, start, swivel)
+            found = self._in_posture(query, frame, start, swivel)
             if isinstance(found, ToolQuery):
                 return found
             refusal = refusal or found
         return refusal or Verdict(VerdictCode.NO_FEASIBLE_PATH, "no other posture is left", **query.misfits)
 
-    def _held_with(self, query: Query, frame: TaskFrame, start: np.ndarray, swivel: int) -> ToolQuery | Verdict:
-        """A query of poses held by the arm in the posture that follows from a configuration (eta,) and a swivel."""
+    def _in_posture(self, query: Query, frame: TaskFrame, start: np.ndarray, swivel: int) -> ToolQuery | Verdict:
+        """A query of poses with the arm in the posture that follows from a configuration (eta,) and a swivel."""
         source = self._graph.node_near(query.start_latent, np.isfinite(query.to_goal), 3)
         if source is None:
             reason = "the start is connected to no part of what was demonstrated"
@@ -268,13 +268,13 @@ class ToolQueryBuilder:
         graph = query.graph
         tau = _tau(query, self._graph.progress)
         positions, quaternions = frame.to_base(graph.positions, graph.quaternions)
-        configurations, held = hold_nodes(
+        configurations, reached = solve_nodes(
             self._robot, positions, quaternions, posture, tau, nodes, self._graph.adjacency.first,
             self._graph.adjacency.node,
         )  # fmt: skip
         first, second = graph.edges.T
         turned = np.max(np.abs(configurations[first] - configurations[second]), axis=1)
-        lost = ~(held[first] & held[second]) | (turned > constants.LARGEST_JOINT_STEP)
+        lost = ~(reached[first] & reached[second]) | (turned > constants.LARGEST_JOINT_STEP)
         points = frame.points_to_base(graph.body_points)
         body = NodeBody.of_arm(configurations, points, self._radii, self._collision, self._links, self._robot)
         lost |= edges_in_scene(self._scene, graph, body, source, query.goal_node, self._settings.obstacle_margin)
@@ -300,5 +300,5 @@ class ToolQueryBuilder:
         tau = np.maximum.accumulate(_tau(query, progress))
         share = np.clip(np.linspace(0.0, 1.0, len(tau)) / constants.SWIVELLED_AT, 0.0, 1.0)
         turned = constants.SWIVELS[swivel] * share**2 * (3.0 - 2.0 * share)
-        path = hold_path(self._robot, positions, quaternions, start, np.diff(turned, prepend=0.0))
+        path = solve_path(self._robot, positions, quaternions, start, np.diff(turned, prepend=0.0))
         return path.objection(self._robot) or Posture(tau, path.configurations, path.nulls)

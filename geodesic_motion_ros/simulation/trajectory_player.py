@@ -11,7 +11,7 @@ Replacement", `Trajectory::sample` and `validate_trajectory_msg`):
   at once all the same.
 - Before the first waypoint the motion goes there from what was desired at the moment of replacement.
 - Between waypoints it is linear where only positions are given, cubic with velocities, quintic with accelerations.
-- After the last waypoint its position is held, for as long as nothing new comes: `cmd_timeout: 0`. With more, `overdue`
+- After the last waypoint its position is kept, for as long as nothing new comes: `cmd_timeout: 0`. With more, `overdue`
   tells that nothing new has come for so long after the end, and `hold` then asks for where the joints are measured.
   The controller heeds no `cmd_timeout` up to its `goal_time`, which is 0 here.
 - A trajectory has all joints in any order and no others, at least one waypoint, positions at each, strictly increasing
@@ -20,8 +20,8 @@ Replacement", `Trajectory::sample` and `validate_trajectory_msg`):
 
 Stricter than the controller, for it would play what no arm should (here or in `nodes/messages.py`): numbers must be
 finite and positions inside the joints' limits, no joint comes twice, velocities and accelerations come at all waypoints
-or at none, accelerations with velocities only. Not there: tolerances that make the controller hold an arm which is held
-back, goals of the action interface, partial trajectories, integration, scaled speed.
+or at none, accelerations with velocities only. Not there: tolerances that make the controller hold an arm that stays
+behind, goals of the action interface, partial trajectories, integration, scaled speed.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ class TrajectoryPlayer:
         self._begin = 0.0
         self._times = np.empty(0)
         self._positions = self._velocities = self._accelerations = np.empty((0, 2, len(positions)))
-        self._held = np.stack([positions, velocities, np.zeros(len(positions))])
+        self._last = np.stack([positions, velocities, np.zeros(len(positions))])
 
     def replace(self, waypoints: JointWaypoints, begin: float | None, now: float) -> None:
         """Play a trajectory that begins at `begin` from now on, or one that begins now (None).
@@ -149,7 +149,7 @@ class TrajectoryPlayer:
             np.ascontiguousarray(ends) for ends in (_pairs(waypoints.positions), *waypoints.segment_ends)
         )
         still = np.zeros_like(waypoints.positions[-1])
-        self._held = np.stack([waypoints.positions[-1], still, still])
+        self._last = np.stack([waypoints.positions[-1], still, still])
 
     def overdue(self, now: float, timeout: float) -> bool:
         """Whether nothing new has come for longer than a `timeout` [s] since the trajectory ended; of none, never."""
@@ -164,7 +164,7 @@ class TrajectoryPlayer:
         local = time - self._begin
         i = max(0, int(np.searchsorted(self._times, local, side="right")) - 1)
         if i >= len(self._positions):
-            return self._held.copy()
+            return self._last.copy()
         segment = self._positions[i], self._velocities[i], self._accelerations[i]
         return quintic_samples(self._times[i : i + 2], *segment, np.array([local]))[:, 0]
 

@@ -53,7 +53,7 @@ class JointReference:
         return float(self.times[-1])
 
     def sample(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position [rad], velocity [rad/s] and acceleration [rad/s^2] at `time` [s], (eta,) each; held at both ends."""
+        """Position [rad], velocity [rad/s] and acceleration [rad/s^2] at `time` [s], (eta,) each; constant after it."""
         position, velocity, acceleration = self.samples(np.array([float(time)]))[:, 0]
         return position, velocity, acceleration
 
@@ -62,7 +62,7 @@ class JointReference:
         return quintic_samples(self.times, self.positions, self.velocities, self.accelerations, times)
 
     def latent_at(self, time: float) -> np.ndarray:
-        """Latent point (d,) at `time` [s], held at both ends."""
+        """Latent point (d,) at `time` [s], constant beyond both ends."""
         return interpolated(np.array([time]), self.times, self.latent)[0]
 
     def rest(self, time: float) -> JointReference:
@@ -150,7 +150,7 @@ def ending_at_rest(
 
 @numba.njit(cache=True, nogil=True)
 def interpolated(at: np.ndarray, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (n, d) at knots (n,), not decreasing, linearly at `at` (k,): (k, d); held at both ends."""
+    """Values (n, d) at knots (n,), not decreasing, linearly at `at` (k,): (k, d); constant beyond both ends."""
     result = np.empty((len(at), values.shape[1]))
     for k in range(len(at)):
         i = int(np.searchsorted(knots, at[k], side="right")) - 1

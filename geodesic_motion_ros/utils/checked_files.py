@@ -145,15 +145,15 @@ def _read_array(stream: IO[bytes], size: int) -> np.ndarray:
     """The array of a stream that declares to hold `size` bytes in all."""
     header = _header(stream)
     declared = math.prod(header.shape) * header.dtype.itemsize
-    held = size - stream.tell()
+    there = size - stream.tell()
     # Dimensions beside a zero are not in the product, and strings of no length take no bytes.
-    if declared != held or max(header.shape, default=0) > size or min(header.shape, default=0) < 0:
+    if declared != there or max(header.shape, default=0) > size or min(header.shape, default=0) < 0:
         raise FileError(
-            f"declares {brief(header.shape)} numbers of type {header.dtype}, {declared:.3g} bytes, and holds {held}"
+            f"declares {brief(header.shape)} numbers of type {header.dtype}, {declared:.3g} bytes, and holds {there}"
         )
-    content = stream.read(held)
-    if len(content) != held:
-        raise FileError(f"is cut short: {len(content)} of {held} bytes are there")
+    content = stream.read(there)
+    if len(content) != there:
+        raise FileError(f"is cut short: {len(content)} of {there} bytes are there")
     if header.in_fortran_order:
         return np.frombuffer(content, header.dtype).reshape(header.shape[::-1]).T
     return np.frombuffer(content, header.dtype).reshape(header.shape)

@@ -148,13 +148,13 @@ class TestPlanService:
         kind, begun, release = moving.planner._kind, threading.Semaphore(0), threading.Event()
         plan, plans = kind.plan, []
 
-        def held(*ends):
+        def waiting(*ends):
             begun.release()
             assert release.wait(60.0)
             plans.append(plan(*ends))
             return plans[-1]
 
-        monkeypatch.setattr(kind, "plan", held)
+        monkeypatch.setattr(kind, "plan", waiting)
         client = moving.probe.create_client(GetPlan, "plan")
         assert client.wait_for_service(60.0)
         for _ in range(3):

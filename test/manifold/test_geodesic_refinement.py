@@ -191,14 +191,14 @@ def test_the_gradient_is_that_of_the_energy_and_the_hessian_is_positive(shape, n
     assert np.allclose(inner, inner.T)
     assert np.linalg.eigvalsh(inner).min() > 0.0
     expected = np.linalg.solve(inner, -gradient[1:-1].reshape(-1))
-    held = np.zeros(count + 1, dtype=bool)
-    step = _newton_step(gradient, diagonal, beside, held)
+    fixed = np.zeros(count + 1, dtype=bool)
+    step = _newton_step(gradient, diagonal, beside, fixed)
     np.testing.assert_allclose(step[1:-1].reshape(-1), expected, rtol=1e-6, atol=1e-9)
     assert not np.any(step[[0, -1]])
-    held[4] = True
+    fixed[4] = True
     apart = np.delete(np.arange(inner.shape[0]), 3 * d + np.arange(d))
     expected = np.linalg.solve(inner[np.ix_(apart, apart)], -gradient[1:-1].reshape(-1)[apart])
-    step = _newton_step(gradient, diagonal, beside, held)
+    step = _newton_step(gradient, diagonal, beside, fixed)
     np.testing.assert_allclose(step[1:-1].reshape(-1)[apart], expected, rtol=1e-6, atol=1e-9)
     assert not np.any(step[[0, 4, -1]])
 

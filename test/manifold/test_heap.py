@@ -33,14 +33,14 @@ def test_items_are_taken_in_the_order_of_their_keys():
 def test_putting_and_taking_may_alternate():
     random = np.random.default_rng(1)
     keys, items, place = empty(500)
-    held: dict[int, float] = {}
+    kept: dict[int, float] = {}
     size = 0
     for item in range(500):
-        held[item] = float(random.random())
-        size = put(keys, items, place, size, item, held[item])
+        kept[item] = float(random.random())
+        size = put(keys, items, place, size, item, kept[item])
         if random.random() < 0.6:
-            least = min(held, key=held.__getitem__)
+            least = min(kept, key=kept.__getitem__)
             assert int(items[0]) == least
             size = take(keys, items, place, size)
-            del held[least]
-        assert size == len(held)
+            del kept[least]
+        assert size == len(kept)

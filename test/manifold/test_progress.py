@@ -1,4 +1,4 @@
-"""Progress is tabulated on the grid: exact at its nodes, linear between, held outside."""
+"""Progress is tabulated on the grid: exact at its nodes, linear between, constant outside."""
 
 from __future__ import annotations
 

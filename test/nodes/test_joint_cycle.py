@@ -333,17 +333,17 @@ def test_an_arm_that_holds_the_tool_in_another_posture_stops_and_plans_again_fro
     """Where it follows the posture it never stops: the control."""
     planner.clear_goal()
     cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, "target_pose", clock=lambda: 0.0, tool_tolerance=(0.01, 0.05))
-    held, now, codes = Cartesian(planner.robot, arm.position, stiff), 100.0, []
+    follower, now, codes = Cartesian(planner.robot, arm.position, stiff), 100.0, []
     for _ in range(3000):
-        output = cycle.run(dataclasses.replace(inputs, measured=held.position, now=now, heard=now), PERIOD)
+        output = cycle.run(dataclasses.replace(inputs, measured=follower.position, now=now, heard=now), PERIOD)
         codes.append(output.verdict.code)
-        held.follow(output)
+        follower.follow(output)
         now += PERIOD
     stopped = VerdictCode.BAD_INPUT in codes
     assert stopped == stiff
     assert output.verdict.ok or "does not follow the posture" in output.goal_verdict.reason
     if output.verdict.ok:
-        reached, wanted = (planner.robot.forward(joints)[0] for joints in (held.position, inputs.goal))
+        reached, wanted = (planner.robot.forward(joints)[0] for joints in (follower.position, inputs.goal))
         np.testing.assert_allclose(reached, wanted, atol=1e-3)
 
 

@@ -60,7 +60,7 @@ def test_it_stays_clear(found: tuple[ArmInScene, LatticePath, Band]) -> None:
     assert min(clearance_at(q, arm, 1.0) for q in band.configurations) >= MARGIN
 
 
-def test_ends_stay_and_all_of_it_is_held(found: tuple[ArmInScene, LatticePath, Band]) -> None:
+def test_ends_stay_and_all_of_it_is_reached(found: tuple[ArmInScene, LatticePath, Band]) -> None:
     _, path, band = found
     np.testing.assert_allclose(band.progress[[0, -1]], [0.0, len(FRAME) - 1.0])
     np.testing.assert_allclose(band.configurations[[0, -1]], path.configurations[[0, -1]], atol=2e-5)

@@ -26,7 +26,7 @@ from geodesic_motion_ros.planning.detour_search import (
     nearness_factor,
     stretch,
 )
-from geodesic_motion_ros.planning.posture import hold_displaced
+from geodesic_motion_ros.planning.posture import solve_displaced
 from geodesic_motion_ros.planning.settings import DETOUR_FELT_CLEARANCE, DETOUR_LARGEST_JOINT_STEP
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -137,7 +137,7 @@ def cheapest_by_dijkstra(frame: DetourFrame, arm: ArmInScene, reach: float, marg
     A node's configuration follows from the base path by small steps of its displacement.
     """
     lattice = Lattice.of(len(frame), reach, False)
-    middle, held = lattice.side // 2, {}
+    middle, solved = lattice.side // 2, {}
     for t in range(len(frame)):
         for index in np.ndindex(*[lattice.side] * 3):
             displacement = lattice.spacing * (np.array(index) - middle)
@@ -145,32 +145,32 @@ def cheapest_by_dijkstra(frame: DetourFrame, arm: ArmInScene, reach: float, marg
                 continue
             q, there = frame.configurations[t].copy(), True
             for share in np.linspace(0.25, 1.0, 4):
-                there = there and hold_displaced(
+                there = there and solve_displaced(
                     frame.positions[t] + share * displacement, frame.quaternions[t], frame.nulls[t],
                     frame.configurations[t], 0.0, q, arm.chain,
                 )  # fmt: skip
             clearance = clearance_at(q, arm, DETOUR_FELT_CLEARANCE) if there else -np.inf
             if clearance >= margin:
                 price = nearness_factor(clearance) * stretch(frame.precisions[t], *displacement, 0.0)
-                held[(t, *index)] = (len(held), q, price)
+                solved[(t, *index)] = (len(solved), q, price)
     rows, columns, weights = [], [], []
-    for node, (number, q, price) in held.items():
+    for node, (number, q, price) in solved.items():
         for b, move in enumerate(lattice.moves):
-            other = held.get(tuple(np.array(node) + move[:4]))
+            other = solved.get(tuple(np.array(node) + move[:4]))
             if other is None or np.max(np.abs(other[1] - q)) > DETOUR_LARGEST_JOINT_STEP:
                 continue
             if clearance_at(0.5 * (q + other[1]), arm, margin) >= margin:
                 rows.append(number)
                 columns.append(other[0])
                 weights.append(0.5 * (price + other[2]) * move_length(lattice.moves, b, frame.step, lattice))
-    graph = coo_matrix((weights, (rows, columns)), shape=(len(held), len(held)))
-    source, goal = (held[(t, middle, middle, middle)][0] for t in (0, len(frame) - 1))
+    graph = coo_matrix((weights, (rows, columns)), shape=(len(solved), len(solved)))
+    source, goal = (solved[(t, middle, middle, middle)][0] for t in (0, len(frame) - 1))
     return float(dijkstra(graph, indices=source)[goal])
 
 
 @pytest.mark.parametrize("kind", ["none", "sphere", "box"])
 def test_it_costs_what_the_cheapest_of_all_paths_costs(kind, six: Robot) -> None:
-    """With six joints a pose is held in one configuration near the base path, however it is come to."""
+    """With six joints a pose is reached in one configuration near the base path, however it is come to."""
     frame, model = frame_along(six), model_of_six(six)
     arm = in_scene(of_kind(kind, frame.positions[len(frame) // 2]), six, model)
     path = cheapest_detour(frame, arm, 0.2, MARGIN)

@@ -33,10 +33,10 @@ def test_an_arm_passes_through_all_modes(planner: ReactivePlanner) -> None:
     covered = robot.forward(goal)[0]
     now = 0.0
 
-    def run(seconds: float, held: bool = False) -> None:
+    def run(seconds: float, stopped: bool = False) -> None:
         nonlocal now
         for _ in range(round(seconds / TICK)):
-            modes.append((planner.stop(now, HOLD) if held else planner.tick(now)).mode)
+            modes.append((planner.stop(now, HOLD) if stopped else planner.tick(now)).mode)
             now += TICK
 
     planner.stand_at(sheet.start_poles[0], now)
@@ -55,7 +55,7 @@ def test_an_arm_passes_through_all_modes(planner: ReactivePlanner) -> None:
         run(TICK)
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
     run(0.3)
-    run(1.0, held=True)
+    run(1.0, stopped=True)
     run(0.1)
     seen = [modes[0], *(after for before, after in pairwise(modes) if after is not before)]
     assert seen[:5] == [Mode.IDLE, Mode.FOLLOWING, Mode.APPROACHING, Mode.WAITING, Mode.EVADING]

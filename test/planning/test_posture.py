@@ -1,4 +1,4 @@
-"""Postures: what is held has the poses asked for, and changes no more than they ask for."""
+"""Postures: what is solved has the poses that were requested, and changes no more than they ask for."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
-from geodesic_motion_ros.planning.posture import Posture, hold_beside, hold_nodes, hold_path
+from geodesic_motion_ros.planning.posture import Posture, solve_beside, solve_nodes, solve_path
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -33,10 +33,10 @@ def assert_holds(robot: Robot, configurations: np.ndarray, positions: np.ndarray
 
 
 @pytest.mark.parametrize("joints", [7, 6])
-def test_a_path_is_held_by_steps_of_least_norm(joints: int, six: Robot) -> None:
+def test_a_path_is_followed_by_steps_of_least_norm(joints: int, six: Robot) -> None:
     robot = PANDA if joints == 7 else six
     positions, quaternions, start = line(robot, 0.2 if joints == 7 else 0.1)
-    path = hold_path(robot, positions, quaternions, start)
+    path = solve_path(robot, positions, quaternions, start)
     assert path.objection(robot) == ""
     assert_holds(robot, path.configurations, positions, quaternions)
     np.testing.assert_allclose(path.configurations[0], start, atol=1e-6)
@@ -56,43 +56,43 @@ def test_a_path_is_held_by_steps_of_least_norm(joints: int, six: Robot) -> None:
 
 def test_swivels_move_the_arm_along_its_null_vectors_and_leave_the_tool() -> None:
     positions, quaternions, start = line(PANDA)
-    still = hold_path(PANDA, positions, quaternions, start)
-    turned = hold_path(PANDA, positions, quaternions, start, np.full(len(positions), 0.01))
+    still = solve_path(PANDA, positions, quaternions, start)
+    turned = solve_path(PANDA, positions, quaternions, start, np.full(len(positions), 0.01))
     assert turned.objection(PANDA) == ""
     assert_holds(PANDA, turned.configurations, positions, quaternions)
     assert np.linalg.norm(turned.configurations[-1] - still.configurations[-1]) > 0.3
 
 
-def test_a_path_on_which_joints_trade_off_is_held_without_a_jump() -> None:
+def test_a_path_on_which_joints_trade_off_is_followed_without_a_jump() -> None:
     """With the second joint at zero the first and the third turn about one axis."""
     joint = np.linspace(-0.3, 0.3, 80)
     demonstrated = np.tile(PANDA.ready, (80, 1))
     demonstrated[:, 1] = joint
     positions, quaternions = poses_of(PANDA, demonstrated)
-    path = hold_path(PANDA, positions, quaternions, demonstrated[0])
+    path = solve_path(PANDA, positions, quaternions, demonstrated[0])
     assert path.objection(PANDA) == ""
     assert np.max(np.abs(np.diff(path.configurations, axis=0))) < 0.05
 
 
-def test_what_cannot_be_held_is_named_with_its_place_and_reason() -> None:
+def test_what_cannot_be_reached_is_named_with_its_place_and_reason() -> None:
     positions, quaternions, start = line(PANDA, 1.2, 200)
-    assert "it does not reach the poses" in hold_path(PANDA, positions, quaternions, start).objection(PANDA)
+    assert "it does not reach the poses" in solve_path(PANDA, positions, quaternions, start).objection(PANDA)
     twisted = np.linspace(0.0, 4.0, 200)[:, None] * np.eye(7)[6] + PANDA.ready
-    path = hold_path(PANDA, *poses_of(PANDA, twisted), PANDA.ready)
+    path = solve_path(PANDA, *poses_of(PANDA, twisted), PANDA.ready)
     objection = path.objection(PANDA)
     assert "the arm cannot hold the path from" in objection
     assert "limit of joint 'panda_joint" in objection
-    first = np.flatnonzero(~path.held)[0]
+    first = np.flatnonzero(~path.reached)[0]
     assert f"from {100 * first / 199:.0f} to" in objection
 
 
-def test_poses_beside_a_path_are_held_in_its_posture() -> None:
+def test_poses_beside_a_path_are_reached_in_its_posture() -> None:
     positions, quaternions, start = line(PANDA)
-    path = hold_path(PANDA, positions, quaternions, start)
+    path = solve_path(PANDA, positions, quaternions, start)
     tau = np.linspace(0.0, 1.0, len(positions))
     posture = Posture(tau, path.configurations, path.nulls)
     beside = positions + [0.03, 0.0, -0.02]
-    found = hold_beside(PANDA, beside, quaternions, start, posture, tau)
+    found = solve_beside(PANDA, beside, quaternions, start, posture, tau)
     assert found.objection(PANDA) == ""
     assert_holds(PANDA, found.configurations, beside, quaternions)
     off = np.sum(path.nulls * (found.configurations - path.configurations), axis=1)
@@ -102,7 +102,7 @@ def test_poses_beside_a_path_are_held_in_its_posture() -> None:
 def test_nodes_follow_from_their_neighbours_and_lost_ones_are_reported() -> None:
     """A chain of nodes that leaves the path at its middle; the last of them is out of reach."""
     positions, quaternions, start = line(PANDA)
-    path = hold_path(PANDA, positions, quaternions, start)
+    path = solve_path(PANDA, positions, quaternions, start)
     posture = Posture(np.linspace(0.0, 1.0, len(positions)), path.configurations, path.nulls)
     count = 12
     chain = positions[30] + np.linspace(0.0, 0.1, count)[:, None] * [1.0, 0.0, 0.0]
@@ -111,9 +111,9 @@ def test_nodes_follow_from_their_neighbours_and_lost_ones_are_reported() -> None
     first = np.array([0, *range(1, 2 * count - 2, 2), 2 * count - 2])
     inner = (node for i in range(1, count - 1) for node in (i - 1, i + 1))
     neighbour = np.array([1, *inner, count - 2], dtype=np.int32)
-    found, held = hold_nodes(
+    found, reached = solve_nodes(
         PANDA, chain, np.tile(quaternions[0], (count, 1)), posture, tau, np.array([0]), first, neighbour
     )
-    assert held.tolist() == [True] * (count - 1) + [False]
+    assert reached.tolist() == [True] * (count - 1) + [False]
     assert_holds(PANDA, found[:-1], chain[:-1], np.tile(quaternions[0], (count - 1, 1)))
     np.testing.assert_allclose(found[-1], path.configurations[30], atol=1e-9)

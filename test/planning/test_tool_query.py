@@ -1,4 +1,4 @@
-"""Skills of tool poses, held by the whole arm: nodes, paths, goals, frames, and the planner's promises on them."""
+"""Skills of tool poses, for the whole arm: nodes, paths, goals, frames, and the planner's promises on them."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def tool(robot: Robot, configurations: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def test_a_node_s_spheres_are_those_of_an_arm_that_holds_its_pose(builder, query, planner) -> None:
-    """The hand's spheres tell its pose; the base path is held, and only then may edges be used."""
+    """The hand's spheres tell its pose; the arm can follow the base path, and only then may edges be used."""
     hand = np.array(planner.collision.points.names)[planner.collision.moving] == "panda_hand"
     usable = np.unique(query.decoded.edges[np.isfinite(query.graph.base)])
     assert len(usable) > 0.95 * len(query.graph.positions)
@@ -75,7 +75,7 @@ def test_the_goal_is_the_requested_pose(query, planner) -> None:
     assert angle_between(quaternion, GOAL.quaternion) < 1e-6
 
 
-def test_paths_are_held_near_the_start_they_go_on_from(query, planner) -> None:
+def test_paths_are_followed_near_the_start_they_go_on_from(query, planner) -> None:
     latent = np.linspace(query.start_latent, query.decoded.latent[query.goal_node], 80)
     path, objection = query.configurations_along(latent, query.start)
     assert objection == ""
@@ -104,7 +104,7 @@ def test_another_posture_holds_the_same_poses_and_there_are_not_more_than_five(b
     assert builder.first_posture(seen[-1]).swivel == 0
 
 
-def test_a_start_from_which_the_path_cannot_be_held_is_refused_with_place_and_reason(builder, planner) -> None:
+def test_a_start_from_which_the_path_cannot_be_followed_is_refused_with_place_and_reason(builder, planner) -> None:
     """The hand is turned as far as its joint goes; the demonstrated path turns it farther."""
     goal, robot = builder.goal_by_pose(GOAL, HOME), planner.robot
     free = builder.start_by_pose(START)

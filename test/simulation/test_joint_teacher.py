@@ -217,7 +217,7 @@ def test_what_the_arm_could_not_show_is_refused_with_the_reason(changed, message
 
 
 def test_an_arm_that_cannot_follow_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With its targets held back, the arm is behind."""
+    """With its targets kept back, the arm is behind."""
     (guidance,) = reach_guidances(1, 1, families=1, connected=True)
     monkeypatch.setattr(joint_teacher, "FOLLOWING_ERROR", 1e-5)
     with TabletopWorld(rate_hz=200.0) as world, pytest.raises(DemonstrationError, match="rad behind"):

@@ -128,7 +128,7 @@ def test_the_newest_replaces_the_old_at_once() -> None:
     np.testing.assert_allclose(player.sample(0.1)[0], polynomials(new)(new.times[0] + 0.1), atol=1e-9)
 
 
-def test_after_the_end_the_last_waypoint_is_held() -> None:
+def test_after_the_end_the_last_waypoint_is_kept() -> None:
     waypoints = random_waypoints(7)
     player = resting()
     player.replace(waypoints, 0.0, 0.0)
@@ -147,7 +147,7 @@ def test_overdue_counts_from_the_end_and_ends_with_the_next_trajectory() -> None
     assert not player.overdue(end + 0.7, 0.5)
 
 
-def test_what_is_held_is_desired_at_rest_until_the_next_begins_there() -> None:
+def test_what_is_kept_is_desired_at_rest_until_the_next_begins_there() -> None:
     waypoints, player, here = random_waypoints(7), resting(), np.array([0.1, -0.2, 0.3])
     player.replace(waypoints, 0.0, 0.0)
     player.hold(here)

@@ -231,17 +231,17 @@ def test_an_arm_that_did_not_get_to_the_end_in_time_holds_where_it_is(world: Pan
     start, world.clock_offset = world.joint_positions, 1000.0
     goal = start + 0.5
     world.set_joint_trajectory(JointWaypoints(np.array([0.05]), goal[None]))
-    held = []
+    stopped = []
     while world.time < 3.0:
         before = world.joint_positions
         if world.hold_if_overdue(timeout):
-            held.append((world.time, before))
+            stopped.append((world.time, before))
         world.step()
     if timeout > 1.0:
-        assert not held
+        assert not stopped
         np.testing.assert_allclose(world.joint_positions, goal, atol=1e-3)
         return
-    ((time, where),) = held
+    ((time, where),) = stopped
     assert 0.15 < time < 0.16
     np.testing.assert_allclose(world.joint_positions, where, atol=1e-3)
     assert np.max(np.abs(where - goal)) > 0.3

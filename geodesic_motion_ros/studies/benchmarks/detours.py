@@ -24,7 +24,7 @@ from geodesic_motion_ros.planning.detour_band import band_cost, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.solver import HeldQuery, MotionState, Plan, Solver
+from geodesic_motion_ros.planning.solver import ArmQuery, MotionState, Plan, Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch, no_garbage_collection
@@ -43,7 +43,7 @@ _ENDS, _SPHERES = 20, 30_000
 class BlockedMotion:
     """Between two demonstrations: the planner's query, the arm at rest where it begins, the demonstrated motions."""
 
-    query: HeldQuery
+    query: ArmQuery
     state: MotionState
     demonstrated: DemonstratedMotions
 

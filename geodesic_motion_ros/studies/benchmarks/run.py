@@ -1,7 +1,7 @@
 """The benchmark of the search engine: every scene on two graphs beside its peers, stages of the tick, and scaling.
 
 Ratios to peers are of processor time of the thread, the median over the median: they hold on a loaded machine too.
-The engine's tick is the planner's: paths that cost more than a limit count as blocked. Costs are held against scipy's
+The engine's tick is the planner's: paths that cost more than a limit count as blocked. Costs are compared with scipy's
 Dijkstra on the graph with all edges weighed anew: that of the search without the limit everywhere, and that of the tick
 where it is below.
 """

@@ -35,7 +35,7 @@ columns   success: the goal within 10 mm and 0.1 rad, no contact; moving: scenes
           from the closest demonstration; avoiding: dtw in the scenes in which replay fails, so that something had to be
           avoided; jerk: root mean square [rad/s^3]; time: to the goal; p50, p99: processor time of ticks that answered
           something new: a motion or a stop that was planned then, with DMP and barriers every tick, as they plan one
-          step ahead; held: share of the ticks within 10 ms of processor time; scene: scenes that ended as the arm
+          step ahead; in time: share of the ticks within 10 ms of processor time; scene: scenes that ended as the arm
           touched the declared table; arm: scenes, ended or not, in which a part of the arm touched a sphere or the
           table that is not guarded.
           Clearance, similarity, jerk and time are those of successes. Intervals: Wilson, bootstrap of the median

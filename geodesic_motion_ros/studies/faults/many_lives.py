@@ -30,8 +30,8 @@ def leaked(skill: str, lives: int) -> dict[str, float]:
         # What waits for Python's collector is no leak, and it does not count how large that is.
         gc.collect()
         if life == min(_SETTLED, lives - 2):
-            before = _held()
-    after = _held()
+            before = _resources_in_use()
+    after = _resources_in_use()
     return {name: after[name] - before[name] for name in after}
 
 
@@ -53,7 +53,7 @@ def _live(skill: str) -> None:
     rclpy.try_shutdown()
 
 
-def _held() -> dict[str, float]:
+def _resources_in_use() -> dict[str, float]:
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     return {
         "threads": threading.active_count(),

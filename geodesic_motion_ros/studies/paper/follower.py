@@ -60,11 +60,11 @@ class TimedPath:
         return float(self.times[-1])
 
     def latent_at(self, time: float) -> np.ndarray:
-        """Latent point (d,) of the leading point at a time [s], held at both ends."""
+        """Latent point (d,) of the leading point at a time [s], constant beyond both ends."""
         return interpolated(np.array([time]), self.times, self.latent)[0]
 
     def place_at(self, time: float) -> np.ndarray:
-        """Place (p,) of the leading point at a time [s], held at both ends."""
+        """Place (p,) of the leading point at a time [s], constant beyond both ends."""
         return interpolated(np.array([time]), self.times, self.places)[0]
 
 

@@ -67,7 +67,7 @@ def test_motions_are_judged_without_a_planner(scenes, tmp_path, capsys) -> None:
     assert "the whole arm guarded" in capsys.readouterr().out
     content = json.loads((tmp_path / "x.json").read_text())
     row = content["rows"]["straight"]["all"]
-    assert (row["scenes"], row["rate_held_percent"], row["replan_p99_ms"]) == (2, None, None)
+    assert (row["scenes"], row["in_time_percent"], row["replan_p99_ms"]) == (2, None, None)
     (free,) = [item for item in content["scenes"] if item["family"] == "none"]
     assert free["reached"]
     assert main([*command[:-1], str(tmp_path / "none.npz")]) == 2

@@ -196,7 +196,7 @@ def test_the_table_tells_successes_hits_and_refusals_apart(tmp_path) -> None:
     own = content["rows"]["ours"]["half_or_more_stay_free"]
     names = ("scenes", "success_percent", "contacts_moving", "contacts_standing", "refused", "lost")
     assert [own[name] for name in names] == [6, 100.0 / 6, 2, 1, 1, 1]
-    assert own["rate_held_percent"] == 99.0
+    assert own["in_time_percent"] == 99.0
     assert content["rows"]["ours"]["fewer_stay_free"]["success_percent"] == 100.0
     total = content["rows"]["ours"]["all"]
     assert (total["scenes"], total["success_percent"]) == (7, 200.0 / 7)

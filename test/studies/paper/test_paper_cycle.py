@@ -119,10 +119,10 @@ def test_a_goal_is_reached_among_a_moving_sphere_without_a_jump(cycle, inputs, a
 
 
 def test_without_a_goal_and_on_hold_the_arm_rests(cycle, inputs, arm) -> None:
-    def held_between(number: int, inputs: CycleInputs) -> CycleInputs:
+    def stopped_between(number: int, inputs: CycleInputs) -> CycleInputs:
         return dataclasses.replace(inputs, goal_number=1 if number >= 20 else 0, hold=100 <= number < 250)
 
-    places, outputs = map(np.array, zip(*played(cycle, inputs, arm, 400, held_between), strict=True))
+    places, outputs = map(np.array, zip(*played(cycle, inputs, arm, 400, stopped_between), strict=True))
     np.testing.assert_allclose(places[:20], np.tile(arm, (20, 1)), atol=1e-9)
     assert outputs[150].verdict.code is VerdictCode.HOLD_REQUESTED
     assert np.abs(places[200:249] - places[200]).max() < 1e-3

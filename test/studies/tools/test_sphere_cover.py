@@ -33,7 +33,7 @@ def blob(seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_all_of_a_convex_body_is_held(seed: int) -> None:
+def test_all_of_a_convex_body_is_covered(seed: int) -> None:
     vertices = blob(seed)
     spheres = cover(vertices, 0.015)
     generator = np.random.default_rng(seed)
