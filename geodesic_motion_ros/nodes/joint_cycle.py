@@ -159,9 +159,9 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         }
 
     def stop(self, verdict: Verdict) -> CycleOutput:
-        return self._output(self.planner.stop(self._now, verdict, self._late()))
+        return self._output(self.planner.stop(self._now, verdict, self._handover_deadline()))
 
-    def _late(self) -> Deadline:
+    def _handover_deadline(self) -> Deadline:
         """What is planned from now on must have been found by then."""
         return Deadline(self._clock() + self.planner.settings.latency - TRANSIT, self._clock)
 
@@ -172,13 +172,13 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._now = inputs.now + (0.0 if inputs.simulated else self._clock() - self._began)
         verdict = self._frame_verdict if verdict.ok else verdict
         if not verdict.ok:
-            return self._output(self.planner.stop(self._now, verdict, self._late()))
+            return self._output(self.planner.stop(self._now, verdict, self._handover_deadline()))
         began = self._clock()
-        plan = self.planner.tick(self._now, deadline, self._late())
+        plan = self.planner.tick(self._now, deadline, self._handover_deadline())
         if plan.verdict.code is VerdictCode.DEADLINE_MISSED and plan.reference is None:
             # What is being played is not certified any more: a stop from the present on, which takes no search.
             self._now += 0.0 if inputs.simulated else self._clock() - began
-            plan = self.planner.stop(self._now, plan.verdict, self._late())
+            plan = self.planner.stop(self._now, plan.verdict, self._handover_deadline())
         return self._output(plan)
 
     def _output(self, plan: Plan) -> CycleOutput:

@@ -72,11 +72,11 @@ def approached(
         return None, last
     remaining = followed.remaining if followed is not None and followed.query is query else math.inf
     found = solver.approach(query, situation.state, situation.expected, verdict, remaining, situation.deadline)
-    if situation.late.passed or (found is None and situation.deadline.passed):
+    if situation.handover_deadline.passed or (found is None and situation.deadline.passed):
         # What was not found for want of time, or too late, is searched again.
         return None, last
     searched = ApproachSearch(query, situation.state.position, situation.obstacles, situation.now)
-    plan = None if found is None else situation.stoppable(found.plan)
+    plan = None if found is None else situation.require_a_stop(found.plan)
     if found is None or plan is None or plan.trajectory is None:
         return None, searched
     begun = Followed.begun(query, plan, situation, remaining=found.remaining)

@@ -110,11 +110,11 @@ class Certificate:
 
 
 @dataclass(frozen=True)
-class CertifiedTrajectory:
+class JudgedTrajectory:
     """A reference with what its certificate guarantees between its n knots: what an arm may play.
 
-    Made by `ArmCertifier.certified` and `continued_by` alone. A certificate may object: a stop is played that comes too
-    near to an obstacle where anything else would come nearer. Then it says so here.
+    Made by `ArmCertifier.judged` and `continued_by` alone. Not every one is certified: the certificate of a stop may
+    object, that it comes too near to an obstacle, and it is played where anything else would come nearer.
 
     Attributes
     ----------
@@ -137,13 +137,13 @@ class CertifiedTrajectory:
         positions, quaternions = end_effector_poses(contiguous(self.reference.positions), self.robot.chain)
         return positions, continuous_signs(quaternions)
 
-    def continued_by(self, other: CertifiedTrajectory, since: float, until: float) -> CertifiedTrajectory:
+    def continued_by(self, other: JudgedTrajectory, since: float, until: float) -> JudgedTrajectory:
         """From the knot at `since` [s] until `until` [s], and from there on another one:
         `trajectory.trajectory.joined`.
         """
         # Beyond its end the arm stands, with the clearance that it has there.
         kept = np.minimum(kept_knots(self.reference, since, until), len(self.clearance) - 1)
-        return CertifiedTrajectory(
+        return JudgedTrajectory(
             joined(self.reference, since, other.reference, until),
             np.concatenate([self.clearance[kept], other.clearance]),
             np.concatenate([self.self_clearance[kept], other.self_clearance]),
@@ -177,14 +177,14 @@ class ArmCertifier:
         """
         return self.certify_swept(self.swept(reference), obstacles, horizon, beyond)
 
-    def certified(self, reference: JointReference, certificate: Certificate) -> CertifiedTrajectory:
+    def judged(self, reference: JointReference, certificate: Certificate) -> JudgedTrajectory:
         """A reference with its certificate, which may go on while the arm stands at its end."""
         last = len(reference.times) - 2
         clearance, self_clearance = (
             np.append(values[:last], np.min(values[last:]))
             for values in (certificate.clearance, certificate.self_clearance)
         )
-        return CertifiedTrajectory(reference, clearance, self_clearance, self._robot)
+        return JudgedTrajectory(reference, clearance, self_clearance, self._robot)
 
     def swept(self, reference: JointReference) -> SweptArm:
         """Where a reference takes the arm."""

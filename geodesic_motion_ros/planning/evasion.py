@@ -65,7 +65,7 @@ def is_searched(verdict: Verdict, situation: Situation, last_failed: FailedEvasi
     not by an arm that approaches, as long as it can go on, nor where there is no time left.
     """
     approaching = situation.followed is not None and situation.followed.approaching
-    if approaching or situation.deadline.passed or situation.late.passed:
+    if approaching or situation.deadline.passed or situation.handover_deadline.passed:
         return False
     return _assessed(verdict, situation, last_failed)[1] is not None
 

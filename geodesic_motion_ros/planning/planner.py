@@ -31,7 +31,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.approach import approached, still_approaching
 from geodesic_motion_ros.planning.attempt_memory import AttemptMemory, Blocked, DetourRequest, DetourSearch
-from geodesic_motion_ros.planning.certificate import CertifiedTrajectory
+from geodesic_motion_ros.planning.certificate import JudgedTrajectory
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_demonstrations
 from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
@@ -388,7 +388,7 @@ class ReactivePlanner:
         played, followed = self._stream.played, self._stream.followed
         self._stream.take_certifier(self._solver.certifier)
         if played is not None:
-            self._stream.certify_anew(self._certified(played.reference, played.begin))
+            self._stream.certify_anew(self._judged(played.reference, played.begin))
         if followed is not None:
             carried = query if followed.query is prepared.before and query is not None else followed.query
             self._stream.followed = replace(followed, query=carried, obstacles=None, path=None, rejected=None)
@@ -405,18 +405,18 @@ class ReactivePlanner:
         if configuration is None:
             return Plan(None, now, Verdict(VerdictCode.BAD_INPUT, reason))
         standing = JointReference.standing(configuration, np.zeros(self.graph.latent.shape[1]))
-        trajectory = self._certified(standing, now)
+        trajectory = self._judged(standing, now)
         self._ticked = now
         self._stands += 1
         self._stream.stand(trajectory, now)
         self._mission, self._memory = replace(self._mission, query=None), AttemptMemory()
         return Plan(trajectory, now, Verdict(VerdictCode.OK))
 
-    def _certified(self, reference: JointReference, begin: float) -> CertifiedTrajectory:
+    def _judged(self, reference: JointReference, begin: float) -> JudgedTrajectory:
         """What the arm does anyway from a time [s] on, with an honest certificate."""
         certifier, prediction = self._solver.certifier, self.settings.prediction
         certificate = certifier.certify(reference, self._inputs.enlarged.at(begin, prediction), prediction)
-        return certifier.certified(reference, certificate)
+        return certifier.judged(reference, certificate)
 
     def _checked(self, what: str, configuration: np.ndarray) -> tuple[np.ndarray | None, str]:
         try:
@@ -441,24 +441,24 @@ class ReactivePlanner:
 
         The next tick plans on from there.
         """
-        self._stream.braked(self._certified(reference, begin), begin, verdict)
+        self._stream.braked(self._judged(reference, begin), begin, verdict)
 
     def to_goal(self) -> tuple[JointReference, float] | None:
         """What is being played and the time of its first knot [s], where it leads to the goal."""
         return self._stream.to_goal()
 
-    def tick(self, now: float, deadline: Deadline = NEVER, late: Deadline = NEVER) -> Plan:
+    def tick(self, now: float, deadline: Deadline = NEVER, handover_deadline: Deadline = NEVER) -> Plan:
         """One step of the stream at `now` [s]: what is to be played, and the verdict.
 
         DEADLINE_MISSED where the deadline did not leave time for all that could be tried: then the arm stops along its
-        path, and the next ticks go on trying. So too where `late` has passed by the time that a trajectory is found: it
-        would take over in the past. A path that is still free, to the goal or evading, stays; without one, `stop` is to
-        be called.
+        path, and the next ticks go on trying. So too where `handover_deadline` has passed by the time that a trajectory
+        is found: it would take over in the past. A path that is still free, to the goal or evading, stays; without one,
+        `stop` is to be called.
         """
         if not isinstance(now, Real):
             raise PlanningError("tick(position, quaternion) is no more: stand_at(q, now) once, then tick(now)")
         self._ticked = now
-        situation = self._situation(now, late, deadline)
+        situation = self._situation(now, handover_deadline, deadline)
         if situation is None:
             verdict = Verdict(VerdictCode.STALE_STATE, "where the arm stands is not known yet")
             return Plan(None, now, verdict, mode=Mode.standing(verdict))
@@ -467,22 +467,24 @@ class ReactivePlanner:
             mission = mission.activated(mission.requested, None)
         return self._commit(situation, mission, self._decided(situation, mission))
 
-    def stop(self, now: float, verdict: Verdict, late: Deadline = NEVER) -> Plan:
-        """Come to rest along the path being followed, for a reason; late : as of `tick`."""
-        situation = self._situation(now, late)
+    def stop(self, now: float, verdict: Verdict, handover_deadline: Deadline = NEVER) -> Plan:
+        """Come to rest along the path being followed, for a reason; handover_deadline : as of `tick`."""
+        situation = self._situation(now, handover_deadline)
         if situation is None:
             return Plan(None, now, verdict, mode=Mode.standing(verdict))
         mission = self._mission
         return self._commit(situation, mission, _Decision(situation.stopped(verdict), mission.query, self._memory))
 
-    def _situation(self, now: float, late: Deadline, deadline: Deadline = NEVER) -> Situation | None:
+    def _situation(
+        self, now: float, handover_deadline: Deadline, deadline: Deadline = NEVER
+    ) -> Situation | None:
         """None where it is not known where the arm stands."""
         stream, solver = self._stream, self._solver
         if stream.played is None:
             return None
         return Situation(
             self.settings, self.limits, solver.certifier, stream.played, stream.followed, now, self._inputs.enlarged,
-            deadline, late, self._reach,
+            deadline, handover_deadline, self._reach,
         )  # fmt: skip
 
     def _commit(self, situation: Situation, mission: Mission, decision: _Decision) -> Plan:
@@ -515,10 +517,10 @@ class ReactivePlanner:
         if followed is not None:
             return self._improved(situation, query, followed)
         goal = mission.active.goal
-        decision = self._detoured(situation, query, goal) or self._waited(situation, query, goal)
+        decision = self._detoured(situation, query, goal) or self._searched_again(situation, query, goal)
         return self._explained(situation, decision, query, goal)
 
-    def _waited(self, situation: Situation, query: Query, goal: Goal) -> _Decision:
+    def _searched_again(self, situation: Situation, query: Query, goal: Goal) -> _Decision:
         """What an arm without a path does: it goes on searching."""
         memory = self._memory
         blocked = memory.still_blocked(query, situation.obstacles)
@@ -542,20 +544,20 @@ class ReactivePlanner:
             return None
         detour = None if search is None else search.found(request)
         if search is not None and detour is not None:
-            plan = situation.stoppable(self._detours.plan(detour, situation.state, situation.expected))
+            plan = situation.require_a_stop(self._detours.plan(detour, situation.state, situation.expected))
             if plan.trajectory is not None:
                 after = memory.after(plan, detour.query, None, (), situation)
                 return self._taken(situation, detour.query, plan, after)
             search = replace(search, refusal=plan.verdict.reason)
-        waited = self._waited(situation, query, goal)
-        if waited.step.plan.trajectory is not None:
-            return waited
+        searching = self._searched_again(situation, query, goal)
+        if searching.step.plan.trajectory is not None:
+            return searching
         if search is not None and search.request.is_same(request):
-            return replace(waited, memory=replace(waited.memory, detour=search))
+            return replace(searching, memory=replace(searching.memory, detour=search))
         since = min(memory.blocked_since, self._inputs.unmoved_since)
         if now < since + self.settings.patience - TIME_ROUNDING:
-            return waited
-        return replace(waited, detour=request)
+            return searching
+        return replace(searching, detour=request)
 
     def _detour_request(self, situation: Situation, query: Query, goal: Goal) -> DetourRequest:
         origin = self._memory.origin(query)
@@ -597,7 +599,7 @@ class ReactivePlanner:
         """What is followed and free, or a new path where that is a gain."""
         attempts = self._solver.attempts[:1]
         plan = self._solved(situation, query, attempts, followed.known, situation.longest_worthwhile(followed))
-        if not situation.late.passed and situation.gains(plan, followed):
+        if not situation.handover_deadline.passed and situation.gains(plan, followed):
             return self._taken(situation, query, plan, self._memory.after(plan, query, None, attempts, situation))
         updated = replace(followed, obstacles=situation.obstacles, searched=situation.now)
         if plan.trajectory is not None or not plan.verdict.ok:
@@ -634,7 +636,7 @@ class ReactivePlanner:
         if plan.trajectory is not None:
             return self._taken(situation, query, plan, memory)
         step = still_approaching(query, plan.verdict, situation)
-        if step is None and (situation.deadline.passed or situation.late.passed):
+        if step is None and (situation.deadline.passed or situation.handover_deadline.passed):
             step = still_evading(situation)
             if step is not None or situation.deadline.passed:
                 return _Decision(step or situation.stopped(plan.verdict), query, memory.interrupted(plan.verdict))
@@ -643,7 +645,7 @@ class ReactivePlanner:
             memory = replace(memory, last_failed_evasion=failed)
         if (step is None or step.plan.trajectory is None) and memory.origin(query) is query:
             nearer, search = approached(self._solver, query, plan.verdict, situation, memory.approach)
-            if search is memory.approach and (situation.deadline.passed or situation.late.passed):
+            if search is memory.approach and (situation.deadline.passed or situation.handover_deadline.passed):
                 memory = memory.interrupted(plan.verdict)
             memory = memory.after_approach(search, nearer is not None)
             step = nearer or step
@@ -660,11 +662,11 @@ class ReactivePlanner:
     ) -> Plan:
         state, obstacles, deadline = situation.state, situation.expected, situation.deadline
         plan = self._solver.solve(query, state, obstacles, attempts, deadline, known, longest, refusal)
-        return situation.stoppable(plan)
+        return situation.require_a_stop(plan)
 
     def _taken(self, situation: Situation, query: Query, plan: Plan, memory: AttemptMemory) -> _Decision:
         """A new path; found too late, the evasion path being played stays where it is free."""
-        step = still_evading(situation) if situation.late.passed else None
+        step = still_evading(situation) if situation.handover_deadline.passed else None
         return _Decision(step or situation.handed_out(plan, Followed.begun(query, plan, situation)), query, memory)
 
     def plan(

@@ -2,7 +2,7 @@
 
 What is being played, and therefore the state of motion in which another trajectory takes over, a moment (`latency`)
 from now; obstacles as of then; the soonest stop. Whether the present path is still free, whether another one is a gain,
-whether the arm can still stop: each answer is a value, and what a tick comes to is a `Step`, which `Stream.take` plays.
+whether it leaves the arm a stop: each answer is a value. What a tick comes to is a `Step`, which `Stream.take` plays.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.certificate import (
     ArmCertifier,
     Certificate,
-    CertifiedTrajectory,
+    JudgedTrajectory,
     SweptArm,
     SweptSpheres,
 )
@@ -39,10 +39,10 @@ TIME_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedTrajectory:
     """A trajectory and when it begins [s]."""
 
-    trajectory: CertifiedTrajectory
+    trajectory: JudgedTrajectory
     begin: float
     certifier: ArmCertifier
 
@@ -162,19 +162,19 @@ class Situation:
     ----------
     obstacles : as they were received, enlarged by what is not known of them.
     played, followed : as of `Stream`.
-    deadline : begin nothing new after it. late : what is found after it would take over in the past.
+    deadline : begin nothing new after it. handover_deadline : what is found after it would take over in the past.
     reach : how far the tool may leave what was demonstrated [m].
     """
 
     settings: PlannerSettings
     limits: JointLimits
     certifier: ArmCertifier
-    played: Played
+    played: PlayedTrajectory
     followed: Followed | None
     now: float
     obstacles: Obstacles
     deadline: Deadline = NEVER
-    late: Deadline = NEVER
+    handover_deadline: Deadline = NEVER
     reach: float = 0.0
 
     @property
@@ -206,7 +206,7 @@ class Situation:
         certificate = self.certifier.certify_swept(swept.lasting(prediction), self.expected, prediction)
         return Stop(reference, swept, certificate)
 
-    def _stopping(self, played: Played, time: float) -> JointReference:
+    def _stopping(self, played: PlayedTrajectory, time: float) -> JointReference:
         """The soonest stop from a time [s] of what is played, or may be."""
         return stopping_reference(played.reference, min(time - played.begin, played.reference.duration), self.limits)
 
@@ -233,16 +233,16 @@ class Situation:
         certificate = self.certifier.certify_swept(self.left, self.expected, self.settings.prediction, beyond)
         if self.settings.avoidance and self.certifier.objection(certificate) is not None:
             return None
-        return float(np.min(certificate.clearance)) if self.can_still_stop(self.played) else None
+        return float(np.min(certificate.clearance)) if self.leaves_a_stop(self.played) else None
 
-    def stoppable(self, plan: Plan) -> Plan:
-        """A plan, or that there is none where `can_still_stop` does not hold of it."""
-        if plan.trajectory is None or self.can_still_stop(Played(plan.trajectory, plan.begin, self.certifier)):
+    def require_a_stop(self, plan: Plan) -> Plan:
+        """A plan, or its refusal where it does not leave a stop (`leaves_a_stop`)."""
+        if plan.trajectory is None or self.leaves_a_stop(PlayedTrajectory(plan.trajectory, plan.begin, self.certifier)):
             return plan
         reason = "on the best path the arm could not stop any more where what moves may come to a stand"
         return Plan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
 
-    def can_still_stop(self, candidate: Played) -> bool:
+    def leaves_a_stop(self, candidate: PlayedTrajectory) -> bool:
         """Whether an arm that follows a trajectory for `REPLAN_DELAY` is left a stop that is free wherever on their
         lines obstacles halt meanwhile. True as well where it has none now, or would be met by what moves on where it
         stood: to go on is no worse then.
@@ -297,7 +297,7 @@ class Situation:
 
         followed : what is followed then; before : until then, as of `answered`.
         """
-        if not self.late.passed:
+        if not self.handover_deadline.passed:
             return Step(plan, followed)
         reason = (
             "what was found would take over in the past: the tick took longer than the setting latency, "
@@ -318,5 +318,5 @@ class Situation:
         verdict = replace(verdict, clearance=float(np.min(certificate.clearance)))
         if objection is not None and self.settings.avoidance:
             verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
-        plan = Plan(self.certifier.certified(self.stop.reference, certificate), self.state.time, verdict)
+        plan = Plan(self.certifier.judged(self.stop.reference, certificate), self.state.time, verdict)
         return self.handed_out(plan, Followed.begun(followed.query, plan, self), followed)

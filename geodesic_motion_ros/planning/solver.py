@@ -25,7 +25,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
-from geodesic_motion_ros.planning.certificate import ArmCertifier, CertifiedTrajectory, SweptArm
+from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory, SweptArm
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
 from geodesic_motion_ros.planning.mode import Mode
@@ -104,7 +104,7 @@ class Plan:
     mode : what the arm does after the tick.
     """
 
-    trajectory: CertifiedTrajectory | None
+    trajectory: JudgedTrajectory | None
     begin: float
     verdict: Verdict
     path: LatentPath | None = None
@@ -321,7 +321,7 @@ class Solver:
             VerdictCode.NO_FEASIBLE_PATH if objection else VerdictCode.OK, f"on the detour {objection}" if objection
             else "", clearance=float(np.min(certificate.clearance)), end_correction=correction, **query.misfits,
         )  # fmt: skip
-        found = None if objection else self.certifier.certified(timed.reference, certificate)
+        found = None if objection else self.certifier.judged(timed.reference, certificate)
         return Plan(found, state.time, verdict)
 
     def evade(
@@ -374,7 +374,7 @@ class Solver:
             certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=False)
             if self.certifier.objection(certificate) is None and self.certifier.unseen(timed.swept, seen) is None:
                 verdict = Verdict(VerdictCode.OK, clearance=float(np.min(certificate.clearance)))
-                return Plan(self.certifier.certified(timed.reference, certificate), state.time, verdict)
+                return Plan(self.certifier.judged(timed.reference, certificate), state.time, verdict)
         return None
 
     def approach(
@@ -420,7 +420,7 @@ class Solver:
             certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon)
             met = self.certifier.first_objection(certificate, margin)
             if met is None:
-                plan = Plan(self.certifier.certified(timed.reference, certificate), state.time, refusal)
+                plan = Plan(self.certifier.judged(timed.reference, certificate), state.time, refusal)
                 to_goal = self._tool_distance(curve[end], query.goal)
                 reason = f"{refusal.reason}; it goes as near as it can, to {1000 * to_goal:.0f} mm"
                 verdict = replace(refusal, reason=reason, clearance=float(np.min(certificate.clearance)))
@@ -541,7 +541,7 @@ class Solver:
             float(np.min(certificate.clearance)), timed.correction,
             None if objection is None else f"on the best path {objection}",
         )  # fmt: skip
-        found = self.certifier.certified(reference, certificate) if verdict.ok else None
+        found = self.certifier.judged(reference, certificate) if verdict.ok else None
         return Plan(found, state.time, verdict)
 
     def _timed(

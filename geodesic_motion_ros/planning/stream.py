@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from geodesic_motion_ros.planning.certificate import ArmCertifier, CertifiedTrajectory
-from geodesic_motion_ros.planning.situation import Followed, Played, Step
+from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory
+from geodesic_motion_ros.planning.situation import Followed, PlayedTrajectory, Step
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.trajectory.trajectory import JointReference
@@ -33,24 +33,24 @@ class Stream:
 
     def forget(self) -> None:
         """Where the arm is is not known any more."""
-        self.played: Played | None = None
+        self.played: PlayedTrajectory | None = None
         self.followed: Followed | None = None
         # What was played until `played` began: the arm's newest state may be older than that.
-        self._played_before: Played | None = None
+        self._played_before: PlayedTrajectory | None = None
 
-    def stand(self, trajectory: CertifiedTrajectory, now: float) -> None:
+    def stand(self, trajectory: JudgedTrajectory, now: float) -> None:
         """The arm stands where a trajectory does from `now` [s] on."""
         self.forget()
-        self.played = Played(trajectory, now, self._certifier)
+        self.played = PlayedTrajectory(trajectory, now, self._certifier)
 
     def take_certifier(self, certifier: ArmCertifier) -> None:
         """What is played from now on is certified by another one."""
         self._certifier = certifier
 
-    def certify_anew(self, trajectory: CertifiedTrajectory) -> None:
+    def certify_anew(self, trajectory: JudgedTrajectory) -> None:
         """What is being played has another certificate."""
         assert self.played is not None
-        self.played = Played(trajectory, self.played.begin, self._certifier)
+        self.played = PlayedTrajectory(trajectory, self.played.begin, self._certifier)
 
     def commanded(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Position, velocity and acceleration (eta,) played at `time` [s]; None where nothing is."""
@@ -77,7 +77,7 @@ class Stream:
             return None
         return self.played.reference, self.played.begin
 
-    def braked(self, trajectory: CertifiedTrajectory, begin: float, verdict: Verdict) -> None:
+    def braked(self, trajectory: JudgedTrajectory, begin: float, verdict: Verdict) -> None:
         """The arm does not play what it was to play, but a stop that begins at a time [s]: why."""
         self._replace(trajectory, begin)
         if self.followed is not None:
@@ -98,5 +98,5 @@ class Stream:
         self._replace(whole, begin)
         return replace(plan, trajectory=whole, begin=begin)
 
-    def _replace(self, trajectory: CertifiedTrajectory, begin: float) -> None:
-        self._played_before, self.played = self.played, Played(trajectory, begin, self._certifier)
+    def _replace(self, trajectory: JudgedTrajectory, begin: float) -> None:
+        self._played_before, self.played = self.played, PlayedTrajectory(trajectory, begin, self._certifier)

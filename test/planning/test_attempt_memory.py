@@ -23,7 +23,8 @@ TICK = 0.01
 
 def situation(now: float, stand: bool = False) -> SimpleNamespace:
     obstacles = Obstacles.none() if stand else SimpleNamespace(stand=False)
-    return SimpleNamespace(now=now, followed=None, obstacles=obstacles, expected=obstacles, deadline=NEVER, late=NEVER)
+    times = {"now": now, "deadline": NEVER, "handover_deadline": NEVER}
+    return SimpleNamespace(followed=None, obstacles=obstacles, expected=obstacles, **times)
 
 
 def tried(ticks: int, stand: bool = False, refusal: Verdict = NO_PATH) -> list[tuple[Attempt, ...]]:

@@ -392,7 +392,7 @@ def test_a_trajectory_has_the_certificate_of_every_interval_and_of_the_time_at_r
     swept = CERTIFIER.swept(reference)
     for lasting, horizon, hit in ((swept.lasting(after), after, True), (swept, reference.duration, False)):
         certificate = CERTIFIER.certify_swept(lasting, coming, horizon, beyond=False)
-        trajectory = CERTIFIER.certified(reference, certificate)
+        trajectory = CERTIFIER.judged(reference, certificate)
         assert len(trajectory.clearance) == len(trajectory.self_clearance) == len(reference.times) - 1
         assert trajectory.nearest == np.min(certificate.clearance)
         assert (trajectory.nearest < 0.0) is hit
@@ -401,10 +401,10 @@ def test_a_trajectory_has_the_certificate_of_every_interval_and_of_the_time_at_r
 
 def test_a_trajectory_that_continues_another_keeps_what_was_certified_of_both():
     reference, obstacles = scene(1)
-    old = CERTIFIER.certified(reference, CERTIFIER.certify(reference, obstacles, HORIZON))
+    old = CERTIFIER.judged(reference, CERTIFIER.certify(reference, obstacles, HORIZON))
     since, until = reference.times[3], reference.times[7] + 0.004
     rest = reference.rest(until)
-    new = CERTIFIER.certified(rest, CERTIFIER.certify(rest, Obstacles.none(), HORIZON))
+    new = CERTIFIER.judged(rest, CERTIFIER.certify(rest, Obstacles.none(), HORIZON))
     whole = old.continued_by(new, since, until)
     np.testing.assert_array_equal(whole.clearance, [*old.clearance[3:8], *new.clearance])
     np.testing.assert_array_equal(whole.self_clearance, [*old.self_clearance[3:8], *new.self_clearance])
@@ -417,7 +417,7 @@ def test_a_trajectory_that_continues_another_keeps_what_was_certified_of_both():
 
 def test_nothing_but_the_certifier_makes_what_may_be_played():
     package = Path(__file__).resolve().parents[2] / "geodesic_motion_ros"
-    makers = [file.name for file in package.rglob("*.py") if "CertifiedTrajectory(" in file.read_text()]
+    makers = [file.name for file in package.rglob("*.py") if "JudgedTrajectory(" in file.read_text()]
     assert makers == ["certificate.py"]
 
 

@@ -56,7 +56,7 @@ class OneEvasionPath:
         share = np.linspace(0.0, 1.0, 30)[:, None]
         path = state.position + share * np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         reference = timed_joint_reference(path, np.hstack([1.0 - share, share]), LIMITS)
-        trajectory = CERTIFIER.certified(reference, CERTIFIER.certify(reference, obstacles, horizon, beyond=False))
+        trajectory = CERTIFIER.judged(reference, CERTIFIER.certify(reference, obstacles, horizon, beyond=False))
         return Plan(trajectory, state.time, Verdict(VerdictCode.OK, clearance=0.01))
 
 
@@ -67,12 +67,12 @@ class Arm:
         self.settings, self.solver, self.stream = settings, OneEvasionPath(), Stream(CERTIFIER)
         self.last_failed, self.reach = FailedEvasion(), 0.0
         standing = JointReference.standing(ROBOT.ready, np.zeros(2))
-        self.stream.stand(CERTIFIER.certified(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
+        self.stream.stand(CERTIFIER.judged(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
 
     def plan(
-        self, now: float, obstacles: Obstacles, verdict: Verdict = NO_PATH, late: Deadline = NEVER
+        self, now: float, obstacles: Obstacles, verdict: Verdict = NO_PATH, handover_deadline: Deadline = NEVER
     ) -> Plan | None:
-        situation = self.situation(now, obstacles, late)
+        situation = self.situation(now, obstacles, handover_deadline)
         step, self.last_failed = evaded(self.solver, QUERY, verdict, situation, self.last_failed)
         return None if step is None else self.stream.take(step, now)
 
@@ -80,11 +80,11 @@ class Arm:
         step = still_evading(self.situation(now, obstacles))
         return None if step is None else step.plan
 
-    def situation(self, now: float, obstacles: Obstacles, late: Deadline = NEVER) -> Situation:
+    def situation(self, now: float, obstacles: Obstacles, handover_deadline: Deadline = NEVER) -> Situation:
         stream = self.stream
         return Situation(
-            self.settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles, late=late,
-            reach=self.reach,
+            self.settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles,
+            handover_deadline=handover_deadline, reach=self.reach,
         )  # fmt: skip
 
 
@@ -185,7 +185,7 @@ def test_no_evasion_path_is_searched_where_no_time_is_left_or_nothing_comes() ->
     """The control: in time, where something comes, one is."""
     arm, passed = Arm(), Deadline(-np.inf)
     assert is_searched(NO_PATH, arm.situation(0.0, coming(1.0)), FailedEvasion())
-    assert not is_searched(NO_PATH, arm.situation(0.0, coming(1.0), late=passed), FailedEvasion())
+    assert not is_searched(NO_PATH, arm.situation(0.0, coming(1.0), handover_deadline=passed), FailedEvasion())
     assert not is_searched(NO_PATH, replace(arm.situation(0.0, coming(1.0)), deadline=passed), FailedEvasion())
     assert not is_searched(NO_PATH, arm.situation(0.0, coming(3.0 * SETTINGS.prediction)), FailedEvasion())
 
@@ -214,6 +214,6 @@ def test_out_of_time_an_arm_goes_on_evading_while_that_is_free_and_it_can_stop(m
     meeting = replace(obstacles, centres=obstacles.centres + hand - ROBOT.forward(ROBOT.ready)[0])
     assert arm.still_evading(0.1, meeting) is None
     assert arm.still_evading(0.1, replace(obstacles, velocities=np.zeros((1, 3)))) is None
-    monkeypatch.setattr(Situation, "can_still_stop", lambda *_: False)
+    monkeypatch.setattr(Situation, "leaves_a_stop", lambda *_: False)
     assert arm.still_evading(0.1, obstacles) is None
     assert arm.solver.asked == 1

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.certificate import ArmCertifier, CertifiedTrajectory
+from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.situation import Followed, Played, Situation
+from geodesic_motion_ros.planning.situation import Followed, PlayedTrajectory, Situation
 from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
@@ -35,35 +35,36 @@ TURN = np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 OK, NO_PATH = Verdict(VerdictCode.OK), Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
 
 
-def certified(reference: JointReference, obstacles: Obstacles | None = None) -> CertifiedTrajectory:
-    return CERTIFIER.certified(reference, CERTIFIER.certify(reference, obstacles or Obstacles.none(), 1.6))
+def judged(reference: JointReference, obstacles: Obstacles | None = None) -> JudgedTrajectory:
+    return CERTIFIER.judged(reference, CERTIFIER.certify(reference, obstacles or Obstacles.none(), 1.6))
 
 
-def straight(start: np.ndarray, goal: np.ndarray, *motion: np.ndarray) -> CertifiedTrajectory:
+def straight(start: np.ndarray, goal: np.ndarray, *motion: np.ndarray) -> JudgedTrajectory:
     """A trajectory from a state of motion to a goal (eta,)."""
     share = np.linspace(0.0, 1.0, 60)[:, None]
     reference = timed_joint_reference(start + share * (goal - start), np.hstack([1.0 - share, share]), LIMITS, *motion)
     assert reference is not None
-    return certified(reference)
+    return judged(reference)
 
 
 def at(
     stream: Stream,
     now: float,
     obstacles: Obstacles | None = None,
-    late: Deadline = NEVER,
+    handover_deadline: Deadline = NEVER,
     settings: PlannerSettings = SETTINGS,
 ) -> Situation:
     assert stream.played is not None
     return Situation(
-        settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles or Obstacles.none(), late=late
+        settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles or Obstacles.none(),
+        handover_deadline=handover_deadline,
     )
 
 
 def going(settings: PlannerSettings = SETTINGS, clearance: float = np.inf) -> Stream:
     """A stream that turns to the side from time 0 on."""
     stream = Stream(CERTIFIER)
-    stream.stand(certified(JointReference.standing(ROBOT.ready, np.zeros(2))), 0.0)
+    stream.stand(judged(JointReference.standing(ROBOT.ready, np.zeros(2))), 0.0)
     plan = Plan(straight(ROBOT.ready, ROBOT.ready + TURN), 0.0, replace(OK, clearance=clearance))
     start = at(stream, 0.0, settings=settings)
     stream.take(start.handed_out(plan, Followed.begun(QUERY, plan, start)), 0.0)
@@ -81,7 +82,7 @@ def ball(posture: np.ndarray, velocity: np.ndarray | None = None, radius: float 
 
 
 def test_a_switch_is_no_nearer_to_a_knot_than_knots_may_be() -> None:
-    played = Played(straight(ROBOT.ready, ROBOT.ready + TURN), 2.0, CERTIFIER)
+    played = PlayedTrajectory(straight(ROBOT.ready, ROBOT.ready + TURN), 2.0, CERTIFIER)
     knot = 2.0 + played.reference.times[5]
     assert played.knot_before(knot + 1e-4) == knot
     assert played.switch(knot + 1e-4) == pytest.approx(knot + 1e-3)
@@ -152,7 +153,7 @@ def test_an_assessment_changes_nothing() -> None:
 def test_what_is_found_too_late_changes_nothing() -> None:
     stream = going()
     played, followed = stream.played, stream.followed
-    plan = stopped(stream, at(stream, 0.5, late=Deadline(-np.inf)))
+    plan = stopped(stream, at(stream, 0.5, handover_deadline=Deadline(-np.inf)))
     assert plan.verdict.code is VerdictCode.DEADLINE_MISSED
     assert "latency" in plan.verdict.reason
     assert plan.trajectory is None
@@ -190,10 +191,10 @@ def test_what_has_passed_since_it_was_last_detected_may_have_halted_right_beyond
     time = 0.3
     passed = replace(crossing, centres=crossing.centres - [0.0, 0.0, 0.1], ages=np.array([age]), time=time)
     situation = at(stream, time - SETTINGS.latency, passed, settings=settings)
-    assert situation.can_still_stop(stream.played) is goes_on
+    assert situation.leaves_a_stop(stream.played) is goes_on
     assert (situation.free_path(QUERY) is not None) is goes_on
-    rest = certified(stream.played.reference.rest(situation.state.time))
-    assert situation.stoppable(Plan(rest, situation.state.time, OK)).verdict.ok is goes_on
+    rest = judged(stream.played.reference.rest(situation.state.time))
+    assert situation.require_a_stop(Plan(rest, situation.state.time, OK)).verdict.ok is goes_on
 
 
 @pytest.mark.parametrize(("error", "goes_on"), [(0.0, True), (0.15, False)])
@@ -224,7 +225,7 @@ def test_a_new_path_is_a_gain_where_it_takes_clearly_less_time_or_the_old_one_wa
     stream = going()
     situation = at(stream, -SETTINGS.latency)
     reference = stream.played.reference
-    slower = certified(replace(reference, times=longer * reference.times))
+    slower = judged(replace(reference, times=longer * reference.times))
     plan = Plan(slower, 0.0, OK)
     followed = replace(stream.followed, optimistic=optimistic)
     assert situation.gains(plan, followed) is gain
@@ -236,7 +237,7 @@ def test_an_arm_that_brakes_by_itself_is_on_no_path_and_the_reason_is_kept() -> 
     stream = going()
     situation = at(stream, 0.5)
     stop = situation.stop.reference
-    stream.braked(certified(stop), situation.state.time, NO_PATH)
+    stream.braked(judged(stop), situation.state.time, NO_PATH)
     assert stream.to_goal() is None
     assert at(stream, 0.5).following(QUERY) is None
     assert stream.followed.verdict is NO_PATH

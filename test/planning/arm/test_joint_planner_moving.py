@@ -241,7 +241,7 @@ def test_what_stops_before_it_has_passed_is_not_touched(stream, shown) -> None:
 
 
 def test_an_arm_that_counts_on_what_moves_to_move_on_touches_what_stops(stream, monkeypatch) -> None:
-    monkeypatch.setattr(Situation, "can_still_stop", lambda *_: True)
+    monkeypatch.setattr(Situation, "leaves_a_stop", lambda *_: True)
     assert stopping_sphere(stream, 1.2) < 0.0
 
 
