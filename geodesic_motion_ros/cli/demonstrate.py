@@ -70,10 +70,10 @@ def run(arguments: argparse.Namespace) -> None:
     for path in (arguments.out, arguments.picture):
         writable(path)
 
-    def progress(shown: Sequence) -> tqdm:
+    def progress(motions: Sequence) -> tqdm:
         # A log that no person watches gets a line now and then.
         interval = 0.1 if sys.stderr.isatty() else 10.0
-        return tqdm(shown, desc=arguments.task, unit="demonstration", mininterval=interval)
+        return tqdm(motions, desc=arguments.task, unit="demonstration", mininterval=interval)
 
     demonstrations = teacher.performed(motions, progress)
     if isinstance(demonstrations, JointDemonstrations):
@@ -103,7 +103,7 @@ def _check(arguments: argparse.Namespace) -> None:
 
 
 def _motions(arguments: argparse.Namespace) -> tuple[ModuleType, Sequence]:
-    """Who teaches the task, and what is about to be shown."""
+    """Who teaches the task, and what is about to be performed."""
     from geodesic_motion_ros.simulation import joint_teacher, teacher
 
     count, seed = arguments.count, arguments.seed

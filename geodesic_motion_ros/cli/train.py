@@ -134,7 +134,8 @@ def _add_training(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--kernels", type=int, help="radial-basis kernels of the deviations; 500 without it")
     group.add_argument(
         "--sheet", choices=("canonical", "raw"),
-        help="learn what is left when start and goal offsets are taken out (default), or the paper's: no change",
+        help="demonstrations endpoint-normalised, with start and goal offsets taken out (default), or the paper's: as "
+        "they were recorded",
     )  # fmt: skip
     group.add_argument(
         "--schedule", choices=("two_stage", "joint"),
@@ -166,11 +167,11 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     _refuse_unwritable(arguments.out)
     writable(arguments.json)
     print(f"{arguments.demos}: {_SPACE_NOTES[space]}")
-    shown = training.tool_demonstrations()
-    extent = _extent(shown)
-    _note_the_recording(shown, extent, space)
-    if space == "task" and shown.has_orientation:
-        _report_orientations(arguments, shown)
+    demonstrations = training.tool_demonstrations()
+    extent = _extent(demonstrations)
+    _note_the_recording(demonstrations, extent, space)
+    if space == "task" and demonstrations.has_orientation:
+        _report_orientations(arguments, demonstrations)
     # A log that no person watches gets a line now and then.
     interval = 0.1 if sys.stderr.isatty() else 10.0
     with tqdm(desc=arguments.demos.stem, unit="step", mininterval=interval) as bar:
@@ -261,7 +262,7 @@ def _report_orientations(arguments: argparse.Namespace, demonstrations: Demonstr
         _note(
             f"with the quaternions of {arguments.demos.name} read as qw,qx,qy,qz the tool does not point down, as "
             f"qx,qy,qz,qw it does: in which order are they? In that of ROS: say --columns {_ROS_COLUMNS}; otherwise "
-            f"say --columns {DEFAULT_COLUMNS}, and this is not asked again"
+            f"say --columns {DEFAULT_COLUMNS}, and this question does not come again"
         )
 
 

@@ -64,22 +64,22 @@ class JointTraining:
         demonstrations = read_joint_recording(arguments, arguments.demos)
         settings = settings_of(metric=metric, **given(arguments, *shared, *_SETTINGS))
         training = cls(demonstrations, Robot.named(demonstrations.robot), arguments.held_out or (), settings)
-        refuse_motionless(training.shown)
+        refuse_motionless(training.learned_from)
         return training
 
     @property
-    def shown(self) -> JointDemonstrations:
-        """What is learned from."""
+    def learned_from(self) -> JointDemonstrations:
+        """The demonstrations that are not held out."""
         return self.demonstrations.split(self.held_out)[0] if self.held_out else self.demonstrations
 
     def tool_demonstrations(self) -> Demonstrations:
         """How the tool moves in what is learned from."""
-        return self.shown.tool_demonstrations(self.robot)
+        return self.learned_from.tool_demonstrations(self.robot)
 
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
         from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
 
-        return train_joint_space_skill(self.shown, self.robot, self.settings, name, progress, provenance)
+        return train_joint_space_skill(self.learned_from, self.robot, self.settings, name, progress, provenance)
 
 
 def refuse_motionless(demonstrations: JointDemonstrations) -> None:

@@ -44,7 +44,7 @@ class DemoError(GeodesicMotionError):
 
 @dataclass
 class Recording:
-    """What one run has shown. Times are seconds since the goal was sent; poses are the twin's measured tool poses.
+    """A recording of one run. Times are seconds since the goal was sent; poses are the twin's measured tool poses.
 
     Attributes
     ----------

@@ -40,7 +40,7 @@ RADIUS, SPEED, BEFORE = 0.055, 0.10, 0.45
 #: It comes to rest this long [s] after the undisturbed elbow would have been there. Its surface is in the path seconds
 #: before: the elbow has set out by then, and has time to turn back.
 LATE = 1.2
-#: A family counts as taken where its ridge has more than this share; where families begin and end alike, none has.
+#: A family counts as taken where its mean path has more than this share; where families begin and end alike, none has.
 _TAKEN_SHARE = 0.9
 #: Recorded instants that are looked up in the latent space [1/s].
 _REPLAY_RATE = 20.0
@@ -78,9 +78,9 @@ class ElbowScene(DemoScene):
         return float(reference.times[np.argmax(angles)])
 
     def families(self, recording: Recording) -> list[int] | None:
-        if self.planner.graph.ridge_count == 0:
+        if self.planner.graph.mean_path_count == 0:
             return None
-        shares = self.planner.graph.ridge_shares[self._nodes_along(recording)]
+        shares = self.planner.graph.mean_path_shares[self._nodes_along(recording)]
         taken = np.argmax(shares, axis=1)[np.max(shares, axis=1) > _TAKEN_SHARE]
         return [int(family) for family, _ in groupby(taken)]
 
@@ -119,12 +119,12 @@ class ElbowScene(DemoScene):
 
     def _draw_paths(self, path: Path, motions: Mapping[str, Sequence[DrawnPath]], obstacle: Sphere) -> None:
         """Measured motions of parts of the arm, by their names, among those of tool and elbow in the demonstrations."""
-        shown = [self.skill.decoder.configurations(code) for code in self.skill.codes]
-        tools = [end_effector_poses(np.ascontiguousarray(item), self.planner.robot.chain)[0] for item in shown]
+        demonstrated = [self.skill.decoder.configurations(code) for code in self.skill.codes]
+        tools = [end_effector_poses(np.ascontiguousarray(item), self.planner.robot.chain)[0] for item in demonstrated]
         figure = Figure(figsize=(9.0, 6.4), layout="constrained")
         space = figure.add_subplot(projection="3d", computed_zorder=False)
         every = [motion for part in motions.values() for motion in part]
-        handles = draw_in_space(space, [*tools, *map(self._elbows, shown)], every, obstacle, zoom=1.15)
+        handles = draw_in_space(space, [*tools, *map(self._elbows, demonstrated)], every, obstacle, zoom=1.15)
         for name, (undisturbed, *_) in motions.items():
             space.text(*(100.0 * undisturbed.positions[0] + _NAME_ABOVE), name, fontsize=11, ha="right", zorder=5)
         figure.suptitle("Motions of tool and elbow, as measured", x=0.01, ha="left", fontsize=11)

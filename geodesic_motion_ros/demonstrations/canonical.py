@@ -1,4 +1,4 @@
-"""Canonical form of demonstrations: where a task begins and ends taken out, the shape of the motion left.
+"""Canonical, that is endpoint-normalised, form of demonstrations: where a task begins and ends is taken out.
 
 With s in [0, 1] the fraction of a demonstration's arc, start offset d0 = x(0) - m(0) and goal offset d1 = x(1) - m(1)
 from the mean first and last pose m(0), m(1) of all demonstrations, the canonical curve is

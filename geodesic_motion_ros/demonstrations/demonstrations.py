@@ -1,4 +1,4 @@
-"""What was shown: recordings of a task as checked arrays in SI units."""
+"""Demonstrations: recordings of a task as checked arrays in SI units."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHORTEST_PATH = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
-    """One motion shown by a person. The arrays are checked copies and cannot be written to.
+    """One motion as a person demonstrated it. The arrays are checked copies and cannot be written to.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Canonical form of joint-space demonstrations: where a task begins and ends taken out, the shape of the motion left.
+"""Canonical, that is endpoint-normalised, form of joint-space demonstrations: where a task begins and ends taken out.
 
 With s in [0, 1] the fraction of a demonstration's arc, canonical curves y(s) are those that `manifold.joint_transport`
 carries onto the demonstrations: theta(s) = y(s) + D(y(s), s). The arc counts what the metric counts: the mean squared
@@ -73,9 +73,9 @@ def canonical_joint_form(
     ------
     DemonstrationError : a demonstration starts or ends far from all others of its group.
     """
-    shown = np.stack([along_body_arc(item.configurations, robot, metric, samples) for item in demonstrations])
-    start_groups, start_poles, start_offsets = _grouped(shown[:, 0])
-    goal_groups, goal_poles, goal_offsets = _grouped(shown[:, -1])
+    curves = np.stack([along_body_arc(item.configurations, robot, metric, samples) for item in demonstrations])
+    start_groups, start_poles, start_offsets = _grouped(curves[:, 0])
+    goal_groups, goal_poles, goal_offsets = _grouped(curves[:, -1])
     for verb, offsets in (("starts", start_offsets), ("ends", goal_offsets)):
         sizes = np.linalg.norm(offsets, axis=1)
         if np.any(sizes > LARGEST_OFFSET):
@@ -86,7 +86,7 @@ def canonical_joint_form(
                 f"task; distances [rad] from the mean are {listed}"
             )
     ends = np.stack([start_poles[start_groups], goal_poles[goal_groups]], axis=1)
-    canonical = np.stack([without_offsets(curve, pole, robot) for curve, pole in zip(shown, ends, strict=True)])
+    canonical = np.stack([without_offsets(curve, pole, robot) for curve, pole in zip(curves, ends, strict=True)])
     return CanonicalJointDemonstrations(
         canonical, start_offsets, goal_offsets, start_groups, goal_groups, start_poles, goal_poles
     )

@@ -1,4 +1,4 @@
-"""What was shown with the whole arm: recordings of its joints as checked arrays in SI units.
+"""Demonstrations of the whole arm: recordings of its joints as checked arrays in SI units.
 
 Symbols: eta moving joints; a configuration is a point (eta,) [rad] of joint space.
 """

@@ -10,7 +10,7 @@ from scipy.spatial.distance import pdist, squareform
 #: P. Rousseeuw, "Finding groups in data", 1990). Demonstrations of one mode stay below 0.45 on real recordings.
 SMALLEST_SILHOUETTE = 0.6
 MOST_MODES = 5
-#: Below 1, blends lie mostly near one or two demonstrations, and so out to the rim of what was shown.
+#: Below 1, blends lie mostly near one or two demonstrations, and so out to the rim of what was demonstrated.
 BLEND_CONCENTRATION = 0.7
 
 

@@ -1,4 +1,4 @@
-"""TaskFrame: where the frame that a skill was shown in stands now.
+"""TaskFrame: where the frame that a skill was demonstrated in stands now.
 
 A skill taught relative to an object follows the object. Start and goal go from the base frame into the task frame, the
 graph is carried to them there, and its poses come back: since frames are rigid, all distances stay what they are.
@@ -23,7 +23,7 @@ class TaskFrame:
 
     @classmethod
     def identity(cls) -> TaskFrame:
-        """The task frame is the base frame: skills that were shown in the base frame."""
+        """The task frame is the base frame: skills that were demonstrated in the base frame."""
         return cls(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
     @cached_property

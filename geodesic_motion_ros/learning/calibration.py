@@ -105,7 +105,7 @@ def canonical_sheet(form: CanonicalDemonstrations) -> CanonicalSheet:
 
 def calibrated_energy_per_edge(graph: PoseGraph, codes: np.ndarray) -> float:
     """Largest squared length of one edge that a feasible path may have; see `dearest_energy`."""
-    still = graph.transported(Offsets.none(graph.ridge_count), np.zeros((1, 3)))
+    still = graph.transported(Offsets.none(graph.mean_path_count), np.zeros((1, 3)))
     return dearest_energy(graph, still.energies(), codes)
 
 

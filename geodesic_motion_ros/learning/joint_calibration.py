@@ -96,7 +96,7 @@ def joint_sheet(form: CanonicalJointDemonstrations) -> JointSheet:
 
 def calibrated_energy(graph: ConfigurationGraph, codes: np.ndarray) -> float:
     """Largest squared length of one edge that a feasible path may have; see `calibration.dearest_energy`."""
-    still = graph.transported(JointOffsets.none(graph.robot, graph.ridge_count))
+    still = graph.transported(JointOffsets.none(graph.robot, graph.mean_path_count))
     return dearest_energy(graph, still.energies(), codes)
 
 

@@ -92,9 +92,9 @@ def training_configurations(
     if settings.sheet == "raw":
         metric, samples = settings.metric, settings.samples
         return np.stack([along_body_arc(item.configurations, robot, metric, samples) for item in demonstrations])
-    shown = canonical_joint_form(demonstrations, robot, settings.metric, settings.samples).configurations
-    weights = blend_weights(cluster_modes(shown), settings.blends, settings.seed)
-    return np.concatenate([shown, np.einsum("bn,ntj->btj", weights, shown)])
+    configurations = canonical_joint_form(demonstrations, robot, settings.metric, settings.samples).configurations
+    weights = blend_weights(cluster_modes(configurations), settings.blends, settings.seed)
+    return np.concatenate([configurations, np.einsum("bn,ntj->btj", weights, configurations)])
 
 
 def body_layer(robot: Robot, metric: JointMetricSettings) -> BodyLayer:

@@ -1,4 +1,4 @@
-"""The prior of the latent codes: on the canonical sheet it tells how far along the demonstrations a sample lies.
+"""The prior of the latent codes: on the canonical (endpoint-normalised) sheet it tells how far along a sample lies.
 
 p(z | s) = N((PRIOR_REACH (2 s - 1), 0, ...), diag(progress_deviation^2, 1, ...)), s the fraction of the arc: it makes
 the sheet a strip. On the raw sheet, the paper's, p(z) = N(0, 1).

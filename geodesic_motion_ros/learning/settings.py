@@ -37,7 +37,7 @@ class TrainingSettings:
     Attributes
     ----------
     seed : of everything random: initial weights, batches, latent noise, k-means.
-    sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
+    sheet : "canonical" (endpoint-normalised: start and goal offsets taken out before) or "raw" (the paper's).
     orientation_model : "two_cluster" (one von Mises-Fisher density; q and -q in separate clusters, on the raw sheet
         only) or "sign_blind" (the paper's antipodal mixture). None: sign_blind on the canonical sheet, two_cluster on
         the raw one.
@@ -137,7 +137,7 @@ class JointTrainingSettings:
     Attributes
     ----------
     seed : of everything random: initial weights, batches, latent noise, k-means.
-    sheet : "canonical" (start and goal offsets taken out before) or "raw" (the paper's).
+    sheet : "canonical" (endpoint-normalised: start and goal offsets taken out before) or "raw" (the paper's).
     schedule : "two_stage" or "joint" (the paper's: means and sigma together, after a first half of the steps in which
         the codes settle so that kernels can be placed on them).
     latent_dimension : d, 3 or 2; models of 4 and 5, which make no skill, are for experiments.

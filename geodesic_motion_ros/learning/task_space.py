@@ -104,8 +104,8 @@ class DecoderNetwork(nn.Module):
     offset, scale : the mean position is offset (p,) [m] + scale () [m] times the network's first p outputs.
     orientation : o.
 
-    `precisions` has to be given its radial-basis networks (`set_precisions`) before sigma and kappa can be
-    asked for.
+    `precisions` has to be given its radial-basis networks (`set_precisions`) before sigma and kappa are
+    known.
     """
 
     def __init__(

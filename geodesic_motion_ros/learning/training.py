@@ -5,8 +5,8 @@ lets the model explain a demonstration away as noise. Then the latent space stay
 on the codes by k-means, and sigma and kappa are fitted by maximum likelihood, a concave problem without local
 optima. The paper's literal joint training is kept as `schedule="joint"`.
 
-On the canonical sheet (default) what is learned are canonical demonstrations (`demonstrations.canonical`), and the
-prior tells how far along them a pose is (`progress_prior`). The raw sheet, the paper's, is learned from the
+On the canonical sheet (default) endpoint-normalised demonstrations are learned (`demonstrations.canonical`), and
+the prior tells how far along them a pose is (`progress_prior`). The raw sheet, the paper's, is learned from the
 demonstrations as they are, with the prior N(0, 1).
 """
 

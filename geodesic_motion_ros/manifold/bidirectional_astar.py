@@ -138,7 +138,7 @@ def _go_on(
                 left = abs(from_landmark[v] - at_source) if side == 1 else to_target[v]
                 if through + left >= best:
                     continue
-                # Asked here as well: only to pass so many parameters takes as long as all else that is done for v.
+                # Tested here as well: only to pass so many parameters takes as long as all else that is done for v.
                 if not looked[v]:
                     look(
                         v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,

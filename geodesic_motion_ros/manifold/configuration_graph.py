@@ -27,7 +27,7 @@ from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
-from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import NUDGE, MetricField, packed_tensors, pulled_back
 from geodesic_motion_ros.manifold.progress import ProgressMap
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
@@ -85,7 +85,7 @@ class ConfigurationGraph(LatentGraph):
 
     def transported(self, offsets: JointOffsets, conformal: np.ndarray | None = None) -> CarriedConfigurations:
         """Carry the nodes to a query; `conformal` (n,) >= 1, None for 1, as in `PoseGraph.transported`."""
-        configurations = offsets.carried(self.configurations, self.progress, self.ridge_shares)
+        configurations = offsets.carried(self.configurations, self.progress, self.mean_path_shares)
         points = place_body_points(configurations, self.body.frames, self.body.offsets, self.robot.chain)
         first, second = self.edges.T
         factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
@@ -102,12 +102,12 @@ class ConfigurationGraph(LatentGraph):
             configurations=configurations,
         )
 
-    def field(self, ridges: Ridges | None, strength: float) -> MetricField:
-        """The metric between the nodes, with the conformal factor of ridges, None for 1.
+    def field(self, mean_paths: MeanPaths | None, strength: float) -> MetricField:
+        """The metric between the nodes, with the conformal factor of mean paths, None for 1.
 
         Its tensors are those of the nodes where they are: transport moves neighbours by nearly the same.
         """
-        return MetricField.of(self.grid, self._number, self._tensors, ridges, strength)
+        return MetricField.of(self.grid, self._number, self._tensors, mean_paths, strength)
 
     @property
     def _orientation_scale(self) -> float:
@@ -173,7 +173,7 @@ def build_configuration_graph(
     neighbours: int = 26,
     pieces: int = 3,
     energy_limit: float = math.inf,
-    ridges: Ridges | None = None,
+    mean_paths: MeanPaths | None = None,
 ) -> ConfigurationGraph:
     """Decode the latent box into a graph; parameters as of `pose_graph.build_pose_graph`, sigma_limit in radians.
 
@@ -206,8 +206,8 @@ def build_configuration_graph(
         energy = metric.joint_weight**2 * turned + tool + sigma_fixed + shares.sum(axis=1)
         usable = energy <= energy_limit
         edges, sigma_fixed, sigma_shares = edges[usable], sigma_fixed[usable], sigma_shares[usable]
-    progress_map = _progress_map(codes, grid, ridges, kept)
-    progress, ridge_shares = progress_map(latent)
+    progress_map = _progress_map(codes, grid, mean_paths, kept)
+    progress, mean_path_shares = progress_map(latent)
     return ConfigurationGraph(
         grid=grid,
         sigma_limit=sigma_limit,
@@ -215,7 +215,7 @@ def build_configuration_graph(
         latent=latent,
         sigma=rms_sigma(sigma),
         progress=progress,
-        ridge_shares=ridge_shares,
+        mean_path_shares=mean_path_shares,
         component=connected_pieces(edges, len(latent)),
         edges=edges,
         adjacency=Adjacency.from_edges(edges, len(latent)),
@@ -231,8 +231,10 @@ def build_configuration_graph(
     )
 
 
-def _progress_map(codes: np.ndarray, grid: LatentGrid, ridges: Ridges | None, kept: np.ndarray) -> ProgressMap:
-    return ProgressMap.from_codes(codes, grid) if ridges is None else ProgressMap.from_ridges(ridges, grid, kept)
+def _progress_map(codes: np.ndarray, grid: LatentGrid, mean_paths: MeanPaths | None, kept: np.ndarray) -> ProgressMap:
+    if mean_paths is None:
+        return ProgressMap.from_codes(codes, grid)
+    return ProgressMap.from_mean_paths(mean_paths, grid, kept)
 
 
 def _along_edges(

@@ -7,7 +7,7 @@ the metric M_i of a `MetricField` in their middle:
 
 With L_0 the length of the curve that is begun from, E is L_0^2 there and, by Cauchy and Schwarz, at least L^2
 everywhere: where the energy sinks the length sinks, and points need not run along the curve to make it do so. Gauss and
-Newton's Hessian is block tridiagonal; it has the curvature of the ridges' exponent besides, which is positive too.
+Newton's Hessian is block tridiagonal; it has the curvature of the mean paths' exponent besides, which is positive too.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ def _polyline_length(path: np.ndarray) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def _nearest_to_pieces(curve: np.ndarray, centres: np.ndarray, precisions: np.ndarray, nearest: np.ndarray) -> None:
-    """Fill in the samples (N, R) of the R ridges that are nearest to where the pieces of a curve (N + 1, d) begin."""
+    """Fill in the samples (N, R) of the R mean paths nearest to where the pieces of a curve (N + 1, d) begin."""
     nearest_samples(curve[0], centres, precisions, nearest[0])
     for i in range(1, len(nearest)):
         for k in range(nearest.shape[1]):
@@ -236,7 +236,7 @@ def _assemble(
 
     With D = z_{i+1} - z_i, the middle m, q = M D, and g the gradient of log e by the middle, the Hessian of e / 2 is
 
-        dD M dD + (q dD) (g dm) + e / 4 (g dm)^2 + e / 2 dm C dm,      C the curvature of the ridges' exponent.
+        dD M dD + (q dD) (g dm) + e / 4 (g dm)^2 + e / 2 dm C dm,      C the curvature of the mean paths' exponent.
     """
     _, _, shape, strides, number, rows, columns, tensors, centres, precisions, penalties, strength, cap = field
     factors, touched, room, within = reshaping.factors, reshaping.touched, reshaping.clearance, reshaping.within

@@ -31,7 +31,7 @@ class JointOffsets:
     ----------
     tool : (2, 6) x0 and x1; joints : (2, eta) d0 and d1 [rad]; rest : (2, eta) what the linearisation leaves [rad].
     start_progress, goal_progress : progress of the latent points that are carried onto start and goal.
-    corrections : (K, S, eta) corrections of the decoder along K ridges [rad], added before; K may be 0.
+    corrections : (K, S, eta) corrections of the decoder along K mean paths [rad], added before; K may be 0.
     """
 
     robot: Robot
@@ -46,30 +46,30 @@ class JointOffsets:
     def between(
         cls,
         robot: Robot,
-        shown: np.ndarray,
-        asked: np.ndarray,
+        demonstrated: np.ndarray,
+        requested: np.ndarray,
         progress: tuple[float, float] = (0.0, 1.0),
         corrections: np.ndarray | None = None,
     ) -> JointOffsets:
-        """From shown ends (2, eta) to asked ones (2, eta) [rad]: start and goal, at these values of progress.
+        """From demonstrated ends (2, eta) to requested ones (2, eta) [rad]: start and goal, at so much progress.
 
-        The shown ends are corrected ones, where there are corrections.
+        The demonstrated ends are corrected ones, where there are corrections.
         """
-        joints = asked - shown
-        tool = np.stack([pose_error(*robot.forward(a), *robot.forward(b)) for a, b in zip(shown, asked, strict=True)])
-        rest = joints - _tool_steps(np.ascontiguousarray(shown), tool, joints, robot.chain)
+        joints, ends = requested - demonstrated, zip(demonstrated, requested, strict=True)
+        tool = np.stack([pose_error(*robot.forward(before), *robot.forward(after)) for before, after in ends])
+        rest = joints - _tool_steps(np.ascontiguousarray(demonstrated), tool, joints, robot.chain)
         none = np.zeros((0, 2, joints.shape[1]))
         return cls(robot, tool, joints, rest, *progress, none if corrections is None else corrections)
 
     @classmethod
-    def none(cls, robot: Robot, ridges: int = 0) -> JointOffsets:
-        """Leaves every configuration of a graph with so many ridges where it is."""
+    def none(cls, robot: Robot, mean_paths: int = 0) -> JointOffsets:
+        """Leaves every configuration of a graph with so many mean paths where it is."""
         joints = len(robot.joint_names)
         still = np.zeros((2, joints))
-        return cls(robot, np.zeros((2, 6)), still, still, 0.0, 1.0, np.zeros((ridges, 2, joints)))
+        return cls(robot, np.zeros((2, 6)), still, still, 0.0, 1.0, np.zeros((mean_paths, 2, joints)))
 
     def carried(self, configurations: np.ndarray, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Configurations (n, eta) carried to the query, at progress (n,) and shares (n, K) of the ridges."""
+        """Configurations (n, eta) carried to the query, at progress (n,) and shares (n, K) of the mean paths."""
         corrected = configurations + corrections_at(self.corrections, progress, shares)
         return corrected + self.displacements(corrected, progress)
 

@@ -23,7 +23,7 @@ class LatentGraph:
     grid : the lattice the nodes were taken from.
     sigma_limit, energy_limit : largest rms sigma of a node, and squared length of an edge, that were kept.
     latent : (n, d) kept nodes; sigma : (n,) rms sigma.
-    progress, ridge_shares : (n,) tau of the nodes, and (n, K) shares of the ridges there.
+    progress, mean_path_shares : (n,) tau of the nodes, and (n, K) shares of the mean paths there.
     component : (n,) number of the connected piece a node belongs to.
     edges : (m, 2); adjacency : the same in rows.
     """
@@ -34,7 +34,7 @@ class LatentGraph:
     latent: np.ndarray
     sigma: np.ndarray
     progress: np.ndarray
-    ridge_shares: np.ndarray
+    mean_path_shares: np.ndarray
     component: np.ndarray
     edges: np.ndarray
     adjacency: Adjacency
@@ -43,9 +43,9 @@ class LatentGraph:
     _number: np.ndarray
 
     @property
-    def ridge_count(self) -> int:
+    def mean_path_count(self) -> int:
         """K, 0 where progress is measured along the codes."""
-        return self.ridge_shares.shape[1]
+        return self.mean_path_shares.shape[1]
 
     def pieces_with_demonstrations(self) -> np.ndarray:
         """Numbers of the connected pieces large enough to hold a path."""

@@ -1,12 +1,12 @@
-"""Ridges: where in the latent space the demonstrations of each mode run on average, and how far off them a point lies.
+"""MeanPaths: where the codes of each mode's demonstrations run on average, and how far off them a latent point lies.
 
-Over s in [0, 1], the fraction of the arc, mode k of the demonstrations has the ridge r_k(s), the mean of its codes
+Over s in [0, 1], the fraction of the arc, mode k of the demonstrations has the mean path r_k(s), the mean of its codes
 z_i(s), and their covariance C_k(s). A latent point z lies
 
     u_k^2(z) = min_s (z - r_k(s))^T C_k(s)^-1 (z - r_k(s)),      u^2 = min_k (u_k^2 + 2 log(pi_max / pi_k)),
 
 off it, pi_k the share of the demonstrations that the mode holds. exp(min(a u^2, LARGEST_EXPONENT)) >= 1 is the
-conformal factor of the metric: 1 on the ridge of the largest mode, so that lengths there stay what they are; being
+conformal factor of the metric: 1 on the mean path of the largest mode, so that lengths there stay what they are; being
 never below 1 it leaves obstacle-free costs a lower bound. Progress tau(z) is the soft argmin over s of the same
 distance.
 """
@@ -19,10 +19,10 @@ import numba
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-#: The conformal factor is at most e to this: further off the ridge the walls of sigma decide.
+#: The conformal factor is at most e to this: further off the mean path the walls of sigma decide.
 LARGEST_EXPONENT = 10.0
 #: Covariances are smoothed over this share of the arc, and widened by this deviation: where the codes of a few
-#: demonstrations happen to meet, the ridge is not infinitely sharp.
+#: demonstrations happen to meet, the mean path is not infinitely sharp.
 SMOOTHING = 0.05
 SMALLEST_DEVIATION = 0.05
 #: Temperature of the soft argmin over s, in units of u^2.
@@ -30,8 +30,8 @@ TEMPERATURE = 0.1
 
 
 @dataclass(frozen=True)
-class Ridges:
-    """Ridges of K modes at S fractions of the arc.
+class MeanPaths:
+    """Mean paths of K modes at S fractions of the arc.
 
     Attributes
     ----------
@@ -43,8 +43,8 @@ class Ridges:
     penalties: np.ndarray
 
     @classmethod
-    def of_codes(cls, codes: np.ndarray, modes: np.ndarray) -> Ridges:
-        """Ridges of codes (N, S, d) in modes (N,), numbered from 0; at least one mode has two demonstrations."""
+    def of_codes(cls, codes: np.ndarray, modes: np.ndarray) -> MeanPaths:
+        """Those of codes (N, S, d) in modes (N,), numbered from 0; at least one mode has two demonstrations."""
         members = [codes[modes == mode] for mode in range(modes.max() + 1)]
         centres = np.stack([own.mean(axis=0) for own in members])
         scatter = [np.einsum("isa,isb->sab", own - own.mean(axis=0), own - own.mean(axis=0)) for own in members]
@@ -56,8 +56,8 @@ class Ridges:
         shares = np.array([len(own) for own in members], dtype=float)
         return cls(centres, np.linalg.inv(smooth + floor), 2.0 * np.log(shares.max() / shares))
 
-    def moved_to(self, centres: np.ndarray) -> Ridges:
-        """Ridges of the same widths through other centres (K, S, d)."""
+    def moved_to(self, centres: np.ndarray) -> MeanPaths:
+        """Mean paths of the same widths through other centres (K, S, d)."""
         return replace(self, centres=centres)
 
     def conformal_factors(self, latent: np.ndarray, strength: float) -> np.ndarray:
@@ -66,7 +66,7 @@ class Ridges:
         return np.exp(np.minimum(strength * (distances + self.penalties).min(axis=1), LARGEST_EXPONENT))
 
     def coordinates(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Progress (n,) and shares (n, K) of the ridges at latent points (n, d).
+        """Progress (n,) and shares (n, K) of the mean paths at latent points (n, d).
 
         Shares are the softmax over k of -(u_k^2 + penalty_k) / 2; they sum to 1.
         """

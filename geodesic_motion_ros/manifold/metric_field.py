@@ -6,8 +6,8 @@ At a latent point z, in units of the grid's spacing, the squared length of a sma
 
 over the corners c of the grid's cell that holds z and are nodes, with their multilinear weights w_c. M_c is the
 pull-back metric at a node, M_ck the share of body point k in it and m_k(c) its ambient factor there. phi = min(a u^2,
-cap) is the exponent of the ridges' conformal factor (`mean_path.py`), which varies within a cell and is taken where z
-is.
+cap) is the exponent of the mean paths' conformal factor (`mean_path.py`), which varies within a cell and is taken where
+z is.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.manifold.grid import LatentGrid
-from geodesic_motion_ros.manifold.mean_path import LARGEST_EXPONENT, Ridges
+from geodesic_motion_ros.manifold.mean_path import LARGEST_EXPONENT, MeanPaths
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
 
-#: The nearest of a ridge's samples is looked for from the best of every so many.
+#: The nearest of a mean path's samples is looked for from the best of every so many.
 _STRIDE = 5
 #: Of coordinates, in steps of the grid.
 _ROUNDING = 1e-9
@@ -41,7 +41,7 @@ class MetricField(NamedTuple):
         next along each axis.
     rows, columns : (T,) places of the upper triangle of a (d, d) tensor, T = d (d + 1) / 2.
     tensors : (n, 1 + K, T) M_c without obstacles, and of it the shares M_ck of K body points, in units of the spacing.
-    centres, precisions, penalties : (R, S, d), (R, S, d, d), (R,) as of `Ridges`, in units of the spacing; R may be 0.
+    centres, precisions, penalties : (R, S, d), (R, S, d, d), (R,) as of `MeanPaths`, in units of the spacing, R >= 0.
     strength, cap : a, and the largest exponent of the conformal factor.
     """
 
@@ -65,7 +65,7 @@ class MetricField(NamedTuple):
         grid: LatentGrid,
         number: np.ndarray,
         tensors: np.ndarray,
-        ridges: Ridges | None = None,
+        mean_paths: MeanPaths | None = None,
         strength: float = 1.0,
         cap: float = LARGEST_EXPONENT,
     ) -> MetricField:
@@ -73,12 +73,12 @@ class MetricField(NamedTuple):
         dimension, spacing = len(grid.shape), grid.spacing
         shape = tuple(int(count) for count in grid.shape)
         strides = np.append(np.cumprod(shape[:0:-1])[::-1], 1).astype(np.int64)
-        if ridges is None:
+        if mean_paths is None:
             centres, precisions = np.empty((0, 1, dimension)), np.empty((0, 1, dimension, dimension))
             penalties = np.empty(0)
         else:
-            centres, penalties = np.ascontiguousarray(grid.coordinates(ridges.centres)), ridges.penalties
-            precisions = ridges.precisions * spacing[:, None] * spacing
+            centres, penalties = np.ascontiguousarray(grid.coordinates(mean_paths.centres)), mean_paths.penalties
+            precisions = mean_paths.precisions * spacing[:, None] * spacing
         return cls(
             np.asarray(grid.lower, dtype=float), spacing, shape, strides, np.ascontiguousarray(number).reshape(-1),
             *np.triu_indices(dimension), tensors, centres, precisions, penalties, float(strength), float(cap),
@@ -209,7 +209,7 @@ def tensor_at(
     lean: np.ndarray,
     derived: bool,
 ) -> tuple[float, float]:
-    """Fill the tensor (T,) at a point (d,), without the conformal factor; where they are asked for its slopes (d, T).
+    """Fill the tensor (T,) at a point (d,), without the conformal factor; where `derived` its slopes (d, T).
 
     factors to within : of a reshaping that has looked at the cell's nodes; share (d,), lean (3, d) : for the kernel's
     own use. Returns the share of the cell that nodes hold, weighted, and 0 outside the grid; and the clearance [m]
@@ -284,7 +284,7 @@ def _squared(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: 
 
 @numba.njit(cache=True, nogil=True)
 def nearest_samples(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, nearest: np.ndarray) -> None:
-    """Fill in the best (R,) of every few samples of each ridge, for `conformal_exponent` to begin from."""
+    """Fill in the best (R,) of every few samples of each mean path, for `conformal_exponent` to begin from."""
     for k in range(len(centres)):
         best = math.inf
         for s in range(0, centres.shape[1], _STRIDE):
@@ -295,7 +295,7 @@ def nearest_samples(point: np.ndarray, centres: np.ndarray, precisions: np.ndarr
 
 @numba.njit(cache=True, nogil=True, inline="always")
 def _nearest(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: int, s: int) -> tuple[float, int]:
-    """The same at the sample nearest to a point along a ridge, and which it is; found where s is not far from it."""
+    """The same at the sample of a mean path nearest to a point, and which it is; found where s is not far from it."""
     begin, squared = s, _squared(point, centres, precisions, k, s)
     for step in (1, -1):
         # Nothing is nearer behind where it became nearer ahead.
@@ -309,7 +309,7 @@ def _nearest(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, k: 
 
 @numba.njit(cache=True, nogil=True)
 def nearest_along(point: np.ndarray, centres: np.ndarray, precisions: np.ndarray, nearest: np.ndarray) -> None:
-    """Move on along each ridge from samples (R,) to the nearest ones; they are found where they are not far."""
+    """Move on along each mean path from samples (R,) to the nearest ones; they are found where they are not far."""
     for k in range(len(centres)):
         _, nearest[k] = _nearest(point, centres, precisions, k, nearest[k])
 
@@ -326,22 +326,22 @@ def conformal_exponent(
     gradient: np.ndarray,
     curvature: np.ndarray,
 ) -> float:
-    """phi at a point (d,); fills its gradient (d,) and curvature (d, d) across the nearest ridge, 0 from the cap on.
+    """phi at a point (d,); fills its gradient (d,) and its curvature (d, d) across the nearest path, 0 from the cap on.
 
     nearest : (R,) samples near the nearest ones, which they become.
     """
     gradient[:], curvature[:] = 0.0, 0.0
     if len(centres) == 0:
         return 0.0
-    best, ridge = math.inf, 0
+    best, nearest_path = math.inf, 0
     for k in range(len(centres)):
         squared, nearest[k] = _nearest(point, centres, precisions, k, nearest[k])
         if squared + penalties[k] < best:
-            best, ridge = squared + penalties[k], k
+            best, nearest_path = squared + penalties[k], k
     if strength * best >= cap:
         return cap
     for a in range(len(point)):
         for b in range(len(point)):
-            curvature[a, b] = 2.0 * strength * precisions[ridge, nearest[ridge], a, b]
-            gradient[a] += curvature[a, b] * (point[b] - centres[ridge, nearest[ridge], b])
+            curvature[a, b] = 2.0 * strength * precisions[nearest_path, nearest[nearest_path], a, b]
+            gradient[a] += curvature[a, b] * (point[b] - centres[nearest_path, nearest[nearest_path], b])
     return strength * best

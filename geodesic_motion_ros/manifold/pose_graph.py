@@ -13,7 +13,7 @@ from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.decoder import Decoded, TaskSpaceDecoder, rms_sigma
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
-from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import NUDGE, MetricField, packed_tensors, pulled_back
 from geodesic_motion_ros.manifold.progress import ProgressMap
 from geodesic_motion_ros.manifold.tool_points import tool_points
@@ -71,7 +71,7 @@ class PoseGraph(LatentGraph):
         `conformal` (n,) >= 1 multiplies the squared length of an edge by the mean of its ends; None: 1 everywhere. The
         decoded graph itself stays as it is.
         """
-        moved = offsets.displacements(self.progress, self.ridge_shares)
+        moved = offsets.displacements(self.progress, self.mean_path_shares)
         positions, quaternions = carried(self.decoded.positions, self.decoded.quaternions, moved)
         body_points = tool_points(positions, quaternions, points)
         lengths, turns = chord_energies(
@@ -121,12 +121,12 @@ class PoseGraph(LatentGraph):
         ]
         return packed_tensors(np.stack(shares, axis=1), pulled_back(slopes[:, moved + 3 :]))
 
-    def field(self, tensors: np.ndarray, ridges: Ridges | None, strength: float) -> MetricField:
-        """The metric between the nodes, with the conformal factor of ridges, None for 1; tensors : of `tensors`.
+    def field(self, tensors: np.ndarray, mean_paths: MeanPaths | None, strength: float) -> MetricField:
+        """The metric between the nodes, with the conformal factor of mean paths, None for 1; tensors : of `tensors`.
 
         They are those of the nodes where they are: transport moves neighbours by nearly the same.
         """
-        return MetricField.of(self.grid, self._number, tensors, ridges, strength)
+        return MetricField.of(self.grid, self._number, tensors, mean_paths, strength)
 
     def sigma_at(self, latent: np.ndarray) -> np.ndarray:
         """Sigma (n, 3) [m] of the position at latent points (n, d)."""
@@ -167,7 +167,7 @@ def build_pose_graph(
     one_sheet: bool = True,
     energy_limit: float = math.inf,
     clusters: int = 1,
-    ridges: Ridges | None = None,
+    mean_paths: MeanPaths | None = None,
 ) -> PoseGraph:
     """Decode the latent box into a graph.
 
@@ -182,7 +182,7 @@ def build_pose_graph(
     energy_limit : largest obstacle-free squared length of an edge; longer ones cross where nobody moved.
     clusters : into how many equal groups, one after the other, the codes fall (2 where q and -q have codes of their
         own). Nodes belong to the group of the nearest code, and no edge joins two groups.
-    ridges : along which progress is measured; None: along the codes.
+    mean_paths : along which progress is measured; None: along the codes.
 
     Raises
     ------
@@ -195,7 +195,8 @@ def build_pose_graph(
     latent = lattice[kept]
     number = grid.numbering(kept)
     edges = grid.edges(number, neighbours)
-    progress_map = ProgressMap.from_codes(codes, grid) if ridges is None else ProgressMap.from_ridges(ridges, grid)
+    of_codes = mean_paths is None
+    progress_map = ProgressMap.from_codes(codes, grid) if of_codes else ProgressMap.from_mean_paths(mean_paths, grid)
 
     fractions = np.arange(1, pieces) / pieces
     start, step = latent[edges[:, 0]], latent[edges[:, 1]] - latent[edges[:, 0]]
@@ -227,7 +228,7 @@ def build_pose_graph(
         cluster = nearest // (codes.shape[0] * codes.shape[1] // clusters)
         usable &= cluster[edges[:, 0]] == cluster[edges[:, 1]]
     used = edges[usable]
-    progress, ridge_shares = progress_map(latent)
+    progress, mean_path_shares = progress_map(latent)
     inner_progress, inner_shares = (inner_rows(column)[usable] for column in progress_map(inner_latent))
     return PoseGraph(
         decoder=decoder,
@@ -239,7 +240,7 @@ def build_pose_graph(
         decoded=decoded,
         sigma=rms_sigma(decoded.sigma),
         progress=progress,
-        ridge_shares=ridge_shares,
+        mean_path_shares=mean_path_shares,
         component=connected_pieces(used, len(latent)),
         edges=used,
         adjacency=Adjacency.from_edges(used, len(latent)),

@@ -7,11 +7,11 @@ import numpy as np
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from geodesic_motion_ros.manifold.grid import LatentGrid
-from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
 
 
 class ProgressMap:
-    """Progress tau(z), 0 at the demonstrations' start and 1 at their end, and the shares of the ridges at z.
+    """Progress tau(z), 0 at the demonstrations' start and 1 at their end, and the shares of the mean paths at z.
 
     Both are tabulated on the lattice of a grid and interpolated linearly.
     """
@@ -27,25 +27,25 @@ class ProgressMap:
         return rows[:, 0].copy(), rows[:, 1:].copy()
 
     @classmethod
-    def from_ridges(cls, ridges: Ridges, grid: LatentGrid, kept: np.ndarray | None = None) -> ProgressMap:
-        """The ridges' own progress and shares.
+    def from_mean_paths(cls, mean_paths: MeanPaths, grid: LatentGrid, kept: np.ndarray | None = None) -> ProgressMap:
+        """The mean paths' own progress and shares.
 
         kept : mask over the grid's nodes: they are worked out there and one node further, and taken over from the
             nearest of those elsewhere, where no path leads. In three dimensions most of the grid is empty. None: all.
         """
         if kept is None:
-            return cls(*ridges.coordinates(grid.nodes()), grid)
+            return cls(*mean_paths.coordinates(grid.nodes()), grid)
         near = binary_dilation(kept.reshape(grid.shape), np.ones([3] * len(grid.shape)))
         nearest = distance_transform_edt(~near, return_distances=False, return_indices=True)
         row = np.zeros(grid.shape, dtype=int)
         row[near] = np.arange(np.count_nonzero(near))
         taken = row[tuple(nearest)].reshape(-1)
-        progress, shares = ridges.coordinates(grid.nodes()[near.reshape(-1)])
+        progress, shares = mean_paths.coordinates(grid.nodes()[near.reshape(-1)])
         return cls(progress[taken], shares[taken], grid)
 
     @classmethod
     def from_codes(cls, codes: np.ndarray, grid: LatentGrid) -> ProgressMap:
-        """Progress of the nearby codes (N, T, d), each demonstration's in order of arc length; no ridges.
+        """Progress of the nearby codes (N, T, d), each demonstration's in order of arc length; no mean paths.
 
         tau(z) = sum w s / sum w, w = exp(-|z - z_i(s)|^2 / (2 h^2)), over the demonstrations' codes z_i(s) with arc
         length s; h is the typical distance between neighbouring demonstrations.

@@ -1,4 +1,4 @@
-"""Transport: carrying decoded poses to a query, so that a path begins and ends where it was asked to.
+"""Transport: carrying decoded poses to a query, so that a path begins and ends where it was requested to.
 
 A pose at progress tau in [0, 1] between start and goal is moved by the displacement
 
@@ -24,7 +24,7 @@ class Offsets:
     ----------
     start, goal : (6,) offsets d0 and d1: translation [m] and rotation vector [rad], base frame.
     start_progress, goal_progress : progress of the latent points that are carried onto start and goal.
-    corrections : (K, S, 6) corrections c_k along K ridges at S equally spaced values of progress; K may be 0.
+    corrections : (K, S, 6) corrections c_k along K mean paths at S equally spaced values of progress; K may be 0.
     """
 
     start: np.ndarray
@@ -34,12 +34,12 @@ class Offsets:
     corrections: np.ndarray
 
     @classmethod
-    def none(cls, ridges: int = 0) -> Offsets:
-        """Leaves every pose of a graph with so many ridges where it is."""
-        return cls(np.zeros(6), np.zeros(6), 0.0, 1.0, np.zeros((ridges, 2, 6)))
+    def none(cls, mean_paths: int = 0) -> Offsets:
+        """Leaves every pose of a graph with so many mean paths where it is."""
+        return cls(np.zeros(6), np.zeros(6), 0.0, 1.0, np.zeros((mean_paths, 2, 6)))
 
     def displacements(self, progress: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """D (..., 6) at progress (...) and shares (..., K) of the ridges."""
+        """D (..., 6) at progress (...) and shares (..., K) of the mean paths."""
         tau = blended(progress, self.start_progress, self.goal_progress).reshape(-1)
         flat = shares.reshape(len(tau), self.corrections.shape[0])
         moved = _displacements(tau, progress.reshape(-1), flat, self.start, self.goal, self.corrections)

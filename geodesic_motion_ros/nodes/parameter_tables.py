@@ -137,8 +137,8 @@ PLANNER = (
     Parameter(
         "task_frame",
         [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
-        "Where the frame that the skill was shown in stands in base_frame, until `task_frame` is heard: x, y, z [m], "
-        "quaternion w, x, y, z",
+        "Where the frame that the skill was demonstrated in stands in base_frame, until `task_frame` is heard: "
+        "x, y, z [m], quaternion w, x, y, z",
         "",
         -10.0,
         10.0,

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import MetricField
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.shortest_path import cost_field
@@ -24,9 +24,9 @@ from geodesic_motion_ros.skill.skill import Skill
 
 End = Literal["start", "goal"]
 
-AlongRidges = tuple[np.ndarray, np.ndarray | None, Ridges | None]
-"""Corrections (K, S, k) of the decoder along a query's ridges, the nodes' conformal factors (n,), and the ridges; None
-and None where they are not used.
+AlongMeanPaths = tuple[np.ndarray, np.ndarray | None, MeanPaths | None]
+"""Corrections (K, S, k) of the decoder along a query's mean paths, the nodes' conformal factors (n,), and these paths:
+None and None where they are not used.
 """
 
 
@@ -45,7 +45,7 @@ class CarriedQuery:
     misfits : how far both ends are carried, under their names in a Verdict.
     task_start, task_goal : (k,) offsets of the task's start and goal from the demonstrated means, wherever on the path
         the query begins.
-    along_ridges : corrections and conformal factors for these offsets.
+    along_mean_paths : corrections and conformal factors for these offsets.
     displaced : how far the tool was from the graph of the query before this one, as this one began [m]; 0: there was
         none.
     """
@@ -64,7 +64,7 @@ class CarriedQuery:
     misfits: dict[str, float]
     task_start: np.ndarray
     task_goal: np.ndarray
-    along_ridges: AlongRidges
+    along_mean_paths: AlongMeanPaths
     displaced: float = field(default=0.0, kw_only=True)
 
     def displaced_at(self, progress: np.ndarray) -> float:
@@ -97,25 +97,25 @@ class CarriedQueryBuilder:
         """graph : decoded from the skill; size : numbers of an offset; scene : what nodes must be out of."""
         self._skill, self._graph, self._settings = skill, graph, settings
         self._scene = scene or DeclaredScene.empty()
-        self._ridges = skill.ridges if settings.ridge_strength > 0.0 else None
-        self._unconditioned = self._along_ridges(np.zeros(size), np.zeros(size), conditioned=False)
+        self._mean_paths = skill.mean_paths if settings.ridge_strength > 0.0 else None
+        self._unconditioned = self._along_mean_paths(np.zeros(size), np.zeros(size), conditioned=False)
 
-    def _chosen_ridges(self, task_start: np.ndarray, task_goal: np.ndarray) -> AlongRidges:
+    def _chosen_mean_paths(self, task_start: np.ndarray, task_goal: np.ndarray) -> AlongMeanPaths:
         """Those of start and goal where the skill found that they choose between demonstrations; of the mean else."""
         sheet = self._skill.canonical
-        if self._ridges is None or sheet is None or not (self._settings.query_conditioning and sheet.regresses):
+        if self._mean_paths is None or sheet is None or not (self._settings.query_conditioning and sheet.regresses):
             return self._unconditioned
-        return self._along_ridges(task_start, task_goal, conditioned=True)
+        return self._along_mean_paths(task_start, task_goal, conditioned=True)
 
-    def _along_ridges(self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool) -> AlongRidges:
+    def _along_mean_paths(self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool) -> AlongMeanPaths:
         sheet = self._skill.canonical
-        if self._ridges is None or sheet is None:
-            # No ridge is used, but the graph counts the shares of the skill's.
-            return np.zeros((self._graph.ridge_count, 2, len(start_offset))), None, None
+        if self._mean_paths is None or sheet is None:
+            # No mean path is used, but the graph counts the shares of the skill's.
+            return np.zeros((self._graph.mean_path_count, 2, len(start_offset))), None, None
         weights = sheet.weights(start_offset, goal_offset, conditioned)
-        ridges = self._ridges.moved_to(np.einsum("kn,nsd->ksd", weights, self._skill.codes))
-        corrections = sheet.corrections(self._graph.decoder, ridges, weights)
-        return corrections, ridges.conformal_factors(self._graph.latent, self._settings.ridge_strength), ridges
+        mean_paths = self._mean_paths.moved_to(np.einsum("kn,nsd->ksd", weights, self._skill.codes))
+        corrections = sheet.corrections(self._graph.decoder, mean_paths, weights)
+        return corrections, mean_paths.conformal_factors(self._graph.latent, self._settings.ridge_strength), mean_paths
 
     def _costs(self, graph: WeightedGraph, start_node: int, goal_node: int) -> dict[str, Any]:
         """The heuristics and the limit of a query, under their names in it."""

@@ -18,7 +18,7 @@ from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.manifold.transport import corrections_at
 from geodesic_motion_ros.planning.carried_query import (
-    AlongRidges,
+    AlongMeanPaths,
     CarriedQuery,
     CarriedQueryBuilder,
     End,
@@ -121,7 +121,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         super().__init__(skill, graph, settings, len(graph.robot.joint_names), scene)
         self._robot, self._collision, self._links = graph.robot, collision, LinkBounds.of(collision)
         self._point_radii = np.full(len(graph.body), settings.body_radius)
-        still = graph.transported(JointOffsets.none(self._robot, graph.ridge_count), self._unconditioned[1])
+        still = graph.transported(JointOffsets.none(self._robot, graph.mean_path_count), self._unconditioned[1])
         self._unmoved = still.base
         self._demonstrated_cost = demonstrated_cost(graph, self._unmoved, skill.codes)
         self._fields: dict[int, np.ndarray] = {}
@@ -136,7 +136,7 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
 
     def rebuilt(self, query: ConfigurationQuery) -> ConfigurationQuery:
         """The query of a builder that guards other spheres, with the spheres of this one."""
-        return self._between(*query.ends, query.task_start, query.along_ridges)
+        return self._between(*query.ends, query.task_start, query.along_mean_paths)
 
     # ------------------------------------------------------------------ goals
 
@@ -294,7 +294,8 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
             verdict = self._offset_verdict("start", here)
             return self._offset_verdict("goal", there) if verdict.ok else verdict
         here, there = min(good, key=lambda pair: self._unmoved_cost(*pair))
-        return self._between(here, there, here.task_offset, self._chosen_ridges(here.task_offset, there.task_offset))
+        along_mean_paths = self._chosen_mean_paths(here.task_offset, there.task_offset)
+        return self._between(here, there, here.task_offset, along_mean_paths)
 
     def redirected(
         self, query: ConfigurationQuery, start: np.ndarray, latent: np.ndarray, goal: ConfigurationGoal
@@ -314,14 +315,14 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         if not allowed:
             return self._offset_verdict("goal", min(ends, key=self._misfit)) if ends else None
         there = min(allowed, key=lambda end: self._unmoved_cost(here, end))
-        along_ridges = query.along_ridges
+        along_mean_paths = query.along_mean_paths
         if np.linalg.norm(there.task_offset - query.task_goal) > SAME_TASK_JOINTS:
-            along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
+            along_mean_paths = self._chosen_mean_paths(query.task_start, there.task_offset)
         along, _ = query.configurations_along(latent[None], start)
         moved = np.linalg.norm(self._robot.forward(start)[0] - self._robot.forward(along[0])[0])
         progress, _ = self._graph.progress_map(latent[None])
         displaced = float(moved) + query.displaced_at(progress)
-        return replace(self._between(here, there, query.task_start, along_ridges), displaced=displaced)
+        return replace(self._between(here, there, query.task_start, along_mean_paths), displaced=displaced)
 
     def other_posture(self, query: ConfigurationQuery) -> None:
         """None: in which posture a path is followed is what was demonstrated."""
@@ -337,9 +338,9 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
         return float(self._fields[there.node][here.node])
 
     def _between(
-        self, here: _End, there: _End, task_start: np.ndarray, along_ridges: AlongRidges
+        self, here: _End, there: _End, task_start: np.ndarray, along_mean_paths: AlongMeanPaths
     ) -> ConfigurationQuery:
-        corrections, conformal, ridges = along_ridges
+        corrections, conformal, mean_paths = along_mean_paths
         progress, shares = self._graph.progress_map(np.stack([here.latent, there.latent]))
         decoded = np.stack([here.decoded, there.decoded]) + corrections_at(corrections, progress, shares)
         requested, along = np.stack([here.requested, there.requested]), (float(progress[0]), float(progress[1]))
@@ -358,12 +359,12 @@ class ConfigurationQueryBuilder(CarriedQueryBuilder):
             body=body,
             offsets=offsets,
             graph=graph,
-            field=self._graph.field(ridges, self._settings.ridge_strength),
+            field=self._graph.field(mean_paths, self._settings.ridge_strength),
             **self._costs(graph, here.node, there.node),
             misfits=here.misfits("start") | there.misfits("goal"),
             task_start=task_start,
             task_goal=there.task_offset,
-            along_ridges=along_ridges,
+            along_mean_paths=along_mean_paths,
             decoded=self._graph,
             ends=(here, there),
         )

@@ -36,7 +36,7 @@ class DetourWorker:
     """One thread that searches one detour after the other."""
 
     def __init__(self, delay: float | None = None) -> None:
-        """delay : results arrive so long [s] after they were asked for, whatever the search takes: then what a planner
+        """delay : results arrive so long [s] after they were requested, whatever the search takes: then what a planner
         does is the same in every run, as tests and the benchmark want it. None: when they are there.
         """
         self._delay = delay

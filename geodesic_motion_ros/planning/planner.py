@@ -59,7 +59,7 @@ from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.utils.errors import PlanningError, RobotError
 
-#: A detour arrives so long after it was asked for [s] where no other worker is given.
+#: A detour arrives so long after it was requested [s] where no other worker is given.
 DETOUR_DELAY = 0.15
 
 

@@ -3,8 +3,9 @@
 Decoded nodes are carried by the offsets of both ends, so paths begin and end where it was requested, and obstacles are
 met where the robot will really be. Which latent points are carried onto start and goal:
 
-- on a canonical sheet, where all demonstrations start and where all end, as long as the requested poses lie within the
-  starts and goals that were demonstrated, or not further beyond them than the limits allow;
+- on a canonical sheet, learned from endpoint-normalised demonstrations, where all of these start and where all end, as
+  long as the requested poses lie within the starts and goals that were demonstrated, or not further beyond them than
+  the limits allow;
 - otherwise, and always on the raw sheet, the nearest trusted poses of the manifold.
 """
 
@@ -21,7 +22,7 @@ from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets, corrections_at
 from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER
-from geodesic_motion_ros.planning.carried_query import AlongRidges, CarriedQuery, CarriedQueryBuilder, End
+from geodesic_motion_ros.planning.carried_query import AlongMeanPaths, CarriedQuery, CarriedQueryBuilder, End
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import SAME_TASK_POSE, PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
@@ -94,7 +95,7 @@ class QueryBuilder(CarriedQueryBuilder):
         if skill.canonical is not None:
             means = {"start": skill.codes[:, 0].mean(axis=0), "goal": skill.codes[:, -1].mean(axis=0)}
             self._poles = {end: (latent, self._pole_node(latent)) for end, latent in means.items()}
-        unmoved = graph.transported(Offsets.none(graph.ridge_count), self._points, self._unconditioned[1])
+        unmoved = graph.transported(Offsets.none(graph.mean_path_count), self._points, self._unconditioned[1])
         self._demonstrated_cost = demonstrated_cost(graph, unmoved.base, skill.codes)
 
     # ------------------------------------------------------------------ ends
@@ -172,8 +173,8 @@ class QueryBuilder(CarriedQueryBuilder):
         if not pairs:
             return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
         here, there = min(pairs, key=lambda pair: self._misfit(pair[0]) + self._misfit(pair[1]))
-        along_ridges = self._chosen_ridges(here.task_offset, there.task_offset)
-        return self._between(start, here, goal, there, here.task_offset, along_ridges)
+        along_mean_paths = self._chosen_mean_paths(here.task_offset, there.task_offset)
+        return self._between(start, here, goal, there, here.task_offset, along_mean_paths)
 
     def redirected(self, query: Query, start: Pose, latent: np.ndarray, goal: Pose) -> Query | Verdict | None:
         """The query that goes on from a pose on the path of an older one, at its latent point (d,), to a new goal.
@@ -187,10 +188,10 @@ class QueryBuilder(CarriedQueryBuilder):
         there = self._end("goal", goal, int(self._graph.component[node]))
         if there is None:
             return None
-        along_ridges = query.along_ridges
+        along_mean_paths = query.along_mean_paths
         if np.linalg.norm(POSE_SCALE * (there.task_offset - query.task_goal)) > SAME_TASK_POSE:
-            along_ridges = self._chosen_ridges(query.task_start, there.task_offset)
-        found = self._between(start, here, goal, there, query.task_start, along_ridges)
+            along_mean_paths = self._chosen_mean_paths(query.task_start, there.task_offset)
+        found = self._between(start, here, goal, there, query.task_start, along_mean_paths)
         if isinstance(found, Verdict):
             return found
         progress, shares = self._graph.progress_map(latent[None])
@@ -199,12 +200,12 @@ class QueryBuilder(CarriedQueryBuilder):
         return replace(found, displaced=moved + query.displaced_at(progress))
 
     def _between(
-        self, start: Pose, here: _End, goal: Pose, there: _End, task_start: np.ndarray, along_ridges: AlongRidges
+        self, start: Pose, here: _End, goal: Pose, there: _End, task_start: np.ndarray, along_mean_paths: AlongMeanPaths
     ) -> Query | Verdict:
         for verdict in (self._offset_verdict("start", here), self._offset_verdict("goal", there)):
             if not verdict.ok:
                 return verdict
-        corrections, conformal, ridges = along_ridges
+        corrections, conformal, mean_paths = along_mean_paths
         offsets = self._offsets(here, there, corrections)
         graph = self._graph.transported(offsets, self._points, conformal)
         return Query(
@@ -215,12 +216,12 @@ class QueryBuilder(CarriedQueryBuilder):
             body=NodeBody.of_tool(graph.body_points, np.array(self._settings.tool_radii, dtype=float)),
             offsets=offsets,
             graph=graph,
-            field=self._graph.field(self._tensors, ridges, self._settings.ridge_strength),
+            field=self._graph.field(self._tensors, mean_paths, self._settings.ridge_strength),
             **self._costs(graph, here.node, there.node),
             misfits=_misfits("start", here) | _misfits("goal", there),
             task_start=task_start,
             task_goal=there.task_offset,
-            along_ridges=along_ridges,
+            along_mean_paths=along_mean_paths,
         )
 
     def _offsets(self, here: _End, there: _End, corrections: np.ndarray) -> Offsets:

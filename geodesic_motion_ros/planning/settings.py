@@ -59,7 +59,7 @@ ATTEMPTS = Attempt(1.0), Attempt(4.0), Attempt(1.0, optimistic=True)
 #: no corners of the grid, and those that are not refined.
 REFINED_WIDTH, UNREFINED_WIDTH = 1.0, 2.0
 #: Configurations that hold a path of tool poses are smoothed by so many times that width, from 1 on: that takes out
-#: kinks of the decoder and of the corrections along ridges, of a millimetre or two.
+#: kinks of the decoder and of the corrections along mean paths, of a millimetre or two.
 TOOL_SMOOTHING_FACTOR = 3.0
 #: The same of `PosePathPlanner`: multiples of the obstacle margin, and for each of them smoothing widths in grid steps,
 #: of the latent path and of the poses decoded from it.
@@ -152,7 +152,8 @@ class PlannerSettings:
     ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + body radius), of the soft metric.
     ambient_law : how it grows towards obstacles: gaussian, completed, or hard: not at all
     (`manifold/ambient_metric.py`).
-    ridge_strength : a of the ridges' conformal factor exp(a u^2); 0 leaves the plain pull-back metric.
+    ridge_strength : a of the conformal factor exp(a u^2) off the modes' mean paths (`manifold.mean_path`), which
+        were called ridges; 0 leaves the plain pull-back metric.
     cost_cap : paths that cost more than so many times what a demonstration costs without obstacles count as blocked.
     query_conditioning : let start and goal choose between the demonstrations, where the skill found that it helps.
     prediction : obstacles are expected to move on linearly for so long [s], enlarged by what their velocities may be

@@ -45,13 +45,13 @@ class Verdict:
     cost_gap : how much more than the cheapest path through the graph this one costs at most, as a share of that; 0 but
         where the deadline ended the search.
     in_support : whether the whole path stays where the decoder can be trusted.
-    start_offset, goal_offset : distance [m] that the learned start and goal are carried to meet the asked poses.
+    start_offset, goal_offset : distance [m] that the learned start and goal are carried to meet the requested poses.
     start_offset_angle, goal_offset_angle : the same for the orientation [rad].
     end_correction : how far the path's ends still had to be moved after that, the farther of the two: over all joints
         [rad], or [m] with the paper's planner.
     start_beyond, goal_beyond : how much of that [m] no demonstration shows: all of it on the raw sheet, the distance
-        from the convex hull of the demonstrated offsets on a canonical one. start_beyond_angle, goal_beyond_angle :
-        the same for the orientation [rad].
+        from the convex hull of the demonstrated offsets on a canonical (endpoint-normalised) one.
+    start_beyond_angle, goal_beyond_angle : the same for the orientation [rad].
     displacement, swivel : how far the tool [m] and the arm beside it [rad] leave what was demonstrated, where the path
         is a detour; 0 elsewhere. deviation : the largest Mahalanobis distance of that, by the demonstrations' variance.
     goal_covered : whether an obstacle, or the declared scene, overlaps the arm at the goal. It is a case of

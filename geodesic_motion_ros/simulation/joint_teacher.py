@@ -203,7 +203,7 @@ def pouring_guidances(count_per_pair: int, seed: int) -> tuple[Guidance, ...]:
 
 
 def draw_reaching_query(generator: np.random.Generator) -> tuple[Pose, Pose]:
-    """A start and a goal (position (3,) [m], quaternion (4,)) of a reach to grasp, drawn from what is shown."""
+    """A start and a goal (position (3,) [m], quaternion (4,)) of a reach to grasp, drawn as demonstrations are."""
     start, goal = (
         middle + spread * generator.uniform(-1.0, 1.0, 3)
         for middle, spread in zip((REACH_START, REACH_GOAL), REACH_SPREAD, strict=True)
@@ -235,7 +235,7 @@ def configurations(robot: Robot, guidance: Guidance) -> np.ndarray:
             q = solve_with_swivel(robot, *pose, q)
             path.append(q)
     except RobotError as error:
-        raise DemonstrationError(f"demonstration '{motion.name}' cannot be shown: {error}") from error
+        raise DemonstrationError(f"demonstration '{motion.name}' cannot be performed: {error}") from error
     return np.array(path)
 
 

@@ -40,7 +40,7 @@ class PhysicsClient:
 
     Raises
     ------
-    ParameterError : a window was asked for where there is no display.
+    ParameterError : a window was requested where there is no display.
     """
 
     def __init__(self, gui: bool = False) -> None:

@@ -155,7 +155,7 @@ def pouring_pose(cup: np.ndarray, yaw: float, tilt: float = POURING_TILT) -> Pos
 
 
 def draw_passing_query(generator: np.random.Generator) -> tuple[Pose, Pose]:
-    """A start and a goal (position (3,) [m], quaternion (4,)) past the pillar, drawn uniformly from what is shown."""
+    """A start and a goal (position (3,) [m], quaternion (4,)) past the pillar, drawn uniformly as demonstrated."""
     start, goal = _passing_ends(generator)
     turned = from_rotation(about("z", PASS_TURN) * DOWN)
     return (start, turned[0]), (goal, turned[1])

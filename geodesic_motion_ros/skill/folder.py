@@ -32,7 +32,7 @@ from geodesic_motion_ros.utils.checked_numbers import (
 )
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, SkillError
 
-#: Arrays of latent.npz, and by the space those of the canonical demonstrations.
+#: Arrays of latent.npz, and by the space those of the canonical, endpoint-normalised, demonstrations.
 LATENT_ARRAYS = ("codes", "latent_lower", "latent_upper", "start_pose", "goal_pose")
 _ENDS = ("start_offsets", "goal_offsets", "modes")
 CANONICAL_ARRAYS = {

@@ -1,6 +1,8 @@
-"""JointSheet: what a joint-space skill that was learned from canonical demonstrations knows of them beside codes.
+"""JointSheet: what a joint-space skill knows, beside codes, of the demonstrations that it was learned from.
 
-As `sheet.CanonicalSheet`, with one difference: several families of configurations may start from, or end at, different
+These are canonical: endpoint-normalised, with start and goal offsets taken out (`demonstrations.joint_canonical`).
+
+One difference from `sheet.CanonicalSheet`: several families of configurations may start from, or end at, different
 configurations that hold the tool in the same pose. No mean is taken over them. Starts and goals are grouped, and each
 group has a mean of its own, its *pole*, from which offsets are counted.
 """
@@ -12,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
-from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.skill.sheet import DemonstratedEnds
 
 
@@ -48,8 +50,8 @@ class JointSheet(DemonstratedEnds):
             groups = len(set(getattr(self, f"{end}_groups").tolist()))
             self.check_arrays({f"{end}_poles": (groups, joints)})
 
-    def corrections(self, decoder: JointSpaceDecoder, ridges: Ridges, weights: np.ndarray) -> np.ndarray:
-        """What the decoder lacks on the ridges to be the demonstrations' weighted means, (K, S, eta) [rad]."""
+    def corrections(self, decoder: JointSpaceDecoder, mean_paths: MeanPaths, weights: np.ndarray) -> np.ndarray:
+        """What the decoder lacks on the mean paths to be the demonstrations' weighted means, (K, S, eta) [rad]."""
         means = np.einsum("kn,nsj->ksj", weights, self.configurations)
-        count, samples, dimension = ridges.centres.shape
-        return means - decoder.configurations(ridges.centres.reshape(-1, dimension)).reshape(count, samples, -1)
+        count, samples, dimension = mean_paths.centres.shape
+        return means - decoder.configurations(mean_paths.centres.reshape(-1, dimension)).reshape(count, samples, -1)

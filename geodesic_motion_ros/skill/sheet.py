@@ -1,8 +1,8 @@
-"""CanonicalSheet: what a skill of poses that was learned from canonical demonstrations knows of them beside codes.
+"""CanonicalSheet: what a skill of poses knows, beside codes, of the demonstrations that it was learned from.
 
-Start and goal offsets were taken out of the demonstrations before the training (`demonstrations.canonical`); the
+These are canonical: endpoint-normalised, with start and goal offsets taken out (`demonstrations.canonical`). The
 planner carries the decoded nodes to a query with the query's own offsets. Here stands how far offsets were
-demonstrated, where the ridges of the modes run, and what the demonstrations predict for a query.
+demonstrated, where the mean paths of the modes run, and what the demonstrations predict for a query.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from geodesic_motion_ros.geometry.convex_hull import beyond_hull
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, mean_rotation, rotate_by, rotation_vector_between
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
-from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.skill.regression import regression_weights
 from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_range, check_unit
@@ -64,7 +64,7 @@ class DemonstratedEnds:
             raise SkillError(f"{name} must be numbered from 0 without gaps, are {brief(sorted(numbers))}")
 
     @property
-    def has_ridges(self) -> bool:
+    def has_mean_paths(self) -> bool:
         """Whether there are enough demonstrations to speak of a mean and a spread: two at least in some mode."""
         return len(self.modes) > np.max(self.modes) + 1
 
@@ -137,11 +137,11 @@ class CanonicalSheet(DemonstratedEnds):
     def _rotations(self) -> RotationCurves:
         return RotationCurves.of(self.quaternions)
 
-    def corrections(self, decoder: TaskSpaceDecoder, ridges: Ridges, weights: np.ndarray) -> np.ndarray:
-        """What the decoder lacks on the ridges to be the demonstrations' weighted means, (K, S, 6)."""
+    def corrections(self, decoder: TaskSpaceDecoder, mean_paths: MeanPaths, weights: np.ndarray) -> np.ndarray:
+        """What the decoder lacks on the mean paths to be the demonstrations' weighted means, (K, S, 6)."""
         positions, quaternions = self.mean_curves(weights)
-        count, samples, dimension = ridges.centres.shape
-        decoded = decoder.decode(ridges.centres.reshape(-1, dimension))
+        count, samples, dimension = mean_paths.centres.shape
+        decoded = decoder.decode(mean_paths.centres.reshape(-1, dimension))
         turns = rotation_vector_between(decoded.quaternions.reshape(count, samples, 4), quaternions)
         return np.concatenate([positions - decoded.positions.reshape(count, samples, 3), turns], axis=-1)
 

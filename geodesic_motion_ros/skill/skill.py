@@ -26,7 +26,7 @@ from geodesic_motion_ros.manifold.configuration_graph import (
 )
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
-from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph, build_pose_graph
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.description import DESCRIPTION, FILES, FORMAT_VERSION, LATENT, METADATA, WEIGHTS
@@ -57,7 +57,8 @@ class Skill:
     name, robot, base_frame, tool_frame : what it is called and whose poses it speaks of.
     decoder : numpy decoder; encoder_arrays : weights of the encoder by name, for re-encoding demonstrations.
     codes : (N, T, d) latent means of the demonstrations by arc length; with antipodal doubling both signs, (2N, T, d).
-    canonical : what was taken out of the demonstrations before the training; None on the raw sheet, that of the paper.
+    canonical : the endpoint-normalised demonstrations and the offsets that were taken out of them before the training;
+        None on the raw sheet, that of the paper: there they are learned as they were recorded.
     latent_lower, latent_upper : (d,) the box that is turned into a graph.
     metric : weights of the pull-back metric.
     orientation_model : "two_cluster" (q and -q have codes of their own) or "sign_blind"; "none" in joint space.
@@ -101,11 +102,11 @@ class Skill:
         return "raw" if self.canonical is None else "canonical"
 
     @property
-    def ridges(self) -> Ridges | None:
+    def mean_paths(self) -> MeanPaths | None:
         """Where the demonstrations run on average; None on the raw sheet, and for a single demonstration."""
-        if self.canonical is None or not self.canonical.has_ridges:
+        if self.canonical is None or not self.canonical.has_mean_paths:
             return None
-        return Ridges.of_codes(self.codes, self.canonical.modes)
+        return MeanPaths.of_codes(self.codes, self.canonical.modes)
 
     def _energy_limit(self, shape: tuple[int, ...]) -> float:
         """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""
@@ -135,12 +136,12 @@ class Skill:
             return build_configuration_graph(
                 self.decoder, self.codes, self.latent_lower, self.latent_upper, self.metric, robot,
                 self.metric.body_points(robot), self.sigma_limit, shape, neighbours,
-                energy_limit=self._energy_limit(shape), ridges=self.ridges,
+                energy_limit=self._energy_limit(shape), mean_paths=self.mean_paths,
             )  # fmt: skip
         return build_pose_graph(
             self.decoder, self.codes, self.latent_lower, self.latent_upper,
             self.metric, self.sigma_limit, shape, neighbours, energy_limit=self._energy_limit(shape),
-            clusters=2 if self.orientation_model == "two_cluster" else 1, ridges=self.ridges,
+            clusters=2 if self.orientation_model == "two_cluster" else 1, mean_paths=self.mean_paths,
         )  # fmt: skip
 
     def save(self, folder: str | os.PathLike[str]) -> Path:

@@ -22,7 +22,7 @@ class RobotError(GeodesicMotionError):
 
 
 class PlanningError(GeodesicMotionError):
-    """A planner was asked for something that has no meaning."""
+    """Something was requested of a planner that has no meaning."""
 
 
 class ParameterError(GeodesicMotionError):

@@ -123,9 +123,9 @@ def joint_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     title = f"Latent space of {skill.name}"
     handles = draw_latent_tubes(figure, (1, 2, 1), planner, paths, _listed(obstacle), title)
     space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
-    shown = [_tool_positions(planner, skill.decoder.configurations(code)) for code in skill.codes]
+    demonstrated = [_tool_positions(planner, skill.decoder.configurations(code)) for code in skill.codes]
     postures = [_postures(planner, drawn) for drawn in paths]
-    draw_in_space(space, shown, paths, obstacle, zoom=1.1, also=[part for arm in postures for part in arm])
+    draw_in_space(space, demonstrated, paths, obstacle, zoom=1.1, also=[part for arm in postures for part in arm])
     for drawn, arm in zip(paths, postures, strict=True):
         for posture, alpha in zip(arm, _POSTURE_ALPHA, strict=True):
             points = 100.0 * posture.T

@@ -40,7 +40,7 @@ def test_a_canonical_skill_keeps_what_was_taken_out(canonical_skill, demonstrati
     np.testing.assert_array_equal(sheet.modes, 0)
 
 
-def test_each_of_two_modes_has_a_ridge_and_no_regression():
+def test_each_of_two_modes_has_a_mean_path_and_no_regression():
     s = np.linspace(0.0, 1.0, 80)[:, None]
     items = []
     for number, bulge in enumerate((0.12, 0.13, 0.14, -0.12, -0.13, -0.14)):

@@ -74,7 +74,7 @@ def test_squared_lengths_are_those_of_the_pull_back_metric(reach_skill, sigma_we
 def test_every_body_point_has_its_share_of_what_moves(reach_skill) -> None:
     graph = reach_skill.graph((30, 30, 30))
     conformal = 1.0 + np.random.default_rng(0).random(len(graph.latent))
-    carried = graph.transported(JointOffsets.none(ROBOT, graph.ridge_count), conformal)
+    carried = graph.transported(JointOffsets.none(ROBOT, graph.mean_path_count), conformal)
     steps = np.diff(carried.body_points[graph.edges], axis=1)[:, 0]
     factor = conformal[graph.edges].mean(axis=1)[:, None]
     expected = factor * (np.sum(steps**2, axis=-1) + graph._sigma_shares) / len(graph.body)
@@ -84,7 +84,7 @@ def test_every_body_point_has_its_share_of_what_moves(reach_skill) -> None:
 
 def test_a_conformal_factor_stretches_squared_lengths_and_leaves_energies(reach_skill) -> None:
     graph = reach_skill.graph((30, 30, 30))
-    none = JointOffsets.none(ROBOT, graph.ridge_count)
+    none = JointOffsets.none(ROBOT, graph.mean_path_count)
     plain, twice = graph.transported(none), graph.transported(none, np.full(len(graph.latent), 2.0))
     np.testing.assert_allclose(twice.base**2, 2.0 * plain.base**2)
     np.testing.assert_allclose(twice.energies(), plain.energies())
@@ -113,7 +113,7 @@ def test_nodes_and_edges_stay_inside_the_support(reach_skill) -> None:
     assert graph.sigma.max() <= reach_skill.sigma_limit
     middles = graph.latent[graph.edges].mean(axis=1)
     assert np.mean(rms_sigma(graph.decoder.uncertainty(middles)) <= 1.02 * reach_skill.sigma_limit) == 1.0
-    energies = graph.transported(JointOffsets.none(ROBOT, graph.ridge_count)).energies()
+    energies = graph.transported(JointOffsets.none(ROBOT, graph.mean_path_count)).energies()
     assert energies.max() <= graph.energy_limit * (1.0 + 1e-9)
 
 

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from geodesic_motion_ros.manifold.geodesic_refinement import _assemble, _judged, _newton_step, _smooth, refined
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
-from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import MetricField, curve_length, evenly, packed_tensors, piecewise
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
@@ -20,10 +20,10 @@ SHAPES = [((31, 31), 8), ((15, 15, 15), 26), ((8, 8, 8, 8), 80)]
 
 
 class Scene:
-    """A grid that is laid smoothly into the workspace of one body point, with a ridge and without some nodes."""
+    """A grid that is laid smoothly into the workspace of one body point, with a mean path and without some nodes."""
 
     def __init__(
-        self, shape: tuple[int, ...], neighbours: int, seed: int = 0, kept: float = 1.0, ridge: bool = True
+        self, shape: tuple[int, ...], neighbours: int, seed: int = 0, kept: float = 1.0, drawn: bool = True
     ) -> None:
         self.random = np.random.default_rng(seed)
         d = len(shape)
@@ -40,13 +40,13 @@ class Scene:
         along = np.linspace(-0.9, 0.9, 80)[:, None]
         centres = (along * np.ones(d) + 0.4 * np.cos(1.7 * along) * (np.arange(d) - 0.5 * (d - 1)))[None]
         precisions = np.broadcast_to(np.eye(d) / 0.4**2, (1, 80, d, d))
-        ridges = Ridges(centres, precisions, np.zeros(1)) if ridge else None
+        mean_paths = MeanPaths(centres, precisions, np.zeros(1)) if drawn else None
         number = self.grid.numbering(mask)
         tensors = packed_tensors((shares * unit)[:, None], np.broadcast_to(rest * unit, shares.shape))
-        self.field = MetricField.of(self.grid, number, tensors, ridges)
+        self.field = MetricField.of(self.grid, number, tensors, mean_paths)
         self.edges = self.grid.edges(number, neighbours)
         self.adjacency = Adjacency.from_edges(self.edges, len(self.latent))
-        conformal = ridges.conformal_factors(self.latent, 1.0) if ridges else np.ones(len(self.latent))
+        conformal = mean_paths.conformal_factors(self.latent, 1.0) if mean_paths else np.ones(len(self.latent))
         first, second = self.edges.T
         factor, step = 0.5 * (conformal[first] + conformal[second]), self.latent[second] - self.latent[first]
         self.shares = factor[:, None] * np.sum((self.points[second] - self.points[first]) ** 2, axis=-1)
@@ -108,7 +108,7 @@ def test_where_the_metric_changes_within_a_piece_it_is_no_longer_than_what_was_b
     """Newton's steps go by the middles of pieces, which then tell too little."""
     compared = 0
     for seed in range(40):
-        scene = Scene((15, 15, 15), 26, seed, ridge=False)
+        scene = Scene((15, 15, 15), 26, seed, drawn=False)
         rough = np.exp(scene.random.normal(scale=2.5, size=(len(scene.field.tensors), 1, 1)))
         field = scene.field._replace(tensors=scene.field.tensors * rough)
         path, free = scene.path(scene.free()), scene.free()
@@ -128,7 +128,7 @@ def test_where_the_metric_changes_within_a_piece_it_is_no_longer_than_what_was_b
 
 
 def test_in_a_flat_space_it_is_straight():
-    scene = Scene((15, 15, 15), 26, ridge=False)
+    scene = Scene((15, 15, 15), 26, drawn=False)
     flat = np.broadcast_to(scene.field.tensors[:1], scene.field.tensors.shape)
     field = scene.field._replace(tensors=np.ascontiguousarray(flat))
     corner = scene.latent[[0, -30]]
@@ -140,7 +140,7 @@ def test_in_a_flat_space_it_is_straight():
 
 
 def test_among_obstacles_it_keeps_off_them_where_straightening_alone_would_not():
-    scene = Scene((31, 31), 8, ridge=False)
+    scene = Scene((31, 31), 8, drawn=False)
     middle = len(scene.latent) // 2
     reshaping = scene.among(scene.points[middle], 0.2)
     ends = np.array([[-0.9, 0.0], [0.9, 0.0]])

@@ -10,7 +10,7 @@ from geodesic_motion_ros.robot.inverse_kinematics import pose_error
 from geodesic_motion_ros.robot.kinematics import Robot
 
 ROBOT = Robot.panda()
-NO_RIDGES = np.zeros((60, 0))
+NO_MEAN_PATHS = np.zeros((60, 0))
 S = np.linspace(0.0, 1.0, 60)
 #: Offsets of start and goal [rad], over all joints of length one.
 OFFSETS = np.random.default_rng(4).normal(size=(2, 7))
@@ -32,21 +32,21 @@ def tool_moves(before: np.ndarray, after: np.ndarray) -> np.ndarray:
 def test_both_ends_are_met_exactly(curve, size):
     asked = curve[[0, -1]] + size * OFFSETS
     offsets = JointOffsets.between(ROBOT, curve[[0, -1]], asked)
-    carried = offsets.carried(curve, S, NO_RIDGES)
+    carried = offsets.carried(curve, S, NO_MEAN_PATHS)
     np.testing.assert_allclose(carried[[0, -1]], asked, atol=1e-12)
 
 
 def test_ends_at_other_progress_are_met_there(curve):
     asked = curve[[10, 50]] + 0.2 * OFFSETS
     offsets = JointOffsets.between(ROBOT, curve[[10, 50]], asked, (float(S[10]), float(S[50])))
-    carried = offsets.carried(curve, S, NO_RIDGES)
+    carried = offsets.carried(curve, S, NO_MEAN_PATHS)
     np.testing.assert_allclose(carried[[10, 50]], asked, atol=1e-12)
 
 
 def test_none_leaves_everything_where_it_is(curve):
     shares = np.full((60, 2), 0.5)
     np.testing.assert_array_equal(JointOffsets.none(ROBOT, 2).carried(curve, S, shares), curve)
-    np.testing.assert_array_equal(JointOffsets.none(ROBOT).carried(curve, S, NO_RIDGES), curve)
+    np.testing.assert_array_equal(JointOffsets.none(ROBOT).carried(curve, S, NO_MEAN_PATHS), curve)
 
 
 def tool_error(curve: np.ndarray, size: float, plainly: bool) -> float:
@@ -54,7 +54,7 @@ def tool_error(curve: np.ndarray, size: float, plainly: bool) -> float:
     asked = curve[[0, -1]] + size * OFFSETS
     offsets = JointOffsets.between(ROBOT, curve[[0, -1]], asked)
     share = S[:, None]
-    carried = offsets.carried(curve, S, NO_RIDGES)
+    carried = offsets.carried(curve, S, NO_MEAN_PATHS)
     if plainly:
         carried = curve + (1.0 - share) * size * OFFSETS[0] + share * size * OFFSETS[1]
     wanted = (1.0 - share) * offsets.tool[0] + share * offsets.tool[1]
@@ -70,7 +70,7 @@ def test_the_tool_moves_as_asked_but_for_the_second_order(curve):
     assert plain[0] > 10.0 * errors[0]
 
 
-def test_corrections_of_the_ridges_come_first(curve):
+def test_corrections_of_the_mean_paths_come_first(curve):
     corrections = np.zeros((1, 2, 7))
     corrections[0, :, 3] = 0.1, 0.2
     shown = curve[[0, -1]] + corrections[0]

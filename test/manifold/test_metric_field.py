@@ -1,4 +1,4 @@
-"""The metric between the nodes: what of it is exact, and that obstacles and ridges stretch it as they do the nodes'."""
+"""The metric between the nodes: what of it is exact, and that obstacles and mean paths stretch it as the nodes'."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.manifold.grid import LatentGrid
-from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import (
     MetricField,
     conformal_exponent,
@@ -26,7 +26,9 @@ SHAPES = [(12, 10), (7, 8, 6), (5, 4, 5, 4)]
 class Scene:
     """One body point at every node of a grid, which moves linearly with the latent point: a flat metric."""
 
-    def __init__(self, shape: tuple[int, ...], seed: int = 0, kept: float = 1.0, ridges: Ridges | None = None) -> None:
+    def __init__(
+        self, shape: tuple[int, ...], seed: int = 0, kept: float = 1.0, mean_paths: MeanPaths | None = None
+    ) -> None:
         self.random = np.random.default_rng(seed)
         d = len(shape)
         self.grid = LatentGrid(-np.ones(d), np.ones(d), shape)
@@ -39,7 +41,7 @@ class Scene:
         unit = self.grid.spacing[:, None] * self.grid.spacing
         every = np.ones((len(self.nodes), 1, 1))
         tensors = packed_tensors((every * (self.place.T @ self.place * unit))[:, None], every * (self.rest * unit))
-        self.field = MetricField.of(self.grid, self.grid.numbering(mask), tensors, ridges)
+        self.field = MetricField.of(self.grid, self.grid.numbering(mask), tensors, mean_paths)
 
     def among(self, obstacles: Obstacles) -> Reshaping:
         return Reshaping.of(NodeBody.of_tool(self.points, np.array([0.05])), obstacles, 1e3, 0.5, 0.02)
@@ -94,22 +96,22 @@ def test_where_no_node_is_near_there_is_no_length():
     assert curve_length(scene.field, reshaping, np.array([[-1.0, -1.0], [1.0, 1.0]])) == math.inf
 
 
-def _ridges(d: int, seed: int) -> Ridges:
+def _mean_paths(d: int, seed: int) -> MeanPaths:
     random = np.random.default_rng(seed)
     along = np.linspace(-0.8, 0.8, 60)[None, :, None]
     centres = along * np.ones(d) + 0.2 * np.sin(3.0 * along + random.uniform(0.0, 6.0, size=(2, 1, d)))
     roots = np.repeat(np.eye(d) + 0.3 * random.normal(size=(2, 1, d, d)), 60, axis=1)
-    return Ridges(centres, 9.0 * roots.swapaxes(-1, -2) @ roots, np.array([0.0, 0.7]))
+    return MeanPaths(centres, 9.0 * roots.swapaxes(-1, -2) @ roots, np.array([0.0, 0.7]))
 
 
 @pytest.mark.parametrize("d", [2, 3, 4])
-def test_the_exponent_is_that_of_the_ridges_conformal_factor(d):
-    ridges = _ridges(d, seed=d)
-    field = Scene((6,) * d, ridges=ridges).field
+def test_the_exponent_is_that_of_the_mean_paths_conformal_factor(d):
+    mean_paths = _mean_paths(d, seed=d)
+    field = Scene((6,) * d, mean_paths=mean_paths).field
     random = np.random.default_rng(1)
-    latent = ridges.centres[random.integers(2, size=50), random.integers(60, size=50)]
+    latent = mean_paths.centres[random.integers(2, size=50), random.integers(60, size=50)]
     latent = latent + 0.15 * random.normal(size=latent.shape)
-    expected = np.log(ridges.conformal_factors(latent, 1.0))
+    expected = np.log(mean_paths.conformal_factors(latent, 1.0))
     gradient, curvature, nearest = np.empty(d), np.empty((d, d)), np.empty(2, dtype=np.int64)
     arrays = field.centres, field.precisions, field.penalties, field.strength, field.cap
 
@@ -118,7 +120,7 @@ def test_the_exponent_is_that_of_the_ridges_conformal_factor(d):
         return conformal_exponent(point, *arrays, nearest, gradient, curvature)
 
     found = np.array([exponent(point) for point in field.coordinates(latent)])
-    # The nearest sample is looked for from a few: it may be another valley's of a winding ridge, never a nearer one.
+    # The nearest sample is looked for from a few: it may be another valley's of a winding path, never a nearer one.
     assert np.all(found >= expected - 1e-9)
     assert np.mean(np.abs(found - expected) < 1e-9) > 0.9
     for point in field.coordinates(latent[expected < 5.0]):

@@ -1,4 +1,4 @@
-"""Transport: both ends exactly, blends between, corrections along the ridges."""
+"""Transport: both ends exactly, blends between, corrections along the mean paths."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.transport import Offsets, blended, corrections_at
 
 
-def some_offsets(seed: int = 0, ridges: int = 2, samples: int = 7) -> Offsets:
+def some_offsets(seed: int = 0, mean_paths: int = 2, samples: int = 7) -> Offsets:
     random = np.random.default_rng(seed)
     scale = np.repeat([0.05, 0.3], 3)
-    corrections = random.normal(scale=0.1 * scale, size=(ridges, samples, 6))
+    corrections = random.normal(scale=0.1 * scale, size=(mean_paths, samples, 6))
     return Offsets(*random.normal(scale=scale, size=(2, 6)), 0.1, 0.9, corrections)
 
 
@@ -39,7 +39,7 @@ def test_carrying_adds_translations_and_turns_in_the_base_frame():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_without_corrections_each_end_is_carried_by_its_own_offset_exactly(seed):
-    offsets = some_offsets(seed, ridges=0)
+    offsets = some_offsets(seed, mean_paths=0)
     none = np.empty((1, 0))
     for progress, expected in ((0.1, offsets.start), (0.9, offsets.goal), (0.0, offsets.start), (1.0, offsets.goal)):
         np.testing.assert_allclose(offsets.displacements(np.array([progress]), none)[0], expected, atol=1e-15)
@@ -47,11 +47,11 @@ def test_without_corrections_each_end_is_carried_by_its_own_offset_exactly(seed)
     np.testing.assert_allclose(between, 0.75 * offsets.start + 0.25 * offsets.goal, atol=1e-15)
 
 
-@pytest.mark.parametrize("ridges", [0, 1, 3])
-def test_no_offsets_are_the_identity(ridges):
+@pytest.mark.parametrize("mean_paths", [0, 1, 3])
+def test_no_offsets_are_the_identity(mean_paths):
     progress = np.linspace(0.0, 1.0, 40)
-    shares = np.full((40, ridges), 1.0 / max(ridges, 1))
-    displacements = Offsets.none(ridges).displacements(progress, shares)
+    shares = np.full((40, mean_paths), 1.0 / max(mean_paths, 1))
+    displacements = Offsets.none(mean_paths).displacements(progress, shares)
     np.testing.assert_array_equal(displacements, 0.0)
     positions, quaternions = some_poses()
     moved, turned = carried(positions, quaternions, displacements)
@@ -73,7 +73,7 @@ def test_corrections_are_interpolated_over_progress_and_blended_by_the_shares():
 
 
 def test_corrections_are_held_beyond_the_ends_of_progress():
-    offsets = some_offsets(5, ridges=1)
+    offsets = some_offsets(5, mean_paths=1)
     found = corrections_at(offsets.corrections, np.array([-0.3, 0.0, 1.0, 1.4]), np.ones((4, 1)))
     np.testing.assert_allclose(found, offsets.corrections[0][[0, 0, -1, -1]], atol=1e-15)
 

@@ -35,7 +35,7 @@ def graph(skill):
 def some_offsets(graph, seed: int = 0) -> Offsets:
     random = np.random.default_rng(seed)
     scale = np.repeat([0.05, 0.3], 3)
-    corrections = random.normal(scale=0.05 * scale, size=(graph.ridge_count, 9, 6))
+    corrections = random.normal(scale=0.05 * scale, size=(graph.mean_path_count, 9, 6))
     return Offsets(*random.normal(scale=scale, size=(2, 6)), 0.1, 0.9, corrections)
 
 
@@ -48,16 +48,15 @@ def test_the_ends_are_carried_exactly_and_the_graph_stays_as_it_is(graph):
     offsets = some_offsets(graph)
     before = graph.decoded.positions.copy()
     moved = graph.transported(offsets, POINTS["one"])
-    expected = carried(
-        graph.decoded.positions, graph.decoded.quaternions, offsets.displacements(graph.progress, graph.ridge_shares)
-    )
+    displacements = offsets.displacements(graph.progress, graph.mean_path_shares)
+    expected = carried(graph.decoded.positions, graph.decoded.quaternions, displacements)
     np.testing.assert_allclose(moved.positions, expected[0], rtol=0.0, atol=1e-14)
     np.testing.assert_allclose(moved.quaternions, expected[1], rtol=0.0, atol=1e-14)
     np.testing.assert_array_equal(graph.decoded.positions, before)
 
 
 def test_without_offsets_nothing_moves(graph):
-    moved = graph.transported(Offsets.none(graph.ridge_count), POINTS["one"])
+    moved = graph.transported(Offsets.none(graph.mean_path_count), POINTS["one"])
     np.testing.assert_array_equal(moved.positions, graph.decoded.positions)
     np.testing.assert_array_equal(moved.quaternions, graph.decoded.quaternions)
     np.testing.assert_allclose(moved.body_points[:, 0], graph.decoded.positions, atol=1e-15)

@@ -308,7 +308,7 @@ def test_what_cannot_be_drawn_tight_is_passed_along_the_lattice() -> None:
 
 
 def test_the_first_base_is_of_the_mode_that_obstacles_bar_least() -> None:
-    """The skill was shown with the elbow on one side and on the other; a sphere bars the side of its geodesic."""
+    """The skill was demonstrated with the elbow on one side and on the other; a sphere bars its geodesic's side."""
     planner = ReactivePlanner(Skill.load("panda_reach_to_grasp"), scene=DeclaredScene.empty())
     solver = Solver(
         planner.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits, planner.scene

@@ -1,4 +1,4 @@
-"""Queries on a canonical sheet: exact ends for any start and goal that was shown, refusals with numbers, ridges."""
+"""Queries on a canonical sheet: exact ends for any start and goal that was shown, refusals with numbers, mean paths."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def bent(stored) -> tuple[Skill, np.ndarray]:
     return skill, canonical_form(shown, 200, 0.1).positions.mean(axis=0)
 
 
-def test_the_ridge_keeps_the_geodesic_at_the_mean_where_the_plain_metric_cuts_the_corner(bent):
+def test_the_mean_path_keeps_the_geodesic_at_the_mean_where_the_plain_metric_cuts_the_corner(bent):
     skill, mean = bent
     along = gap_to(mean, mean_path(PosePathPlanner(skill)).positions)
     plain = gap_to(mean, mean_path(PosePathPlanner(skill, PlannerSettings(ridge_strength=0.0))).positions)
@@ -206,7 +206,7 @@ def test_a_single_demonstration_is_a_skill_that_can_be_carried(stored, varying_f
     )
     one = Demonstrations((varying_fan[3],))
     skill = stored("single", lambda: train_task_space_skill(one, settings, name="single"))
-    assert skill.ridges is None
+    assert skill.mean_paths is None
     assert not skill.canonical.regresses
     planner = PosePathPlanner(skill)
     offset = np.array([0.02, -0.01, 0.02, 0.05, 0.0, -0.1])

@@ -204,7 +204,7 @@ def moved(guidance: Guidance, by: list[float]) -> Guidance:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        (lambda g: moved(g, [0.4, 0.0, 0.0]), "'family_0_0' cannot be shown: .*remain"),
+        (lambda g: moved(g, [0.4, 0.0, 0.0]), "'family_0_0' cannot be performed: .*remain"),
         (lambda g: moved(g, [0.0, 0.0, -0.2]), "'family_0_0', sample .* and 'table' are -?"),
         (lambda g: replace(g, swivels=g.swivels + 0.05 * np.sin(60.0 * g.motion.times)), "sample .* velocity limit"),
     ],

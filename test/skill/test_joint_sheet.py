@@ -1,4 +1,4 @@
-"""What a joint-space skill knows of its demonstrations: checked, weighted within families, exact on the ridges."""
+"""What a joint-space skill knows of its demonstrations: checked, weighted within families, exact on the mean paths."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ def test_families_are_never_mixed(sheet):
     np.testing.assert_allclose(weights, [[0.5, 0.5, 0.0, 0.0], [0.0, 0.0, 0.5, 0.5]])
 
 
-def test_corrections_make_the_ridges_the_means_of_their_families(reach_skill):
-    ridges, learned = reach_skill.ridges, reach_skill.canonical
+def test_corrections_make_the_mean_paths_the_means_of_their_families(reach_skill):
+    mean_paths, learned = reach_skill.mean_paths, reach_skill.canonical
     weights = learned.weights(np.zeros(7), np.zeros(7), conditioned=False)
-    corrections = learned.corrections(reach_skill.decoder, ridges, weights)
-    decoded = reach_skill.decoder.configurations(ridges.centres.reshape(-1, 3)).reshape(corrections.shape)
+    corrections = learned.corrections(reach_skill.decoder, mean_paths, weights)
+    decoded = reach_skill.decoder.configurations(mean_paths.centres.reshape(-1, 3)).reshape(corrections.shape)
     for mode in range(2):
         mean = learned.configurations[learned.modes == mode].mean(axis=0)
         np.testing.assert_allclose(decoded[mode] + corrections[mode], mean, atol=1e-12)

@@ -86,17 +86,17 @@ def test_only_one_mode_with_a_finite_penalty_regresses(sheet):
 
 
 def test_where_no_mode_has_two_demonstrations_there_is_no_spread(sheet):
-    assert sheet.has_ridges
-    assert replace(sheet, modes=np.array([0, 1, 2, 3, 4, 5, 5])).has_ridges
-    assert not replace(sheet, modes=np.arange(7)).has_ridges
+    assert sheet.has_mean_paths
+    assert replace(sheet, modes=np.array([0, 1, 2, 3, 4, 5, 5])).has_mean_paths
+    assert not replace(sheet, modes=np.arange(7)).has_mean_paths
 
 
-def test_corrections_make_the_decoder_the_weighted_mean_on_the_ridges(canonical_fan_skill, sheet):
+def test_corrections_make_the_decoder_the_weighted_mean_on_the_mean_paths(canonical_fan_skill, sheet):
     skill = canonical_fan_skill
     weights = np.random.default_rng(0).dirichlet(np.ones(7), 1)
-    ridges = skill.ridges.moved_to(np.einsum("kn,nsd->ksd", weights, skill.codes))
-    corrections = sheet.corrections(skill.decoder, ridges, weights)
-    decoded = skill.decoder.decode(ridges.centres[0])
+    mean_paths = skill.mean_paths.moved_to(np.einsum("kn,nsd->ksd", weights, skill.codes))
+    corrections = sheet.corrections(skill.decoder, mean_paths, weights)
+    decoded = skill.decoder.decode(mean_paths.centres[0])
     positions, quaternions = carried(decoded.positions, decoded.quaternions, corrections[0])
     expected = sheet.mean_curves(weights)
     np.testing.assert_allclose(positions, expected[0][0], atol=1e-12)

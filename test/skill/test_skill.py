@@ -70,8 +70,8 @@ def test_a_canonical_skill_comes_back_bit_by_bit(canonical_fan_skill, canonical_
             assert read.tobytes() == saved.tobytes()
             assert read.dtype == saved.dtype
         assert loaded.canonical.penalty == skill.canonical.penalty
-        np.testing.assert_array_equal(loaded.ridges.centres, skill.ridges.centres)
-        np.testing.assert_array_equal(loaded.ridges.precisions, skill.ridges.precisions)
+        np.testing.assert_array_equal(loaded.mean_paths.centres, skill.mean_paths.centres)
+        np.testing.assert_array_equal(loaded.mean_paths.precisions, skill.mean_paths.precisions)
 
 
 def with_modes(skill: Skill) -> Skill:
@@ -81,7 +81,7 @@ def with_modes(skill: Skill) -> Skill:
 
 def test_a_raw_skill_has_no_sheet_to_carry(fan_skill, folder):
     loaded = Skill.load(folder)
-    assert (loaded.sheet, loaded.canonical, loaded.ridges) == ("raw", None, None)
+    assert (loaded.sheet, loaded.canonical, loaded.mean_paths) == ("raw", None, None)
 
 
 def rewritten(folder: Path, **changes: np.ndarray | None) -> None:

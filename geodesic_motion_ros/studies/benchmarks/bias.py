@@ -75,11 +75,11 @@ def bias_table(rows: list[BiasFigures]) -> str:
 
 
 def skill_bias(skill: Skill, bench: SkillBench, pairs: int, seed: int = 0) -> BiasFigures:
-    """Between the beginning and the end of the ridges, where the planner's paths begin and end; not where the
+    """Between the beginning and the end of the mean paths, where the planner's paths begin and end; not where the
     planner would refuse the path, for it crosses where nobody moved."""
     graph, random = bench.planner.graph, np.random.default_rng(seed)
     everywhere, steps = np.ones(len(graph.latent), dtype=bool), max(graph.grid.shape)
-    lines = skill.codes if skill.ridges is None else skill.ridges.centres
+    lines = skill.codes if skill.mean_paths is None else skill.mean_paths.centres
 
     def ends() -> Iterator[tuple[int, int]]:
         count, length = lines.shape[:2]

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
-from geodesic_motion_ros.manifold.mean_path import Ridges
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import MetricField, packed_tensors
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.perceptron import Perceptron
@@ -59,7 +59,7 @@ def synthetic_problem(shape: tuple[int, ...], points: int = 8, seed: int = 0) ->
 
 
 def synthetic_field(shape: tuple[int, ...], points: int = 8, seed: int = 0) -> MetricField:
-    """The metric of `synthetic_problem` between its nodes; the tubes are its ridges."""
+    """The metric of `synthetic_problem` between its nodes; the tubes are its mean paths."""
     robot, grid = Robot.panda(), synthetic_grid(shape)
     tubes, configurations = _decoded(grid.nodes(), robot, seed)
     chosen = _along_arm(robot, points)
@@ -69,8 +69,9 @@ def synthetic_field(shape: tuple[int, ...], points: int = 8, seed: int = 0) -> M
     tensors = packed_tensors(moved.swapaxes(-1, -2) @ moved, turned.swapaxes(-1, -2) @ turned)
     centres = np.stack(tubes)
     precisions = np.broadcast_to(np.eye(len(shape)) / WIDTH**2, (*centres.shape, len(shape)))
-    ridges = Ridges(centres, precisions, np.zeros(TUBES))
-    return MetricField.of(grid, np.arange(math.prod(shape)).reshape(shape), tensors, ridges, 1.0, 2.0 * math.log(WALL))
+    mean_paths = MeanPaths(centres, precisions, np.zeros(TUBES))
+    number = np.arange(math.prod(shape)).reshape(shape)
+    return MetricField.of(grid, number, tensors, mean_paths, 1.0, 2.0 * math.log(WALL))
 
 
 def _slopes(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

@@ -194,7 +194,7 @@ def _planning(player: Player) -> list[Cell]:
         return ["none", f"whole {_sides(graph)}", f"{player.planner.settings.strength:g}", "nothing"]
     assert isinstance(player, OurArm)
     settings = player.planner.settings
-    ridge = "none" if player.skill.ridges is None else f"{settings.ridge_strength:g}"
+    ridge = "none" if player.skill.mean_paths is None else f"{settings.ridge_strength:g}"
     grid = f"support in {_sides(player.planner.graph)}"
     return [ridge, grid, f"{settings.ambient_strength:g}", "nodes removed, path certified"]
 

@@ -167,7 +167,7 @@ class _Graph:
     def __init__(self, skill: Skill, metric: PullbackMetric, side: int, neighbours: int) -> None:
         self.name, self._metric = f"graph {side}x{side}, {neighbours}", metric
         self.graph, self.build_ms = _timed(lambda: skill.graph((side, side), neighbours))
-        self._base = self.graph.transported(Offsets.none(self.graph.ridge_count), np.zeros((1, 3))).base
+        self._base = self.graph.transported(Offsets.none(self.graph.mean_path_count), np.zeros((1, 3))).base
         self._tree = cKDTree(self.graph.latent)
         # loads the kernels, and measures the metric, which is not the path's time
         self.refined(self.graph.latent[:2])

@@ -49,9 +49,9 @@ class LearnedPaths:
     def __init__(self, graph: PoseGraph | ConfigurationGraph) -> None:
         self.graph, self._tree = graph, cKDTree(graph.latent)
         if isinstance(graph, ConfigurationGraph):
-            carried = graph.transported(JointOffsets.none(graph.robot, graph.ridge_count))
+            carried = graph.transported(JointOffsets.none(graph.robot, graph.mean_path_count))
         else:
-            carried = graph.transported(Offsets.none(graph.ridge_count), np.zeros((1, 3)))
+            carried = graph.transported(Offsets.none(graph.mean_path_count), np.zeros((1, 3)))
         self._energies = carried.energies()
 
     def shortest(self, start: np.ndarray, goal: np.ndarray) -> LearnedPath:
@@ -72,7 +72,7 @@ def supported_box(skill: Skill) -> PoseGraph:
     """
     return build_pose_graph(
         skill.decoder, skill.codes, skill.latent_lower, skill.latent_upper, skill.metric, skill.sigma_limit,
-        one_sheet=False, ridges=skill.ridges,
+        one_sheet=False, mean_paths=skill.mean_paths,
     )  # fmt: skip
 
 
@@ -83,5 +83,5 @@ def whole_box(skill: Skill, shape: tuple[int, ...] | None = None) -> PoseGraph |
     if skill.space == "joint":
         robot = Robot.named(skill.robot)
         body = skill.metric.body_points(robot)
-        return build_configuration_graph(*box, robot, body, math.inf, shape, ridges=skill.ridges)
-    return build_pose_graph(*box, math.inf, shape, one_sheet=False, ridges=skill.ridges)
+        return build_configuration_graph(*box, robot, body, math.inf, shape, mean_paths=skill.mean_paths)
+    return build_pose_graph(*box, math.inf, shape, one_sheet=False, mean_paths=skill.mean_paths)
