@@ -15,7 +15,7 @@ from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
 from geodesic_motion_ros.nodes.preparation import Preparation
-from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Pose, StreamCycle, Unsettled
+from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Halt, Pose, StreamCycle, Unsettled
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.guarded_arm import PreparedHold
@@ -119,7 +119,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         before = self.planner.held
         self._uncounted = _uncounted(inputs.held, before)
         try:
-            prepared = self._holds.settled()
+            prepared = self._holds.take_settled()
             self._goals_wait = self._holds.busy
             if prepared is None:
                 return
@@ -182,7 +182,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         return self._output(plan)
 
     def _output(self, plan: Plan) -> CycleOutput:
-        trajectory = self._to_send(plan)
+        trajectory = self._hand_over(plan)
         commanded = self.planner.commanded(self._now)
         path = self.planner.to_goal() if plan.verdict.ok else None
         return CycleOutput(
@@ -196,8 +196,8 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             mode=plan.mode.value,
         )
 
-    def _to_send(self, plan: Plan) -> tuple[JointReference, float] | None:
-        """The trajectory that this cycle sends, and when it begins [s]."""
+    def _hand_over(self, plan: Plan) -> tuple[JointReference, float] | None:
+        """Bound what this cycle sends of a plan: the trajectory, and when it begins [s]; None where nothing is sent."""
         standing, self._standing = self._standing, None
         if self._lost is not None and standing is not None and standing.reference is not None:
             # The arm was found elsewhere: what was being played must not go on. And a trajectory that has ended when
@@ -205,22 +205,23 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self._horizon.forget()
             return standing.reference, standing.begin + self.planner.settings.latency
         if plan.reference is not None:
-            sent = self._horizon.bounded(plan.reference, plan.begin, self._now)
+            sent = self._horizon.bound(plan.reference, plan.begin, self._now)
         elif plan.verdict.code is VerdictCode.DEADLINE_MISSED:
             # What is being played is a stop already, or a path that this cycle found no time to certify, or to stop on:
             # the arm brakes where what was sent ends.
             return None
         elif self._horizon.must_renew(self._now) and (playing := self.planner.playing(self._now)) is not None:
-            sent = self._horizon.bounded(*playing, self._now)
+            sent = self._horizon.bound(*playing, self._now)
         else:
             return None
         return sent.reference, sent.begin
 
-    def _preparation(self, inputs: CycleInputs[np.ndarray]) -> Callable[[], PreparedGoal | Verdict]:
+    def _request_goal(self, inputs: CycleInputs[np.ndarray]) -> None:
         self._again = False
         if isinstance(inputs.goal, np.ndarray):
-            return partial(self.planner.prepared_configuration, inputs.goal)
-        return partial(self.planner.prepared_goal, *inputs.goal, inputs.goal_in_task_frame)
+            self._goals.ask(partial(self.planner.prepared_configuration, inputs.goal))
+        else:
+            self._goals.ask(partial(self.planner.prepared_goal, *inputs.goal, inputs.goal_in_task_frame))
 
     def _take_prepared(self, prepared: PreparedGoal | Verdict) -> Verdict:
         if self._again and isinstance(prepared, Verdict):
@@ -257,10 +258,14 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._standing = self.planner.stand_at(measured, now)
         self._stood = self._stood or self._standing.verdict.ok
 
-    def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
+    def _track(self, measured: np.ndarray, taken: float) -> None:
         commanded = self.planner.commanded(taken)
         assert commanded is not None  # _knows_where came first
         self.planner.set_tracking(self._tracking.add(measured, commanded[0], taken))
+
+    def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
+        commanded = self.planner.commanded(taken)
+        assert commanded is not None  # _knows_where came first
         robot = self.planner.robot
         if self._command_topic == "target_pose":
             return pose_deviation(robot.forward(measured), robot.forward(commanded[0]), *self.tool_tolerance)
@@ -283,23 +288,28 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             deviation = joint_deviation(measured, commanded[0], names, self.tracking_tolerance)
             if deviation is None:
                 return None
-            self._astray = Unsettled(self._stray(measured, *deviation), measured)
-        elif self._rests(self._astray, measured, advance):
-            self._begin_at(measured, inputs.now)
-            self._astray = None
-            return None
-        return self._astray.verdict
+            tool = self.planner.robot.forward(measured)[0]
+            stray = self._stray(tool, *deviation)
+            self._astray, self._astray_at = Unsettled(stray.verdict, measured), tool
+            return self._carry_out(stray)
+        self._astray = self._settling(self._astray, measured, advance)
+        if not self._astray.rests:
+            return self._astray.verdict
+        self._begin_at(measured, inputs.now)
+        self._astray = None
+        return None
 
-    def _stray(self, measured: np.ndarray, where: str, limit: str) -> Verdict:
-        """Why an arm stops that does not hold its posture; the second time at one place the goal is dropped."""
-        tool, before = self.planner.robot.forward(measured)[0], self._astray_at
-        self._astray_at = tool
+    def _stray(self, tool: np.ndarray, where: str, limit: str) -> Halt:
+        """Why an arm stops whose tool (3,) [m] is where it was sent, but not its posture.
+
+        The second time at one place the goal is dropped.
+        """
+        before = self._astray_at
         reason = f"the arm was {where} from target_posture (allowed by tracking_tolerance_joint: {limit})"
         if before is not None and np.linalg.norm(tool - before) < _NO_PROGRESS:
             reason = f"the controller does not follow the posture: {reason}"
-            self._drop_goal(reason)
-            return Verdict(VerdictCode.BAD_INPUT, reason)
-        return Verdict(VerdictCode.BAD_INPUT, f"{reason}: it stops, and plans again from where it rests")
+            return Halt(Verdict(VerdictCode.BAD_INPUT, reason), reason)
+        return Halt(Verdict(VerdictCode.BAD_INPUT, f"{reason}: it stops, and plans again from where it rests"))
 
     def _moved(self, measured: np.ndarray, before: np.ndarray) -> bool:
         return joints_moved(measured, before)

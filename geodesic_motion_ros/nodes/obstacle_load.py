@@ -57,8 +57,8 @@ class ObstacleLoad:
         with self._lock:
             self._received += obstacles
 
-    def since_last(self) -> Load:
-        """The load since the last call."""
+    def take(self) -> Load:
+        """Take the load since the last call, and begin to count anew."""
         now = self._clock()
         with self._lock:
             duration = max(now - self._since, 1e-3)

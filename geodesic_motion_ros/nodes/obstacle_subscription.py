@@ -67,7 +67,7 @@ class ObstacleSubscription:
         )
 
         def receive(message: bytes) -> None:
-            if len(self._subscriptions) == 1 or self._copies.is_new(message, offered, time.monotonic()):
+            if len(self._subscriptions) == 1 or self._copies.take(message, offered, time.monotonic()):
                 self._take(message if self._raw else deserialize_message(message, self._kind))
 
         self._subscriptions[offered] = self._node.create_subscription(
@@ -99,8 +99,11 @@ class _Copies:
     def __init__(self) -> None:
         self._received: deque[_Received] = deque()
 
-    def is_new(self, message: bytes, subscription: object, now: float) -> bool:
-        """Whether no other subscription has received a message before, at a time [s] of a steady clock."""
+    def take(self, message: bytes, subscription: object, now: float) -> bool:
+        """Take a message that a subscription has received at a time [s] of a steady clock.
+
+        Returns whether it is new: no other subscription has received it before.
+        """
         while self._received and now - self._received[0].at > _COPY_WITHIN:
             self._received.popleft()
         content = hash(message)

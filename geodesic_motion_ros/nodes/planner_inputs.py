@@ -176,11 +176,11 @@ class PlannerInputs:
                 ages["task_frame"] = now - self._task_frame_taken
         return ages
 
-    def obstacle_load(self) -> tuple[int, Load]:
+    def take_obstacle_load(self) -> tuple[int, Load]:
         """How many obstacles there are, and the load of their messages since the last call."""
         with self._lock:
             count = len(self._tracker.current(self._time.running()))
-        return count, self._load.since_last()
+        return count, self._load.take()
 
     def cloud_figures(self) -> CloudFigures:
         """Of the newest point cloud."""

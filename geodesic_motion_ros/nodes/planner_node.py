@@ -244,11 +244,11 @@ class PlannerNode(LoopingNode):
             refusals.counts,
             refusals.newest(1.0),
             self._inputs.cloud_figures(),
-            *self._inputs.obstacle_load(),
+            *self._inputs.take_obstacle_load(),
         )
 
     def _look_at_commands(self) -> None:
-        self._inputs.set_nodes_on_commands(*self._outputs.nodes_on_commands())
+        self._inputs.set_nodes_on_commands(*self._outputs.look_for_nodes_on_commands())
 
     # ---------------------------------------------------------------- services
 

@@ -128,9 +128,9 @@ class PlannerOutputs:
             )
         )
 
-    def nodes_on_commands(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Names of all nodes that publish on the topic of the commands, this one among them, and of those that receive
-        it.
+    def look_for_nodes_on_commands(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Look for nodes on the topic of the commands: names of those that publish on it, this one among them, and of
+        those that receive it.
         """
         self._received_by = subscribers_of(self._node, self.command_topic)
         return publishers_of(self._node, self.command_topic), self._received_by

@@ -17,7 +17,7 @@ class Preparation(Generic[Prepared]):
     """
 
     def __init__(self, background: Executor | None) -> None:
-        """background : prepares them; None: `settled` does, and takes as long."""
+        """background : prepares them; None: `take_settled` does, and takes as long."""
         self._background = background
         self._running: Future[Prepared] | None = None
         self._next: Callable[[], Prepared] | None = None
@@ -35,8 +35,10 @@ class Preparation(Generic[Prepared]):
         """Whether something is being prepared, or is to be."""
         return self._running is not None or self._next is not None
 
-    def settled(self) -> Prepared | None:
-        """What has been prepared, once; None while there is nothing. Raises what its preparation raised."""
+    def take_settled(self) -> Prepared | None:
+        """Take what has been prepared, once, and have the next one begun; None while there is nothing. Raises what its
+        preparation raised.
+        """
         done = self._running if self._running is not None and self._running.done() else None
         if done is not None:
             self._running = None

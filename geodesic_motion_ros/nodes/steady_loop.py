@@ -28,8 +28,8 @@ class Schedule:
         """When the period of the next tick begins, at whose end it is due: in a hurry it may begin any time in it."""
         return self.due - self.period
 
-    def finished(self, now: float) -> int:
-        """Say that the tick due at `due` ended at `now` [s]; returns the periods until the next one, at
+    def finish(self, now: float) -> int:
+        """End the tick that is due at `due`, at `now` [s]; returns the periods until the next one, at
         least 1.
 
         A tick meets its deadline when it ends before the next one is due. Every later one that passed is a
@@ -169,7 +169,7 @@ class SteadyLoop:
             self._tick(periods)
             end = time.monotonic()
             self._recorder.add(start, end - start)
-            periods = schedule.finished(end)
+            periods = schedule.finish(end)
             self._misses = schedule.misses
             self._stopping.wait(max(0.0, schedule.earliest - time.monotonic()))
             self._hurried.wait(max(0.0, schedule.due - time.monotonic()))

@@ -135,13 +135,26 @@ class CycleOutput:
         return not (self.goal_verdict.ok or self.goal_verdict.code is VerdictCode.NO_GOAL)
 
 
-@dataclass
+@dataclass(frozen=True)
+class Halt:
+    """Why nothing is planned in a cycle, and why the goal is dropped besides; "" where it stays."""
+
+    verdict: Verdict
+    dropping: str = ""
+
+
+@dataclass(frozen=True)
 class Unsettled:
-    """An arm that is to rest before it is commanded again: why, and since when [s] it rests near which place."""
+    """An arm that is to rest before it is commanded again: why, and for how long [s] it has rested near which place."""
 
     verdict: Verdict
     near: Any
     rested: float = 0.0
+
+    @property
+    def rests(self) -> bool:
+        """Whether it has rested for long enough."""
+        return self.rested >= REST_TIME
 
 
 class StreamCycle(ABC, Generic[Place, Prepared]):
@@ -190,15 +203,17 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
     def run(self, inputs: CycleInputs[Place], period: float) -> CycleOutput:
         """One cycle of a period [s]; what is commanded moves on by that, or by what has passed of a simulation."""
         self._began = self._clock()
-        advance = self._step = self._advance(inputs, period)
+        advance = self._step = self._take_time(inputs, period)
         self._take_task_frame(inputs.task_frame)
         self._take_goal(inputs)
         obstacles_taken = self._take_obstacles(inputs)
-        verdict = self._ready(inputs, advance)
+        refused = self._take_state(inputs, advance) or self._carry_out(self._rivals(inputs))
+        verdict = refused or self._readiness(inputs)
         deadline = Deadline(self._began + self.deadline_share * period, self._clock)
         return self._command(obstacles_taken if verdict.ok else verdict, inputs, advance, deadline)
 
-    def _advance(self, inputs: CycleInputs[Place], period: float) -> float:
+    def _take_time(self, inputs: CycleInputs[Place], period: float) -> float:
+        """By how much what is commanded moves on [s]; a clock that was set drops the goal."""
         passed, self._heard = inputs.heard - self._heard, inputs.heard
         jump, self._set_by = inputs.set_by - self._set_by, inputs.set_by
         if jump != 0.0:
@@ -217,8 +232,8 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         """Plan where the verdict is OK, stop otherwise, and move on by `advance` [s]."""
 
     @abstractmethod
-    def _preparation(self, inputs: CycleInputs[Place]) -> Callable[[], Prepared | Verdict]:
-        """What prepares the inputs' goal, or finds why it is refused; any thread may call it."""
+    def _request_goal(self, inputs: CycleInputs[Place]) -> None:
+        """Have the inputs' goal prepared, or found why it is refused, by `_goals`: any thread may do that."""
 
     @abstractmethod
     def _take_prepared(self, prepared: Prepared | Verdict) -> Verdict:
@@ -242,6 +257,10 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         """Command the measured place, at rest."""
 
     @abstractmethod
+    def _track(self, measured: Place, taken: float) -> None:
+        """Count how the arm follows what it is sent, by what was measured at a time [s]."""
+
+    @abstractmethod
     def _deviation(self, measured: Place, taken: float) -> tuple[str, str] | None:
         """How far the arm was from where it was sent when that was measured [s], and what is allowed; None while it
         follows.
@@ -260,10 +279,10 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             if isinstance(goal, Verdict):
                 self._goal_verdict = goal
             else:
-                self._goals.ask(self._preparation(inputs))
+                self._request_goal(inputs)
                 self._goal_verdict = Verdict(VerdictCode.NO_GOAL, PREPARING)
         try:
-            prepared = None if self._goals_wait else self._goals.settled()
+            prepared = None if self._goals_wait else self._goals.take_settled()
         except Exception:
             self._goal_verdict = Verdict(VerdictCode.BAD_INPUT, "internal error while it was prepared, see the log")
             raise
@@ -291,11 +310,26 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             self._obstacles_version = inputs.obstacles.version
         return verdict
 
-    def _ready(self, inputs: CycleInputs[Place], advance: float) -> Verdict:
-        """OK when a plan may be requested; the reason otherwise, the gravest first."""
-        judged = self._stale_state(inputs) or self._follow_measured(inputs, advance) or self._rivals(inputs)
-        if judged is not None:
-            return judged
+    def _carry_out(self, halt: Halt | None) -> Verdict | None:
+        """Carry out what an assessment came to: its verdict, and no goal any more where it drops that."""
+        if halt is None:
+            return None
+        if halt.dropping:
+            self._drop_goal(halt.dropping)
+        return halt.verdict
+
+    def _take_state(self, inputs: CycleInputs[Place], advance: float) -> Verdict | None:
+        """Go by where the arm was measured; why that is not possible, None where it is."""
+        stale = self._stale_state(inputs)
+        if stale is None:
+            return self._follow_measured(inputs, advance)
+        self._missing = self._missing or bool(stale.dropping)
+        return self._carry_out(stale)
+
+    def _readiness(self, inputs: CycleInputs[Place]) -> Verdict:
+        """OK when a plan may be requested of an arm that is known and nobody else's; the reason otherwise, the gravest
+        first.
+        """
         if inputs.hold:
             return Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
         if inputs.held_refused:
@@ -313,20 +347,18 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
             return Verdict(VerdictCode.BAD_INPUT, reason)
         return Verdict(VerdictCode.OK)
 
-    def _stale_state(self, inputs: CycleInputs[Place]) -> Verdict | None:
+    def _stale_state(self, inputs: CycleInputs[Place]) -> Halt | None:
+        """Why it is not known where the arm is; None where it is. After `resume_timeout` the goal is dropped."""
         if _without_clock(inputs):
-            return Verdict(VerdictCode.STALE_STATE, NO_CLOCK)
+            return Halt(Verdict(VerdictCode.STALE_STATE, NO_CLOCK))
         if inputs.measured is None:
-            return Verdict(VerdictCode.STALE_STATE, f"{self.state_topic}: none has arrived yet")
+            return Halt(Verdict(VerdictCode.STALE_STATE, f"{self.state_topic}: none has arrived yet"))
         age, allowed = inputs.state_age, self.state_timeout
         if age <= allowed:
             return None
-        if age > self.resume_timeout:
-            self._missing = True
-            self._drop_goal(f"joint_states were missing for more than {self.resume_timeout:g} s")
-        return Verdict(
-            VerdictCode.STALE_STATE, f"{self.state_topic}: the newest is {age:.3f} s old, allowed are {allowed:g} s"
-        )
+        missing = f"joint_states were missing for more than {self.resume_timeout:g} s"
+        reason = f"{self.state_topic}: the newest is {age:.3f} s old, allowed are {allowed:g} s"
+        return Halt(Verdict(VerdictCode.STALE_STATE, reason), missing if age > self.resume_timeout else "")
 
     def _follow_measured(self, inputs: CycleInputs[Place], advance: float) -> Verdict | None:
         """Begin at the measured place, and again where an arm that was lost has come to rest."""
@@ -335,52 +367,58 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         if not self._knows_where():
             self._begin_at(measured, inputs.now)
         elif self._lost is not None:
-            if not self._rests(self._lost, measured, advance):
+            self._lost = self._settling(self._lost, measured, advance)
+            if not self._lost.rests:
                 return self._lost.verdict
             self._begin_at(measured, inputs.now)
         else:
-            self._lost = self._loss(measured, inputs.now - inputs.state_age)
-            if self._lost is not None:
+            taken = inputs.now - inputs.state_age
+            # What was commanded is not known of a time of another clock.
+            if not self._jump:
+                self._track(measured, taken)
+            verdict = self._carry_out(self._loss(None if self._jump else self._deviation(measured, taken)))
+            if verdict is not None:
+                self._lost = Unsettled(verdict, measured)
                 self._stand_at(measured, inputs.now)
-                return self._lost.verdict
+                return verdict
         return None
 
     def _begin_at(self, measured: Place, now: float) -> None:
         self._stand_at(measured, now)
         self._lost, self._missing, self._jump = None, False, 0.0
 
-    def _rests(self, arm: Unsettled, measured: Place, advance: float) -> bool:
-        """Look at an unsettled arm again after a time [s]; whether it has rested for long enough."""
+    def _settling(self, arm: Unsettled, measured: Place, advance: float) -> Unsettled:
+        """What is known of an unsettled arm that is measured again after a time [s]."""
         if self._moved(measured, arm.near):
-            arm.near, arm.rested = measured, 0.0
-        else:
-            arm.rested += advance
-        return arm.rested >= REST_TIME
+            return replace(arm, near=measured, rested=0.0)
+        return replace(arm, rested=arm.rested + advance)
 
-    def _loss(self, measured: Place, taken: float) -> Unsettled | None:
-        """Why what is commanded is no longer to be trusted, and drop the goal; None while the arm follows."""
-        # What was commanded is not known of a time of another clock.
-        deviation = None if self._jump else self._deviation(measured, taken)
+    def _loss(self, deviation: tuple[str, str] | None) -> Halt | None:
+        """Why what is commanded is no longer to be trusted; None while the arm follows.
+
+        deviation : how far it is from where it was sent, and what is allowed. It drops the goal.
+        """
+        dropping = ""
         if self._jump:
             cause = f"the clock was set by {self._jump:+.1f} s"
         elif deviation is not None:
             where, limit = deviation
-            self._drop_goal(f"the arm was {where} from where it was sent")
+            dropping = f"the arm was {where} from where it was sent"
             cause = f"joint_states: the arm is {where} from where it was sent (allowed by tracking_tolerance: {limit})"
         elif self._missing:
             cause = "joint_states: the arm is back after a long silence"
         else:
             return None
         reason = f"{cause}: nothing is commanded until the arm has rested for {REST_TIME:g} s"
-        return Unsettled(Verdict(VerdictCode.BAD_INPUT, reason), measured)
+        return Halt(Verdict(VerdictCode.BAD_INPUT, reason), dropping)
 
-    def _rivals(self, inputs: CycleInputs[Place]) -> Verdict | None:
-        """More than one node that commands the arm: which of them it followed would be chance."""
+    def _rivals(self, inputs: CycleInputs[Place]) -> Halt | None:
+        """More than one node that commands the arm: which of them it followed would be chance, and drops the goal."""
         if len(inputs.publishers) <= 1:
             return None
         names, topic = " and ".join(inputs.publishers), self._command_topic
-        self._drop_goal(f"{topic} had more than one publisher, {names}")
-        return Verdict(VerdictCode.CONFLICT, f"{topic} is published by {names}: only one may command the arm")
+        verdict = Verdict(VerdictCode.CONFLICT, f"{topic} is published by {names}: only one may command the arm")
+        return Halt(verdict, f"{topic} had more than one publisher, {names}")
 
 
 def _without_clock(inputs: CycleInputs[Any]) -> bool:

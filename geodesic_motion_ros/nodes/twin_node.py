@@ -178,7 +178,7 @@ class TwinNode(LoopingNode):
     def _tick(self, _: int) -> None:
         self._serve_mailbox()
         moment = self._moment = self._time.read()
-        steps = self._steps_due(moment.running)
+        steps = self._take_steps(moment.running)
         if moment.set_by != self._set_by:
             self._set_by, self._clock_offset = moment.set_by, ClockOffset()
             self._world.hold()
@@ -196,8 +196,11 @@ class TwinNode(LoopingNode):
             if every and self._steps // every != (self._steps - made) // every:
                 publish()
 
-    def _steps_due(self, running: float) -> int:
-        """Steps of physics for the time that has passed, of a simulation or of the world; `running` is now [s]."""
+    def _take_steps(self, running: float) -> int:
+        """Take the steps of physics that are due: for the time that has passed, of a simulation or of the world.
+
+        running : now [s].
+        """
         due = max(0, round((running - self._stepped_until) / self._world.dt))
         self._stepped_until += due * self._world.dt
         return due

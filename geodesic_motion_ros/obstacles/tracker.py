@@ -113,8 +113,8 @@ class _Order:
         self._newest = self._behind = -math.inf
         self._count = 0
 
-    def overtaken(self, taken: float) -> bool:
-        """Whether what was taken then is to be ignored."""
+    def register(self, taken: float) -> bool:
+        """Register a message by when it was taken; returns whether it was overtaken, and is to be ignored."""
         behind = self._newest - taken
         if not SAME_INSTANT <= behind < REORDER_WINDOW:
             self._newest, self._count = (self._newest if 0.0 < behind < SAME_INSTANT else taken), 0
@@ -301,7 +301,7 @@ class ObstacleTracker:
         before = tracks.get(key)
         order = _Order() if before is None else before.order
         taken = now - max(0.0, transit)
-        if order.overtaken(taken):
+        if order.register(taken):
             return False
         self.hear(source, now, transit, forget_after)
         expires = now + lifetime if lifetime > 0.0 else math.inf
@@ -322,7 +322,7 @@ class ObstacleTracker:
         """Remove one sphere; False when there is none or the message was overtaken."""
         self.hear(source, now, transit)
         track = self._tracks.get(source, {}).get(key)
-        deleted = track is not None and not track.deleted and not track.order.overtaken(now - max(0.0, transit))
+        deleted = track is not None and not track.deleted and not track.order.register(now - max(0.0, transit))
         if deleted:
             self._bury(track, now)
         self._deactivate_when_empty(source)
@@ -336,7 +336,7 @@ class ObstacleTracker:
             for key, track in self._tracks.get(source, {}).items()
             if not track.deleted
             and (not namespace or key[0] == namespace)
-            and not track.order.overtaken(now - max(0.0, transit))
+            and not track.order.register(now - max(0.0, transit))
         ]
         for track in doomed:
             self._bury(track, now)
@@ -350,7 +350,7 @@ class ObstacleTracker:
 
         forget_after : as of `hear`.
         """
-        if self._cloud_order.overtaken(now - max(0.0, transit)):
+        if self._cloud_order.register(now - max(0.0, transit)):
             return False
         self.hear(source, now, transit, forget_after)
         self._cloud, self._cloud_source = cloud, source

@@ -59,7 +59,7 @@ class TrackingMonitor:
 
         commanded : where the arm was to be at that time (eta,) [rad].
         """
-        found = self._measured(measured, commanded, time)
+        found = self._measure(measured, commanded, time)
         self._newest.append((time, found))
         while self._newest[0][0] < time - COUNTED:
             self._newest.popleft()
@@ -82,7 +82,7 @@ class TrackingMonitor:
         self._newest.clear()
         self._with_goal = self._with_goal_before = Tracking()
 
-    def _measured(self, measured: np.ndarray, commanded: np.ndarray, time: float) -> Tracking:
+    def _measure(self, measured: np.ndarray, commanded: np.ndarray, time: float) -> Tracking:
         place, sent = self._collision.positions(self._robot, np.stack([measured, commanded]))
         self._sent.append((time, sent))
         while self._sent[0][0] < time - LATEST:

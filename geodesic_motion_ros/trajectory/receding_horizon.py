@@ -43,8 +43,8 @@ class Horizon:
         self._sent: Sent | None = None
         self._first, self._newest = math.inf, -math.inf
 
-    def bounded(self, reference: JointReference, begin: float, now: float) -> Sent:
-        """What is to be sent at `now` [s] of a reference that begins at a time [s]."""
+    def bound(self, reference: JointReference, begin: float, now: float) -> Sent:
+        """Bound what is sent at `now` [s] of a reference that begins at a time [s], and remember it."""
         self._first, self._newest = min(self._first, now), now
         # The stop begins at a knot: shorter pieces than those between knots gain nothing.
         ahead = now + self.length - begin

@@ -26,9 +26,9 @@ def test_the_load_is_that_of_the_time_since_the_last_look():
             load.count(4)
         clock.now += 0.1
         spent.now += 0.5  # of other work
-    assert load.since_last() == pytest.approx((0.3, 40.0))
+    assert load.take() == pytest.approx((0.3, 40.0))
     clock.now += 1.0
-    assert load.since_last() == (0.0, 0.0)
+    assert load.take() == (0.0, 0.0)
 
 
 def test_what_fails_is_counted_too():
@@ -43,7 +43,7 @@ def test_what_fails_is_counted_too():
     with pytest.raises(ValueError):
         fail()
     clock.now += 1.0
-    assert load.since_last().share == pytest.approx(0.2)
+    assert load.take().share == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(

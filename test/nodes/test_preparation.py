@@ -19,10 +19,10 @@ def background() -> Iterator[ThreadPoolExecutor]:
 
 def test_without_a_background_a_goal_is_settled_where_it_is_asked_for():
     goals = Preparation(None)
-    assert goals.settled() is None
+    assert goals.take_settled() is None
     goals.ask(lambda: "goal")
-    assert goals.settled() == "goal"
-    assert goals.settled() is None
+    assert goals.take_settled() == "goal"
+    assert goals.take_settled() is None
 
 
 def test_goals_that_come_faster_than_they_are_prepared_are_taken_all_the_same(background):
@@ -36,7 +36,7 @@ def test_goals_that_come_faster_than_they_are_prepared_are_taken_all_the_same(ba
             return number
 
         goals.ask(prepare)
-        settled = goals.settled()
+        settled = goals.take_settled()
         if settled is not None:
             taken.append(settled)
         if number == 0:
@@ -48,13 +48,13 @@ def test_goals_that_come_faster_than_they_are_prepared_are_taken_all_the_same(ba
         if number > 10:
             go_on.set()
     background.submit(lambda: None).result()
-    taken.append(goals.settled())
+    taken.append(goals.take_settled())
     assert taken[0] == 0
     assert asked[:2] == [0, 11]
     assert len(asked) <= 20 - 9
     while taken[-1] != 19:
         background.submit(lambda: None).result()
-        newest = goals.settled()
+        newest = goals.take_settled()
         assert newest is not None
         taken.append(newest)
 
@@ -62,15 +62,15 @@ def test_goals_that_come_faster_than_they_are_prepared_are_taken_all_the_same(ba
 def test_what_is_forgotten_is_never_settled(background):
     goals, go_on = Preparation(background), threading.Event()
     goals.ask(lambda: go_on.wait() and "old")
-    assert goals.settled() is None
+    assert goals.take_settled() is None
     goals.forget()
     go_on.set()
     background.submit(lambda: None).result()
-    assert goals.settled() is None
+    assert goals.take_settled() is None
     goals.ask(lambda: "new")
-    goals.settled()
+    goals.take_settled()
     background.submit(lambda: None).result()
-    assert goals.settled() == "new"
+    assert goals.take_settled() == "new"
 
 
 def test_what_a_preparation_raises_reaches_the_loop_once(background):
@@ -79,8 +79,8 @@ def test_what_a_preparation_raises_reaches_the_loop_once(background):
 
     goals = Preparation(background)
     goals.ask(fail)
-    goals.settled()
+    goals.take_settled()
     background.submit(lambda: None).result()
     with pytest.raises(ValueError, match="no goal"):
-        goals.settled()
-    assert goals.settled() is None
+        goals.take_settled()
+    assert goals.take_settled() is None

@@ -12,17 +12,17 @@ from geodesic_motion_ros.nodes.steady_loop import Schedule, SteadyLoop, _Recorde
 def test_on_time_ticks_follow_the_grid():
     schedule = Schedule(period=0.01, start=5.0)
     for tick in range(1, 200):
-        assert schedule.finished(schedule.due + 0.004) == 1
+        assert schedule.finish(schedule.due + 0.004) == 1
         assert schedule.due == pytest.approx(5.0 + 0.01 * tick)
     assert schedule.misses == 0
 
 
 def test_an_overrun_is_counted_and_the_next_tick_starts_at_once_on_the_old_grid():
     schedule = Schedule(period=0.01, start=0.0)
-    assert schedule.finished(0.0131) == 1
+    assert schedule.finish(0.0131) == 1
     assert schedule.misses == 1
     assert schedule.due == pytest.approx(0.01)
-    assert schedule.finished(0.018) == 1
+    assert schedule.finish(0.018) == 1
     assert schedule.misses == 1
     assert schedule.due == pytest.approx(0.02)
 
@@ -31,16 +31,16 @@ def test_an_overload_never_piles_up():
     schedule, now = Schedule(period=0.01, start=0.0), 0.0
     for _ in range(50):
         now = max(now, schedule.due) + 0.015
-        schedule.finished(now)
+        schedule.finish(now)
         assert now - schedule.due < 0.02
 
 
 def test_a_stall_is_skipped_not_made_up():
     schedule = Schedule(period=0.01, start=0.0)
-    assert schedule.finished(1.0051) == 101
+    assert schedule.finish(1.0051) == 101
     assert schedule.misses == 100
     assert schedule.due == pytest.approx(1.01)
-    assert schedule.finished(1.012) == 1
+    assert schedule.finish(1.012) == 1
 
 
 def test_loop_ticks_until_stopped_and_knows_its_rate():
@@ -84,9 +84,9 @@ def test_a_loop_in_a_hurry_does_not_wait_until_the_next_tick_is_due_but_for_its_
 
 def test_a_tick_before_its_time_is_the_only_one_of_its_period():
     schedule = Schedule(period=0.01, start=5.0)
-    schedule.finished(5.001)
+    schedule.finish(5.001)
     assert schedule.earliest == pytest.approx(5.0)
-    assert schedule.finished(5.004) == 1
+    assert schedule.finish(5.004) == 1
     assert schedule.earliest == pytest.approx(5.01)
     assert schedule.due == pytest.approx(5.02)
     assert schedule.misses == 0

@@ -76,16 +76,19 @@ class PaperCycle(StreamCycle[Place, PaperGoal]):
     def _follow(self, verdict: Verdict, advance: float) -> CycleOutput:
         """Move what is commanded on by a time [s], after the leading point."""
 
-    def _preparation(self, inputs: CycleInputs[Place]) -> Callable[[], PaperGoal | Verdict]:
+    def _request_goal(self, inputs: CycleInputs[Place]) -> None:
         goal = inputs.goal
         pose = self.planner.robot.forward(goal) if isinstance(goal, np.ndarray) else goal
-        return partial(self.planner.prepared_goal, *pose, *self._offsets)
+        self._goals.ask(partial(self.planner.prepared_goal, *pose, *self._offsets))
 
     def _take_prepared(self, prepared: PaperGoal | Verdict) -> Verdict:
         if isinstance(prepared, Verdict):
             return prepared
         self.planner.take_goal(prepared)
         return Verdict(VerdictCode.OK, CAUTION, goal_offset=prepared.offset, goal_offset_angle=prepared.offset_angle)
+
+    def _track(self, measured: Place, taken: float) -> None:
+        """The paper's planner certifies nothing: how the arm follows does not count."""
 
     def _clear_goal(self) -> None:
         self.planner.clear_goal()
