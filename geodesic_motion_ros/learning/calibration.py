@@ -26,7 +26,7 @@ from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.skill.regression import surest_penalty
 from geodesic_motion_ros.skill.sheet import CanonicalSheet
-from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.skill.skill import LearnedModel, Skill
 from geodesic_motion_ros.utils.errors import SkillError
 
 #: Samples of a demonstration whose codes a skill keeps, equally spaced in arc length of the positions.
@@ -72,25 +72,27 @@ def assemble_skill(
     flat = codes.reshape(-1, codes.shape[-1])
     border = settings.margin * np.ptp(flat, axis=0)
     decoder = vae.decoder.to_numpy()
-    skill = Skill(
+    model = LearnedModel(
         name=name,
         decoder=decoder,
         codes=codes,
         latent_lower=flat.min(axis=0) - border,
         latent_upper=flat.max(axis=0) + border,
         sigma_support=float(np.percentile(rms_sigma(decoder.uncertainty(flat)[0]), SUPPORT_PERCENTILE)),
-        energy_per_edge=math.inf,
-        start_pose=start,
-        goal_pose=goal,
         metric=settings.metric,
         canonical=canonical,
         # Recordings without orientation are learned with one sign only: there are no two clusters.
         orientation_model=vae.orientation_model if demonstrations.has_orientation else "sign_blind",
+    )
+    return Skill.of(
+        model,
+        calibrated_energy_per_edge(model.graph(), codes),
+        start_pose=start,
+        goal_pose=goal,
         encoder_arrays=vae.encoder.arrays(),
         quality=quality,
         provenance=provenance,
     )
-    return replace(skill, energy_per_edge=calibrated_energy_per_edge(skill.graph(), codes))
 
 
 def canonical_sheet(form: CanonicalDemonstrations) -> CanonicalSheet:

@@ -27,7 +27,7 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.joint_sheet import JointSheet
 from geodesic_motion_ros.skill.regression import surest_penalty
-from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.skill.skill import LearnedModel, Skill
 
 
 def assemble_joint_skill(
@@ -58,7 +58,7 @@ def assemble_joint_skill(
     flat = codes.reshape(-1, codes.shape[-1])
     border = settings.margin * np.ptp(flat, axis=0)
     decoder = vae.decoder.to_numpy()
-    skill = Skill(
+    model = LearnedModel(
         name=name,
         space="joint",
         decoder=decoder,
@@ -66,19 +66,21 @@ def assemble_joint_skill(
         latent_lower=flat.min(axis=0) - border,
         latent_upper=flat.max(axis=0) + border,
         sigma_support=float(np.percentile(rms_sigma(decoder.uncertainty(flat)), SUPPORT_PERCENTILE)),
-        energy_per_edge=math.inf,
+        metric=settings.metric,
+        canonical=sheet,
+        orientation_model="none",
+    )
+    return Skill.of(
+        model,
+        calibrated_energy(model.graph(), codes),
         start_pose=np.concatenate(robot.forward(start)),
         goal_pose=np.concatenate(robot.forward(goal)),
         base_frame=robot.base_link,
         tool_frame=robot.tool_link,
-        metric=settings.metric,
-        canonical=sheet,
-        orientation_model="none",
         encoder_arrays=vae.encoder.arrays(),
         quality=_reconstruction_quality(vae, codes, configurations, robot),
         provenance=provenance,
     )
-    return replace(skill, energy_per_edge=calibrated_energy(skill.graph(), codes))
 
 
 def joint_sheet(form: CanonicalJointDemonstrations) -> JointSheet:

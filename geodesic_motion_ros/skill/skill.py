@@ -8,10 +8,11 @@ a truncated, altered or foreign folder is refused with the reason.
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import shutil
 import tempfile
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -47,15 +48,15 @@ SUPPORT_MULTIPLE = 5.0
 ENDPOINT_MULTIPLE = 3.0
 
 
-@dataclass(frozen=True)
-class Skill:
-    """A trained skill.
+@dataclass(frozen=True, kw_only=True)
+class LearnedModel:
+    """What a training has come to, and all that its graph follows from.
 
     Attributes
     ----------
     space : "task", what is learned are poses of the tool, or "joint", configurations of the whole arm.
-    name, robot, base_frame, tool_frame : what it is called and whose poses it speaks of.
-    decoder : numpy decoder; encoder_arrays : weights of the encoder by name, for re-encoding demonstrations.
+    name, robot : what it is called, and of which robot it is.
+    decoder : numpy decoder.
     codes : (N, T, d) latent means of the demonstrations by arc length; with antipodal doubling both signs, (2N, T, d).
     canonical : the endpoint-normalised demonstrations and the offsets that were taken out of them before the training;
         None on the raw sheet, that of the paper: there they are learned as they were recorded.
@@ -63,11 +64,6 @@ class Skill:
     metric : weights of the pull-back metric.
     orientation_model : "two_cluster" (q and -q have codes of their own) or "sign_blind"; "none" in joint space.
     sigma_support : 99th percentile of rms sigma [m], in joint space [rad], on the demonstrations' codes.
-    energy_per_edge : largest obstacle-free squared length of one edge of the default graph that a path may have.
-    start_pose, goal_pose : (7,) mean first and last tool pose of the demonstrations: x, y, z [m], w, x, y, z; in joint
-        space of those of the first family.
-    quality, provenance : figures on held-out demonstrations; data, licence, source, seed, settings.
-    scene : what stood around the arm as it was demonstrated, as a file of config/scenes says it; None: not said.
     """
 
     name: str
@@ -76,20 +72,11 @@ class Skill:
     latent_lower: np.ndarray
     latent_upper: np.ndarray
     sigma_support: float
-    energy_per_edge: float
-    start_pose: np.ndarray
-    goal_pose: np.ndarray
     space: Literal["task", "joint"] = "task"
     robot: str = "panda"
-    base_frame: str = "panda_link0"
-    tool_frame: str = "panda_grasptarget"
     metric: MetricSettings | JointMetricSettings = field(default_factory=MetricSettings)
     canonical: CanonicalSheet | JointSheet | None = None
     orientation_model: Literal["two_cluster", "sign_blind", "none"] = "two_cluster"
-    encoder_arrays: dict[str, np.ndarray] = field(default_factory=dict)
-    quality: dict[str, Any] = field(default_factory=dict)
-    provenance: dict[str, Any] = field(default_factory=dict)
-    scene: dict[str, Any] | None = None
 
     @property
     def sigma_limit(self) -> float:
@@ -107,12 +94,6 @@ class Skill:
         if self.canonical is None or not self.canonical.has_mean_paths:
             return None
         return MeanPaths.of_codes(self.codes, self.canonical.modes)
-
-    def _energy_limit(self, shape: tuple[int, ...]) -> float:
-        """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""
-        calibrated = GRID_SHAPES[len(self.latent_lower)]
-        coarser = max((reference - 1) / (side - 1) for reference, side in zip(calibrated, shape, strict=False))
-        return self.energy_per_edge * max(1.0, coarser**2)
 
     def graph(
         self, shape: tuple[int, ...] | None = None, neighbours: int | None = None
@@ -143,6 +124,48 @@ class Skill:
             self.metric, self.sigma_limit, shape, neighbours, energy_limit=self._energy_limit(shape),
             clusters=2 if self.orientation_model == "two_cluster" else 1, mean_paths=self.mean_paths,
         )  # fmt: skip
+
+    def _energy_limit(self, shape: tuple[int, ...]) -> float:
+        """Largest squared length of one edge that a path may have: none yet, it is calibrated on the graph itself."""
+        return math.inf
+
+
+@dataclass(frozen=True, kw_only=True)
+class Skill(LearnedModel):
+    """A trained skill: what was learned, and what a path through its graph may cost.
+
+    Attributes
+    ----------
+    energy_per_edge : largest obstacle-free squared length of one edge of the default graph that a path may have.
+    start_pose, goal_pose : (7,) mean first and last tool pose of the demonstrations: x, y, z [m], w, x, y, z; in joint
+        space of those of the first family.
+    base_frame, tool_frame : whose poses it speaks of.
+    encoder_arrays : weights of the encoder by name, for re-encoding demonstrations.
+    quality, provenance : figures on held-out demonstrations; data, licence, source, seed, settings.
+    scene : what stood around the arm as it was demonstrated, as a file of config/scenes says it; None: not said.
+    """
+
+    energy_per_edge: float
+    start_pose: np.ndarray
+    goal_pose: np.ndarray
+    base_frame: str = "panda_link0"
+    tool_frame: str = "panda_grasptarget"
+    encoder_arrays: dict[str, np.ndarray] = field(default_factory=dict)
+    quality: dict[str, Any] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+    scene: dict[str, Any] | None = None
+
+    @classmethod
+    def of(cls, model: LearnedModel, energy_per_edge: float, **attributes: Any) -> Skill:
+        """A skill of what was learned, with its other attributes by name."""
+        learned = {item.name: getattr(model, item.name) for item in fields(model)}
+        return cls(**learned, energy_per_edge=energy_per_edge, **attributes)
+
+    def _energy_limit(self, shape: tuple[int, ...]) -> float:
+        """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""
+        calibrated = GRID_SHAPES[len(self.latent_lower)]
+        coarser = max((reference - 1) / (side - 1) for reference, side in zip(calibrated, shape, strict=False))
+        return self.energy_per_edge * max(1.0, coarser**2)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write the folder, all or nothing: an interrupted save leaves what was there before. Returns the folder.
