@@ -7,6 +7,8 @@ from setuptools import find_packages, setup
 NAME = "geodesic_motion_ros"
 #: The programs that `ros2 run` starts, and the folders where they begin.
 EXECUTABLES = {"planner": "nodes", "twin": "nodes", "demo": "demo"}
+#: What `geodesic-motion timing` compares the search with.
+PEER_LIBRARIES = ["igraph", "networkit", "networkx"]
 SHARE = Path("share") / NAME
 
 
@@ -50,7 +52,8 @@ setup(
         "peers": ["movement_primitives", "pytransform3d"],
         # Methods that `geodesic-motion benchmark` compares with; what is not installed is left out there.
         "benchmark": ["movement_primitives", "pytransform3d", "ompl", "pin", "pin-pink", "daqp"],
-        "bench": ["igraph", "networkit", "networkx"],
+        "timing": PEER_LIBRARIES,
+        "bench": PEER_LIBRARIES,  # the old name of `timing`, until the next version
         "test": ["hypothesis", "mpmath", "pytest", "pytest-xdist", "ruff"],
     },
     data_files=[

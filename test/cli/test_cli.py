@@ -18,7 +18,7 @@ from geodesic_motion_ros.studies.cli import build_parser, main
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 READ = ("--demos", "{reach}", "--units", "cm")
-COMMANDS = ("demonstrate", "train", "evaluate", "inspect", "demo", "goal", "experiment", "bench", "faults")
+COMMANDS = ("demonstrate", "train", "evaluate", "inspect", "demo", "goal", "experiment", "timing", "faults")
 
 
 def module(*arguments: str) -> list[str]:

@@ -184,7 +184,7 @@ class BenchReport:
         parts = [self._machine_line(), self.synthetic.table(), self.skill.table(), self._stages()]
         parts += [bias_table(self.bias), self._scaling()]
         if self.missing:
-            parts.append(f"not installed: {', '.join(self.missing)}; the extra `bench` brings them")
+            parts.append(f"not installed: {', '.join(self.missing)}; the extra `timing` brings them")
         return "\n\n".join(parts)
 
     def write_json(self, path: Path) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from geodesic_motion_ros import cli
 from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect
-from geodesic_motion_ros.studies.cli import bench, benchmark, evaluate, experiment, faults, judge, measured_train
+from geodesic_motion_ros.studies.cli import benchmark, evaluate, experiment, faults, judge, measured_train, timing
 
 _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.
@@ -27,13 +27,13 @@ _EXAMPLES = (
     "experiment geodesics --skill skills/pouring",
     "demo",
     "goal skills/pouring",
-    "bench --quick",
+    "timing --quick",
     "benchmark --scenes 2",
     "judge --scenes scenes.npz --motions mine.csv",
     "faults --only state_stops",
 )
 COMMANDS: tuple[cli.Command, ...] = (
-    demonstrate, measured_train, evaluate, inspect, demo, goal, experiment, bench, benchmark, judge, faults,
+    demonstrate, measured_train, evaluate, inspect, demo, goal, experiment, timing, benchmark, judge, faults,
 )  # fmt: skip
 
 

@@ -1,13 +1,16 @@
-"""`bench`: how fast the search engine answers, beside well-known graph libraries."""
+"""`timing`: how fast the search engine answers, beside well-known graph libraries; its name was `bench`."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, writable
 from geodesic_motion_ros.utils.errors import ParameterError
 
 _DESCRIPTION = """\
+Measures how long searches and ticks take; `benchmark` plays scenes and counts which of them are reached.
+
 Searches two graphs again and again while obstacles move: a large one that is made up (50x50x50 nodes, 26 neighbours,
 8 body points) and that of a skill. Prints one table for each, the stages of the planner's tick on the skill, and how a
 tick grows with nodes, obstacles and body points. About five minutes, a few GB of memory, no network.
@@ -25,7 +28,7 @@ peers    exact (the same search where no cost is too large), A* (this package's,
          without a heuristic, all nodes worked out before), scipy, igraph, networkit, networkx: how many times the
          processor time they take for the same tick. Libraries get the edges' weights from the same numpy code; networkx
          copies its graph for every tick. Those that are not installed are left out:
-         pip install 'geodesic_motion_ros[bench]'
+         pip install 'geodesic_motion_ros[timing]'
 
 --moving measures something else: processor time of the planner's ticks on skills of either kind, all shipped ones or
 those given, among so many spheres that cross a demonstrated motion at 0.05 to 0.5 m/s, seen elsewhere in every tick (0:
@@ -47,14 +50,16 @@ A loaded machine lengthens wall times; cpu and the ratios hold.
 """
 _EPILOG = """\
 examples:
-  geodesic-motion bench
-  geodesic-motion bench --quick
-  geodesic-motion bench --skill panda_reach_to_grasp --json out/bench.json
-  geodesic-motion bench --moving 0,1,5
-  geodesic-motion bench --moving 1 --skill panda_pouring panda_bottle2shelf --quick
-  geodesic-motion bench --detours 1,5,10
+  geodesic-motion timing
+  geodesic-motion timing --quick
+  geodesic-motion timing --skill panda_reach_to_grasp --json out/timing.json
+  geodesic-motion timing --moving 0,1,5
+  geodesic-motion timing --moving 1 --skill panda_pouring panda_bottle2shelf --quick
+  geodesic-motion timing --detours 1,5,10
 """
 
+#: The command's name in the version before: it is still understood, and goes with the next one.
+_OLD_NAME = "bench"
 #: With --moving or --detours where none is given, and without.
 _SKILLS, _SKILL = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp"), ("panda_reach_to_grasp",)
 
@@ -62,7 +67,7 @@ _SKILLS, _SKILL = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp"
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser of the command line."""
     parser = commands.add_parser(
-        "bench", help="how fast the search answers while obstacles move, beside graph libraries",
+        "timing", aliases=[_OLD_NAME], help="how fast the search answers while obstacles move, beside graph libraries",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     parser.add_argument(
@@ -89,6 +94,9 @@ def run(arguments: argparse.Namespace) -> None:
     from geodesic_motion_ros.studies.benchmarks.moving_report import MovingSettings, measure_moving
     from geodesic_motion_ros.studies.benchmarks.run import BenchSettings, alone, measured_alone
 
+    if arguments.command == _OLD_NAME:
+        text = f"geodesic-motion: {_OLD_NAME} is now timing; the old name goes with the next version"
+        print(text, file=sys.stderr)
     writable(arguments.json)
     moving, detours = arguments.moving, arguments.detours
     if moving is not None and min(moving) < 0:

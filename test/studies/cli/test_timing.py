@@ -1,4 +1,4 @@
-"""`bench` as a person meets it: refused in one line, ended by Ctrl-C without a traceback."""
+"""`timing` as a person meets it: refused in one line, ended by Ctrl-C without a traceback."""
 
 from __future__ import annotations
 
@@ -30,13 +30,24 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 def test_what_cannot_be_done_is_reported_in_one_line(arguments, reported, tmp_path, capsys) -> None:
     file = tmp_path / "file"
     file.touch()
-    assert main(["bench", *(argument.format(file=file) for argument in arguments)]) == 2
+    assert main(["timing", *(argument.format(file=file) for argument in arguments)]) == 2
     (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("geodesic-motion: ")]
     assert reported in line
 
 
+def test_its_old_name_is_understood_and_says_the_new_one(capsys) -> None:
+    """The control: the new name says nothing of it."""
+    said = {}
+    for name in ("bench", "timing"):
+        assert main([name, "--skill", "no_such_skill"]) == 2
+        said[name] = capsys.readouterr().err
+    assert "bench is now timing; the old name goes with the next version" in said["bench"]
+    assert "is now" not in said["timing"]
+
+
 def test_ctrl_c_ends_it_without_a_traceback(tmp_path) -> None:
-    command = [sys.executable, "-m", "geodesic_motion_ros", "bench", "--quick", "--json", str(tmp_path / "bench.json")]
+    arguments = ["timing", "--quick", "--json", str(tmp_path / "timing.json")]
+    command = [sys.executable, "-m", "geodesic_motion_ros", *arguments]
     with subprocess.Popen(
         command, cwd=REPOSITORY, env=os.environ | {"PYTHONUNBUFFERED": "1"}, stderr=subprocess.PIPE,
         start_new_session=True,
@@ -53,4 +64,4 @@ def test_ctrl_c_ends_it_without_a_traceback(tmp_path) -> None:
     assert b"interrupted" in seen
     assert b"Traceback" not in seen
     assert b"Warning" not in seen
-    assert (tmp_path / "bench.json").read_text() == ""
+    assert (tmp_path / "timing.json").read_text() == ""
