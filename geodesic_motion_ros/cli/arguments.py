@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import (
-    DEFAULT_COLUMNS,
     METRES_PER_UNIT,
     holds_joints,
     read_demonstrations,
     read_joint_demonstrations,
 )
+from geodesic_motion_ros.demonstrations.recorded_tables import DEFAULT_COLUMNS
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:

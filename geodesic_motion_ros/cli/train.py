@@ -26,7 +26,7 @@ from geodesic_motion_ros.cli.arguments import (
     writable,
 )
 from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_last, tilts
-from geodesic_motion_ros.demonstrations.readers import (
+from geodesic_motion_ros.demonstrations.recorded_tables import (
     DEFAULT_COLUMNS,
     POSITION,
     QUATERNION,

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import re
-from array import array as numbers
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.utils.checked_files import array_names, brief, opened, read_array, read_arrays
+from geodesic_motion_ros.demonstrations.recorded_tables import (
+    DEFAULT_COLUMNS,
+    DEMONSTRATION,
+    POSITION,
+    QUATERNION,
+    TIME,
+    Table,
+    joint_tables,
+    names_in,
+    parse_columns,
+    pose_tables,
+)
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH
 from geodesic_motion_ros.utils.errors import DemonstrationError, FileError
 
@@ -23,25 +29,8 @@ if TYPE_CHECKING:
 
 Units = Literal["m", "cm", "mm"]
 METRES_PER_UNIT: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-TIME = "t"
-POSITION = ("px", "py", "pz")
-QUATERNION = ("qw", "qx", "qy", "qz")
-DEFAULT_COLUMNS = "px,py,pz,qw,qx,qy,qz"
-DEMONSTRATION = "demonstration"
 SHORTEST_MOTION = 0.01
 """When no demonstration of a file moves this far [m], its units were taken for too small ones."""
-
-LARGEST_RECORDING = 128 << 20
-"""Of a file [B]: half an hour of poses at 1 kHz."""
-MOST_DEMONSTRATIONS, MOST_JOINTS = 10_000, 100
-LONGEST_NAME, LONGEST_LINE = 200, 10_000
-"""Of a demonstration and of a line of text, in characters."""
-
-Table = dict[str, np.ndarray]
-"""One demonstration as read: column name -> values (T,), positions still in the units of the file."""
-Reader = Callable[[Path, tuple[str, ...]], dict[str, Table]]
-"""From a file and the names of its columns to tables by the names of the demonstrations."""
-Content = TypeVar("Content")
 
 
 def read_demonstrations(
@@ -74,7 +63,7 @@ def read_demonstrations(
     """
     path = Path(path)
     scale = _metres_per(units)
-    tables = _read_tables(path, _READERS, parse_columns(columns), rate_hz)
+    tables = pose_tables(path, parse_columns(columns), rate_hz)
     _check_reach(tables, scale, units, path)
     try:
         items = tuple(_demonstration(name, table, scale, rate_hz) for name, table in tables.items())
@@ -113,14 +102,7 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
 
     path = Path(path)
     arm = Robot.named(robot)
-
-    def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
-        return _joint_arrays(_load(path, read_arrays), names, robot, path)
-
-    def read_csv(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
-        return _read_csv(path, names, robot)
-
-    tables = _read_tables(path, {".npz": read_npz, ".csv": read_csv}, arm.joint_names, rate_hz)
+    tables = joint_tables(path, arm.joint_names, robot, rate_hz)
     try:
         items = tuple(_joint_demonstration(name, table, arm, rate_hz) for name, table in tables.items())
         demonstrations = JointDemonstrations(items, arm.joint_names, robot)
@@ -138,250 +120,18 @@ def holds_joints(path: str | Path) -> bool:
     """
     path = Path(path)
     try:
-        if path.suffix.lower() == ".npz":
-            return "configurations" in _load(path, array_names)
-        if path.suffix.lower() == ".csv":
-            with opened(path, LARGEST_RECORDING) as stream:
-                first = next(_lines(stream, path), "")
-            header = {cell.strip() for cell in re.split("[,;\t]", first)}
-            return DEMONSTRATION in header and not header & {*POSITION, *QUATERNION}
+        names = names_in(path)
     except (OSError, UnicodeDecodeError, FileError, DemonstrationError):
         return False
-    return False
-
-
-def parse_columns(columns: str) -> tuple[str, ...]:
-    """Column names out of "px,py,...". DemonstrationError names unknown, repeated and missing ones."""
-    names = tuple(name.strip() for name in columns.split(","))
-    known = (TIME, *POSITION, *QUATERNION)
-    unknown = [name for name in names if name not in known]
-    if unknown:
-        raise DemonstrationError(
-            f"unknown column '{unknown[0]}' in '{columns}'; known are {', '.join(known)}"
-        )
-    repeated = [name for name in names if names.count(name) > 1]
-    if repeated:
-        raise DemonstrationError(f"column {repeated[0]} stands more than once in '{columns}'")
-    _check_complete(names, f"'{columns}'")
-    return names
-
-
-def quaternion_order(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The order of qw, qx, qy, qz in names of columns; scalar first where they are not among them."""
-    return tuple(name for name in names if name in QUATERNION) or QUATERNION
-
-
-def _check_complete(names: tuple[str, ...], where: str) -> None:
-    """Allowed: px,py - px,py,pz - px,py,pz and the whole quaternion; each with or without t."""
-    needed = POSITION[:2] if set(names) <= {TIME, *POSITION[:2]} else POSITION
-    if set(names) & set(QUATERNION):
-        needed = POSITION + QUATERNION
-    missing = [name for name in needed if name not in names]
-    if missing:
-        raise DemonstrationError(
-            f"{where} lacks {', '.join(missing)}; needed are px,py,pz,qw,qx,qy,qz, or px,py,pz, or px,py, "
-            "each with or without t"
-        )
-
-
-def _read_tables(path: Path, readers: Mapping[str, Reader], names: tuple[str, ...], rate_hz: float) -> dict[str, Table]:
-    if not (np.isfinite(rate_hz) and rate_hz > 0.0):
-        raise DemonstrationError(f"rate_hz is {rate_hz}; it must be a positive number of samples a second")
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise DemonstrationError(f"{path}: cannot read '{path.suffix}' files, only {', '.join(readers)}")
-    try:
-        tables = reader(path, names)
-    except OSError as error:
-        raise DemonstrationError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except FileError as error:
-        raise DemonstrationError(f"{path}: {error}") from error
-    if not tables:
-        raise DemonstrationError(f"{path}: holds no demonstrations")
-    return tables
+    if path.suffix.lower() == ".npz":
+        return "configurations" in names
+    return DEMONSTRATION in names and not names & {*POSITION, *QUATERNION}
 
 
 def _metres_per(units: str) -> float:
     if units not in METRES_PER_UNIT:
         raise DemonstrationError(f"unknown units '{units}'; use one of {', '.join(METRES_PER_UNIT)}")
     return METRES_PER_UNIT[units]
-
-
-def _read_npy(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
-    return _split_array(_load(path, read_array), names, path)
-
-
-def _read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
-    arrays = _load(path, read_arrays)
-    if "positions" in arrays:
-        return _named_arrays(arrays, quaternion_order(names), path)
-    if len(arrays) != 1:
-        keys = brief(", ".join(arrays)) if arrays else "nothing"
-        raise DemonstrationError(
-            f"{path}: holds {keys}; it needs keys positions (and quaternions, times), or one array alone"
-        )
-    return _split_array(next(iter(arrays.values())), names, path)
-
-
-def _load(path: Path, read: Callable[[IO[bytes]], Content]) -> Content:
-    """What `read` makes of a regular file; DemonstrationError: it cannot."""
-    with opened(path, LARGEST_RECORDING) as stream:
-        try:
-            return read(stream)
-        except FileError as error:
-            raise DemonstrationError(f"{path}: not a {path.suffix} file of plain numbers: {error}") from error
-
-
-def _numbers(array: np.ndarray, what: str, path: Path) -> np.ndarray:
-    if array.dtype.kind not in "iuf":
-        raise DemonstrationError(f"{path}: {what} has dtype {array.dtype}; real numbers are needed")
-    with np.errstate(over="ignore"):  # what is too large becomes infinite, and is refused by its place
-        return array.astype(float, copy=False)
-
-
-def _split_array(array: np.ndarray, names: tuple[str, ...], path: Path) -> dict[str, Table]:
-    array = _numbers(array, "the array", path)
-    array = array[None] if array.ndim == 2 else array
-    if array.ndim != 3:
-        raise DemonstrationError(f"{path}: shape {array.shape}; needed is (demonstrations, samples, columns)")
-    if len(array) > MOST_DEMONSTRATIONS:
-        raise DemonstrationError(f"{path}: {len(array)} demonstrations; at most {MOST_DEMONSTRATIONS} are read")
-    if array.shape[2] != len(names):
-        raise DemonstrationError(
-            f"{path}: {array.shape[2]} columns, but {len(names)} were announced: {','.join(names)}; name the "
-            "columns of the file in their order"
-        )
-    return {
-        f"{path.stem}_{index}": {name: sheet[:, column] for column, name in enumerate(names)}
-        for index, sheet in enumerate(array)
-    }
-
-
-def _named_arrays(arrays: dict[str, np.ndarray], order: tuple[str, ...], path: Path) -> dict[str, Table]:
-    """positions (N, T, 2 or 3), quaternions (N, T, 4) in an order of qw, qx, qy, qz, times (N, T) or (T,)."""
-    unknown = [key for key in arrays if key not in ("positions", "quaternions", "times")]
-    if unknown:
-        raise DemonstrationError(
-            f"{path}: unknown key {brief(unknown[0])}; known are positions, quaternions, times"
-        )
-    positions = _numbers(arrays["positions"], "positions", path)
-    if positions.ndim != 3 or positions.shape[2] not in (2, 3):
-        raise DemonstrationError(
-            f"{path}: positions have shape {positions.shape}, not (N, T, 3) or (N, T, 2)"
-        )
-    names = POSITION[: positions.shape[2]]
-    stacked = [positions]
-    if "quaternions" in arrays:
-        stacked.append(_shaped(arrays["quaternions"], (*positions.shape[:2], 4), "quaternions", path))
-        names = (*names, *order)
-    if "times" in arrays:
-        stacked.append(_times_of_each(arrays["times"], positions.shape[:2], path)[..., None])
-        names = (*names, TIME)
-    _check_complete(names, str(path))
-    return _split_array(np.concatenate(stacked, axis=2), names, path)
-
-
-def _shaped(array: np.ndarray, shape: tuple[int, ...], what: str, path: Path) -> np.ndarray:
-    if array.shape != shape:
-        raise DemonstrationError(f"{path}: {what} have shape {array.shape}; beside the positions: {shape}")
-    return _numbers(array, what, path)
-
-
-def _times_of_each(times: np.ndarray, shape: tuple[int, ...], path: Path) -> np.ndarray:
-    """Times (N, T) of all demonstrations, given as such or once for all of them (T,)."""
-    return _shaped(np.broadcast_to(times, shape) if times.shape == shape[1:] else times, shape, "times", path)
-
-
-def _read_csv(path: Path, names: tuple[str, ...], robot: str = "") -> dict[str, Table]:
-    """robot : whose joints the names are, if they are joints."""
-    samples: dict[str, numbers] = {}
-    with opened(path, LARGEST_RECORDING) as stream:
-        rows = csv.reader(_lines(stream, path))
-        try:
-            header = [cell.strip() for cell in next(rows, [])]
-            if robot and DEMONSTRATION in header and set(header).isdisjoint(names):
-                raise _other_arm([name for name in header if name not in (DEMONSTRATION, TIME)], names, robot, path)
-            _check_header(header, names, path)
-            for row in rows:
-                if row:
-                    _add_sample(samples, row, header, f"{path}, line {rows.line_num}")
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise DemonstrationError(f"{path}: not a csv text file ({error})") from error
-    values = [name for name in header if name != DEMONSTRATION]
-    return {
-        name: dict(zip(values, np.frombuffer(table).reshape(-1, len(values)).T, strict=True))
-        for name, table in samples.items()
-    }
-
-
-def _lines(stream: IO[bytes], path: Path) -> Iterator[str]:
-    """Lines of a text file; DemonstrationError: one is longer than LONGEST_LINE."""
-    text = io.TextIOWrapper(stream, encoding="utf-8-sig", newline="")
-    number = 0
-    while line := text.readline(LONGEST_LINE + 1):
-        number += 1
-        if len(line) > LONGEST_LINE:
-            raise DemonstrationError(
-                f"{path}, line {number}: longer than {LONGEST_LINE} characters; a csv file has one sample a line"
-            )
-        yield line
-
-
-def _add_sample(samples: dict[str, numbers], row: list[str], header: list[str], where: str) -> None:
-    """Append the numbers of a row, in the order of the header, to those of the demonstration that it names."""
-    if len(row) != len(header):
-        raise DemonstrationError(f"{where}: {len(row)} cells under {len(header)} columns")
-    at = header.index(DEMONSTRATION)
-    name = row[at].strip()
-    if name not in samples:
-        _check_name(name, where)
-        if len(samples) == MOST_DEMONSTRATIONS:
-            raise DemonstrationError(f"{where}: more than {MOST_DEMONSTRATIONS} demonstrations")
-    table = samples.setdefault(name, numbers("d"))
-    table.extend(_number(cell, where, key) for key, cell in zip(header, row, strict=True) if key != DEMONSTRATION)
-
-
-def _check_name(name: str, where: str) -> None:
-    """Refuse names of demonstrations that do not fit into a message: DemonstrationError."""
-    if len(name) > LONGEST_NAME or not name.isprintable():
-        raise DemonstrationError(
-            f"{where}: a demonstration is called {brief(name)}; names are one line of at most {LONGEST_NAME} characters"
-        )
-
-
-def _check_header(header: list[str], names: tuple[str, ...], path: Path) -> None:
-    allowed = {DEMONSTRATION, TIME, *names}
-    missing = [name for name in (DEMONSTRATION, *names) if name not in header]
-    unknown = [name for name in header if name not in allowed]
-    repeated = [name for name in header if header.count(name) > 1]
-    expected = f"expected are {', '.join((DEMONSTRATION, *names))} in any order"
-    if not any(header):
-        raise DemonstrationError(f"{path}: empty; it needs a header {','.join((DEMONSTRATION, *names))}")
-    for separator, called in ((";", "semicolons"), ("\t", "tabs")):
-        if separator in header[0]:
-            raise DemonstrationError(
-                f"{path}: the header has {called} between its columns; write commas there, and decimals with points"
-            )
-    if unknown:
-        raise DemonstrationError(f"{path}: unknown column {brief(unknown[0])} in the header; {expected}")
-    if missing:
-        raise DemonstrationError(f"{path}: the header lacks {', '.join(missing)}; {expected}")
-    if repeated:
-        raise DemonstrationError(f"{path}: column {repeated[0]} stands more than once in the header")
-
-
-def _number(cell: str, where: str, column: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        raise DemonstrationError(f"{where}, column {column}: {brief(cell)} is not a number") from None
-
-
-_READERS: dict[str, Reader] = {
-    ".npy": _read_npy,
-    ".npz": _read_npz,
-    ".csv": _read_csv,
-}
 
 
 def _positions(table: Table, scale: float) -> np.ndarray:
@@ -402,52 +152,6 @@ def _demonstration(name: str, table: Table, scale: float, rate_hz: float) -> Dem
 
 def _times(table: Table, samples: int, rate_hz: float) -> np.ndarray:
     return table[TIME] if TIME in table else np.arange(samples) / rate_hz
-
-
-def _joint_arrays(
-    arrays: dict[str, np.ndarray], joint_names: tuple[str, ...], robot: str, path: Path
-) -> dict[str, Table]:
-    """configurations (N, T, eta), joint_names (eta,), perhaps times (N, T) or (T,), names (N,) and robot."""
-    missing = [key for key in ("configurations", "joint_names") if key not in arrays]
-    unknown = [key for key in arrays if key not in ("configurations", "joint_names", "times", "names", "robot")]
-    if missing or unknown:
-        what = f"lacks {missing[0]}" if missing else f"has the unknown key {brief(unknown[0])}"
-        raise DemonstrationError(
-            f"{path}: {what}; a recording of joints has the keys configurations and joint_names, and may have times, "
-            "names and robot"
-        )
-    if "robot" in arrays and str(arrays["robot"]) != robot:
-        raise DemonstrationError(f"{path}: recorded with the robot {brief(str(arrays['robot']))}, not with '{robot}'")
-    configurations = _numbers(arrays["configurations"], "configurations", path)
-    for key, most in (("joint_names", MOST_JOINTS), ("names", MOST_DEMONSTRATIONS)):
-        if key in arrays and (arrays[key].ndim > 1 or arrays[key].size > most):
-            raise DemonstrationError(
-                f"{path}: {key} have shape {brief(arrays[key].shape)}; at most {most} in a row are read"
-            )
-    present = tuple(map(str, np.atleast_1d(arrays["joint_names"])))
-    if sorted(present) != sorted(joint_names):
-        raise _other_arm(present, joint_names, robot, path)
-    if configurations.ndim != 3 or configurations.shape[2] != len(present):
-        raise DemonstrationError(
-            f"{path}: configurations have shape {configurations.shape}, not (N, T, {len(present)}) for the joints named"
-        )
-    tables = _split_array(configurations, present, path)
-    names = tuple(map(str, np.atleast_1d(arrays.get("names", list(tables)))))
-    for name in names:
-        _check_name(name, str(path))
-    if len(set(names)) != len(configurations) or len(names) != len(configurations):
-        raise DemonstrationError(f"{path}: {len(set(names))} different names for {len(configurations)} demonstrations")
-    if "times" in arrays:
-        times = _times_of_each(arrays["times"], configurations.shape[:2], path)
-        tables = {name: table | {TIME: row} for (name, table), row in zip(tables.items(), times, strict=True)}
-    return dict(zip(names, tables.values(), strict=True))
-
-
-def _other_arm(present: Sequence[str], joint_names: Sequence[str], robot: str, path: Path) -> DemonstrationError:
-    return DemonstrationError(
-        f"{path}: its joints are {brief(', '.join(present), 200)}; expected are those of '{robot}', in any order: "
-        f"{', '.join(joint_names)}. Recordings of other robots are not supported yet"
-    )
 
 
 def _joint_demonstration(name: str, table: Table, robot: Robot, rate_hz: float) -> JointDemonstration:

@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.readers import DEMONSTRATION, TIME
+from geodesic_motion_ros.demonstrations.recorded_tables import DEMONSTRATION, TIME
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 JOINT_SUFFIXES = (".npz", ".csv")

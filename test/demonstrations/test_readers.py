@@ -5,10 +5,10 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.readers import (
     holds_joints,
-    parse_columns,
     read_demonstrations,
     read_joint_demonstrations,
 )
+from geodesic_motion_ros.demonstrations.recorded_tables import parse_columns
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import DemonstrationError, RobotError
 
