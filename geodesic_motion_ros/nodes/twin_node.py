@@ -10,15 +10,14 @@ import queue
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotDoneInTime
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
-import yaml
 from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
@@ -43,20 +42,21 @@ from geodesic_motion_ros.nodes.messages import (
 )
 from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
-from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
+from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
-from geodesic_motion_ros.nodes.scene_parameter import declared_scene
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.robot.inverse_kinematics import solve
-from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.simulation.scripted_spheres import NAMED, ScriptedSpheres, spheres_named
+from geodesic_motion_ros.nodes.twin_parameters import (
+    check_twin,
+    initial_joints,
+    scene_around,
+    scripted_spheres,
+    steps_per_message,
+)
+from geodesic_motion_ros.simulation.scripted_spheres import ScriptedSpheres
 from geodesic_motion_ros.simulation.world import PandaWorld
-from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.utils.checked_files import brief
-from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError, RobotError, SkillError
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, RobotError
 
 # After a stall physics makes up for what was lost, for half as long [s] of real time at most, in the next tick half as
 # long as that, and so on until nothing is owed: where steps take longer than what they stand for, the world is late.
@@ -72,9 +72,6 @@ _POSES, _TRAJECTORIES, _POSTURES = "target_pose", "joint_trajectory", "target_po
 _SAME_TIME = 0.1
 _OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
 _IMAGE_SIZE = (320, 240)
-# What `initial_joint_positions` holds where nothing else is given, a parameter file with all defaults included.
-_READY = next(parameter.default for parameter in TWIN if parameter.name == "initial_joint_positions")
-
 
 @dataclass(frozen=True)
 class _Command:
@@ -105,11 +102,11 @@ class TwinNode(LoopingNode):
         super().__init__("twin", **node_options)
 
     def _build(self) -> None:
-        self._options = NodeParameters(self, TWIN, _check)
+        self._options = NodeParameters(self, TWIN, check_twin)
         values = self._options
         self._frame: str = values["base_frame"]
-        self._world = PandaWorld(values["gui"], values["physics_rate"], _scene(values["scene"], values["skill"]))
-        self._world.reset(_initial_joints(values.values))
+        self._world = PandaWorld(values["gui"], values["physics_rate"], scene_around(values["scene"], values["skill"]))
+        self._world.reset(initial_joints(values.values))
         self._spheres, self._spheres_start = ScriptedSpheres({}), 0.0
         self._steps = self._contacts = 0
         self._touched: set[str] = set()
@@ -148,7 +145,7 @@ class TwinNode(LoopingNode):
         self._image = self.create_publisher(Image, "~/image", qos)
         self._markers = MarkerScene(self._frame)
         values = self._options
-        every = {name: _steps_between(values["physics_rate"], values[name]) for name in _RATES}
+        every = steps_per_message(values.values)
         self._schedule = [
             (every["state_rate"], self._publish_state),
             (every["obstacle_rate"], self._publish_obstacles),
@@ -359,7 +356,7 @@ class TwinNode(LoopingNode):
             raise MessageRefused(f"physics did not answer within {_PATIENCE:g} s") from error
 
     def _reset(self) -> str:
-        self._world.reset(_initial_joints(self._options.values))
+        self._world.reset(initial_joints(self._options.values))
         self._begin_anew()
         with self._command_lock:
             self._command = None
@@ -367,7 +364,7 @@ class TwinNode(LoopingNode):
         return "the arm is where it started, the spheres begin again, contacts count from zero"
 
     def _spawn(self) -> str:
-        self._spheres = _spheres(self._options["spheres"])
+        self._spheres = scripted_spheres(self._options["spheres"])
         self._begin_anew()
         return f"{len(self._spheres.items)} obstacles: {', '.join(self._spheres.items) or 'none'}"
 
@@ -376,90 +373,6 @@ class TwinNode(LoopingNode):
         self._spheres_start, self._stepped_until = self._world.time, self._time.running()
         self._contacts, self._least_clearance = 0, np.inf
         self._touched.clear()
-
-
-_RATES = ("state_rate", "obstacle_rate", "image_rate")
-
-
-def _initial_joints(values: Mapping[str, Value]) -> np.ndarray:
-    """Joint positions (7,) [rad] to start from: those given, or where the skill begins."""
-    given = values["initial_joint_positions"]
-    return start_joints(values["skill"]) if values["skill"] and given == _READY else np.array(given)
-
-
-@cache
-def start_joints(name: str) -> np.ndarray:
-    """Joint positions (7,) [rad] of a Panda at the start of a skill, a folder or a shipped name.
-
-    A skill of joint space begins where its first group of demonstrations does on average, on the raw sheet where the
-    first demonstration does.
-
-    Raises
-    ------
-    SkillError : there is no such skill, or it is of another robot.
-    RobotError : the Panda does not reach its start.
-    """
-    skill, robot = Skill.load(name), Robot.panda()
-    if (skill.robot, skill.tool_frame) != ("panda", robot.tool_link):
-        raise SkillError(
-            f"skill {skill.name} moves the frame {skill.tool_frame!r} of a {skill.robot!r}, the twin is a 'panda' with "
-            f"{robot.tool_link!r}: start it with skill:='' to use initial_joint_positions"
-        )
-    if skill.canonical is None and skill.space == "joint":
-        joints = skill.decoder.configurations(skill.codes[0, :1])[0]
-    elif skill.space == "joint":
-        joints = skill.canonical.start_poles[0].copy()
-    else:
-        joints = solve(robot, skill.start_pose[:3], skill.start_pose[3:])
-    joints.setflags(write=False)
-    return joints
-
-
-def _steps_between(physics_rate: float, rate: float) -> int:
-    """Physics steps from one message to the next, 0 for never; rounded down, so that `rate` is reached."""
-    return 0 if rate == 0.0 else max(1, int(physics_rate / rate))
-
-
-def _scene(text: str, skill: str) -> DeclaredScene:
-    """What stands around the arm, by the parameters `scene` and `skill`; where nothing is declared nothing does."""
-    if text in NAMED or _is_mapping(text):
-        raise ParameterError(
-            f"parameter scene = {brief(text)}: spheres by script are the parameter `spheres` now; scene is what always "
-            "stands around the arm: a file, as in config/scenes, or the name of one of those"
-        )
-    return declared_scene(text, Skill.load(skill) if skill and not text else None) or DeclaredScene.empty()
-
-
-def _is_mapping(text: str) -> bool:
-    try:
-        return isinstance(yaml.safe_load(text), dict)
-    except (yaml.YAMLError, ValueError):
-        return False
-
-
-def _spheres(text: str) -> ScriptedSpheres:
-    """Spheres by name, or from a YAML mapping; an empty text is none."""
-    try:
-        described = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that is none
-        raise ParameterError(f"spheres is neither a name nor YAML: {' '.join(str(error).split())}") from error
-    if described is None:
-        return ScriptedSpheres({})
-    return spheres_named(described) if isinstance(described, str) else ScriptedSpheres.from_dict(described)
-
-
-def _check(values: Mapping[str, Value]) -> None:
-    _spheres(values["spheres"])
-    try:
-        Robot.panda().checked(np.array(values["initial_joint_positions"]))
-    except RobotError as error:
-        raise ParameterError(f"parameter initial_joint_positions: {error}") from error
-    slow = [name for name in _RATES if values[name] > values["physics_rate"]]
-    if slow:
-        raise ParameterError(
-            f"parameter {slow[0]} = {values[slow[0]]:g} Hz: "
-            f"expected at most physics_rate, {values['physics_rate']:g} Hz"
-        )
 
 
 def main(args: list[str] | None = None) -> int:

@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
-from geodesic_motion_ros.nodes import twin_node
+from geodesic_motion_ros.nodes import twin_node, twin_parameters
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
@@ -209,7 +209,7 @@ class TestFaults:
     def test_in_a_service(self, twin, monkeypatch, service):
         with monkeypatch.context() as patch:
             patch.setattr(twin.twin._world, "reset", fail)
-            patch.setattr(twin_node, "_spheres", fail)
+            patch.setattr(twin_node, "scripted_spheres", fail)
             answer = twin.call(Trigger, f"twin/{service}", Trigger.Request())
         assert not answer.success
         assert answer.message == "internal error, see the log: ZeroDivisionError()"
@@ -232,7 +232,7 @@ class TestFaults:
 
     def test_in_a_parameter(self, twin, monkeypatch):
         with monkeypatch.context() as patch:
-            patch.setattr(twin_node, "_spheres", fail)
+            patch.setattr(twin_parameters, "scripted_spheres", fail)
             result = twin.twin.set_parameters([Parameter("spheres", value="two")])[0]
         assert (result.successful, result.reason) == (False, "internal error, see the log: ZeroDivisionError()")
         assert twin.twin.get_parameter("spheres").value == ""

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from geodesic_motion_ros.demo.demo_run import Processes, isolated_environment
-from geodesic_motion_ros.nodes.twin_node import start_joints
+from geodesic_motion_ros.nodes.twin_parameters import start_joints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
