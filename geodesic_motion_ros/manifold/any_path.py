@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import TAKEN, put, take
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_node
 from geodesic_motion_ros.manifold.search_buffers import SearchBuffers, begin_at_both_ends, lent_buffers, trace
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
 from geodesic_motion_ros.utils.deadline import Deadline
@@ -43,7 +43,7 @@ def _go_on(
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
         centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-        listed, following, looked, factors, touched, clearance,
+        listed, following, evaluated, factors, affected, clearance,
     ) = reshaping  # fmt: skip
     costs, predecessor, arrival, all_keys, all_items, places, size, _, _, written, count, _, _ = buffers
     cost, keys, items, place = costs[0], all_keys[0], all_items[0], places[0]
@@ -57,15 +57,15 @@ def _go_on(
             through = cost[u] + base[edge]
             if place[v] == TAKEN or through >= cost[v]:
                 continue
-            if not looked[v]:
-                look(
+            if not evaluated[v]:
+                evaluate_node(
                     v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
                     solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-                    listed, following, looked, factors, touched, clearance,
+                    listed, following, evaluated, factors, affected, clearance,
                 )  # fmt: skip
             if clearance[v] < margin and v != target:
                 continue
-            if touched[u] or touched[v]:
+            if affected[u] or affected[v]:
                 through = cost[u] + edge_weight(fixed, shares, factors, edge, u, v)
             if not through < cost[v]:
                 continue
@@ -94,7 +94,7 @@ def any_path(
     is none, else 0. The path is written to nodes (n,) and edges (n,).
 
     graph : first slots, nodes and edges of the adjacency, base, fixed, shares, reshaping and margin: all that kernels
-        want first. The source has been looked at. The rest as of `shortest_path_from_both_ends`.
+        want first. The source has been evaluated. The rest as of `shortest_path_from_both_ends`.
     """
     with lent_buffers(adjacency) as buffers:
         begin_at_both_ends(to_target, from_landmark, source, target, buffers)

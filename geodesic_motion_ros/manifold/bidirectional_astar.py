@@ -14,7 +14,7 @@ import numpy as np
 from geodesic_motion_ros.manifold.any_path import any_path, load_any_path
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import put, take
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_node, evaluate_nodes
 from geodesic_motion_ros.manifold.search_buffers import SearchBuffers, begin_at_both_ends, lent_buffers, trace
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
@@ -49,7 +49,7 @@ def _field_path(
 
     The path is written to nodes (n,) and edges (n,). Its cost is summed as the field was: from the target on.
     """
-    look_at(np.array([source, target]), reshaping)
+    evaluate_nodes(np.array([source, target]), reshaping)
     nodes[0], count = source, 0
     while nodes[count] != target:
         u, least, best = nodes[count], math.inf, -1
@@ -62,14 +62,14 @@ def _field_path(
             return math.inf, 0
         nodes[count + 1], edges[count] = neighbour[best], edge_of[best]
         count += 1
-    look_at(nodes[: count + 1], reshaping)
-    factors, touched, clearance = reshaping.factors, reshaping.touched, reshaping.clearance
+    evaluate_nodes(nodes[: count + 1], reshaping)
+    factors, affected, clearance = reshaping.factors, reshaping.affected, reshaping.clearance
     cost = 0.0
     for i in range(count - 1, -1, -1):
         u, v, edge = nodes[i], nodes[i + 1], edges[i]
         if i > 0 and clearance[u] < margin:
             return math.inf, 0
-        cost += edge_weight(fixed, shares, factors, edge, u, v) if touched[u] or touched[v] else base[edge]
+        cost += edge_weight(fixed, shares, factors, edge, u, v) if affected[u] or affected[v] else base[edge]
     return cost, count
 
 
@@ -107,7 +107,7 @@ def _go_on(
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
         centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-        listed, following, looked, factors, touched, clearance,
+        listed, following, evaluated, factors, affected, clearance,
     ) = reshaping  # fmt: skip
     cost, predecessor, arrival, all_keys, all_items, places, size, begun, spent, written, count, _, _ = buffers
     at_source = from_landmark[source]
@@ -139,16 +139,16 @@ def _go_on(
                 if through + left >= best:
                     continue
                 # Tested here as well: only to pass so many parameters takes as long as all else that is done for v.
-                if not looked[v]:
-                    look(
+                if not evaluated[v]:
+                    evaluate_node(
                         v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
                         solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-                        listed, following, looked, factors, touched, clearance,
+                        listed, following, evaluated, factors, affected, clearance,
                     )  # fmt: skip
                 closed = clearance[v] < margin and v != source and v != target
                 if closed:
                     through = -math.inf
-                elif touched[u] or touched[v]:
+                elif affected[u] or affected[v]:
                     through = at_u + edge_weight(fixed, shares, factors, edge, u, v)
                 # Where an obstacle is infinitely strong and a body point does not move there is no number to compare.
                 if not (through < before and through + left < best):
@@ -266,7 +266,7 @@ def load_search_from_both_ends(
     A real search needs most of them only where obstacles make the free path dearer.
     """
     graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, -math.inf
-    look_at(np.array([node]), reshaping)
+    evaluate_nodes(np.array([node]), reshaping)
     with lent_buffers(adjacency) as buffers:
         best, _ = _field_path(*graph, to_target, node, node, buffers.nodes, buffers.edges)
         begin_at_both_ends(to_target, from_landmark, node, node, buffers)

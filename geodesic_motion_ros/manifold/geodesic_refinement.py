@@ -20,8 +20,8 @@ import numpy as np
 from geodesic_motion_ros.manifold.metric_field import (
     MetricField,
     conformal_exponent,
+    evaluate_around,
     evenly,
-    look_around,
     nearest_along,
     nearest_samples,
     piecewise,
@@ -239,20 +239,20 @@ def _assemble(
         dD M dD + (q dD) (g dm) + e / 4 (g dm)^2 + e / 2 dm C dm,      C the curvature of the mean paths' exponent.
     """
     _, _, shape, strides, number, rows, columns, tensors, centres, precisions, penalties, strength, cap = field
-    factors, touched, room, within = reshaping.factors, reshaping.touched, reshaping.clearance, reshaping.within
+    factors, affected, room, within = reshaping.factors, reshaping.affected, reshaping.clearance, reshaping.within
     d = len(shape)
     packed = d * (d + 1) // 2
     tensor, slopes, share, lean = np.empty(packed), np.empty((d, packed)), np.empty(d), np.empty((3, d))
     middle, along, pulled, slope = np.empty(d), np.empty(d), np.empty(d), np.empty(d)
     curvature = np.empty((d, d))
     gradient[:], diagonal[:], beside[:] = 0.0, 0.0, 0.0
-    look_around(field, reshaping, curve)
+    evaluate_around(field, reshaping, curve)
     energy = 0.0
     for i in range(len(weights)):
         for a in range(d):
             middle[a], along[a] = 0.5 * (curve[i, a] + curve[i + 1, a]), curve[i + 1, a] - curve[i, a]
         support[i], clearance[i] = tensor_at(
-            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean,
+            middle, shape, strides, number, tensors, factors, affected, room, within, tensor, slopes, share, lean,
             True,
         )  # fmt: skip
         conformal = math.exp(

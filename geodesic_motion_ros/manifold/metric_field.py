@@ -20,7 +20,7 @@ import numpy as np
 
 from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.manifold.mean_path import LARGEST_EXPONENT, MeanPaths
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
 
 #: The nearest of a mean path's samples is looked for from the best of every so many.
 _STRIDE = 5
@@ -144,19 +144,19 @@ def piecewise(
     squared length, share of the middle's cell that nodes hold, and clearance there [m].
     """
     _, _, shape, strides, number, rows, columns, tensors, centres, precisions, penalties, strength, cap = field
-    factors, touched, room, within = reshaping.factors, reshaping.touched, reshaping.clearance, reshaping.within
+    factors, affected, room, within = reshaping.factors, reshaping.affected, reshaping.clearance, reshaping.within
     count, d = len(points) - 1, len(shape)
     energies, support, clearance = np.empty(count), np.empty(count), np.empty(count)
     tensor, slopes, share, lean = np.empty(len(rows)), np.empty((d, len(rows))), np.empty(d), np.empty((3, d))
     middle, gradient, curvature = np.empty(d), np.empty(d), np.empty((d, d))
     nearest = np.empty(len(centres), dtype=np.int64)
     nearest_samples(points[0], centres, precisions, nearest)
-    look_around(field, reshaping, points)
+    evaluate_around(field, reshaping, points)
     for i in range(count):
         for a in range(d):
             middle[a] = 0.5 * (points[i, a] + points[i + 1, a])
         support[i], clearance[i] = tensor_at(
-            middle, shape, strides, number, tensors, factors, touched, room, within, tensor, slopes, share, lean, False
+            middle, shape, strides, number, tensors, factors, affected, room, within, tensor, slopes, share, lean, False
         )
         exponent = conformal_exponent(
             middle, centres, precisions, penalties, strength, cap, nearest, gradient, curvature
@@ -171,9 +171,9 @@ def piecewise(
 
 
 @numba.njit(cache=True, nogil=True)
-def look_around(field: MetricField, reshaping: Reshaping, points: np.ndarray) -> None:
+def evaluate_around(field: MetricField, reshaping: Reshaping, points: np.ndarray) -> None:
     """Work out what obstacles do to the nodes that `tensor_at` reads in the middles of a polyline's pieces."""
-    shape, strides, number, looked = field.shape, field.strides, field.number, reshaping.looked
+    shape, strides, number, evaluated = field.shape, field.strides, field.number, reshaping.evaluated
     d, count = len(shape), 0
     unknown = np.empty((len(points) - 1) << d, dtype=np.int64)
     for i in range(len(points) - 1):
@@ -185,11 +185,11 @@ def look_around(field: MetricField, reshaping: Reshaping, points: np.ndarray) ->
             at = begin
             for a in range(d):
                 at += strides[a] * (corner >> a & 1)
-            if number[at] >= 0 and not looked[number[at]]:
+            if number[at] >= 0 and not evaluated[number[at]]:
                 unknown[count] = number[at]
                 count += 1
     if count > 0:
-        look_at(unknown[:count], reshaping)
+        evaluate_nodes(unknown[:count], reshaping)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -200,7 +200,7 @@ def tensor_at(
     number: np.ndarray,
     tensors: np.ndarray,
     factors: np.ndarray,
-    touched: np.ndarray,
+    affected: np.ndarray,
     clearance: np.ndarray,
     within: float,
     tensor: np.ndarray,
@@ -211,10 +211,10 @@ def tensor_at(
 ) -> tuple[float, float]:
     """Fill the tensor (T,) at a point (d,), without the conformal factor; where `derived` its slopes (d, T).
 
-    factors to within : of a reshaping that has looked at the cell's nodes; share (d,), lean (3, d) : for the kernel's
+    factors to within : of a reshaping that has evaluated the cell's nodes; share (d,), lean (3, d) : for the kernel's
     own use. Returns the share of the cell that nodes hold, weighted, and 0 outside the grid; and the clearance [m]
     there, at most `within`, -inf without any node. For use within compiled loops; one by one as in
-    `obstacle_weights.look`.
+    `obstacle_weights.evaluate_node`.
     """
     d = len(shape)
     packed = d * (d + 1) // 2
@@ -252,7 +252,7 @@ def tensor_at(
                 lean[1, a] += lean[0, a]
         for j in range(packed):
             value = tensors[node, 0, j]
-            if touched[node]:
+            if affected[node]:
                 for k in range(factors.shape[1]):
                     value += (factors[node, k] - 1.0) * tensors[node, 1 + k, j]
             tensor[j] += weight * value

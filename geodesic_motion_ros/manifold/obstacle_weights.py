@@ -40,10 +40,10 @@ class Reshaping(NamedTuple):
     within : clearances from here on are not distinguished [m].
     gaps : distance [m] of the cells (x, y, z) of a grid over the body's box from obstacles, at least; scale : cells per
         metre.
-    heads, listed, following : the spheres near a cell (x, y, z) are listed[e] for e = heads[x, y, z], then for
-        following[e], and so on until e is -1.
-    looked : (n,) nodes for which the following is known already.
-    factors : (n, K) ambient factors of the body points; touched : (n,) whether any of them exceeds 1.
+    heads, listed, following : a cell linked list: the spheres near a cell (x, y, z) are listed[e] for
+        e = heads[x, y, z], then for following[e], and so on until e is -1.
+    evaluated : (n,) nodes for which the following is known already.
+    factors : (n, K) ambient factors of the body points; affected : (n,) whether any of them exceeds 1.
     clearance : (n,) [m] of the body, negative inside an obstacle, inf from `within` on.
     """
 
@@ -63,9 +63,9 @@ class Reshaping(NamedTuple):
     heads: np.ndarray
     listed: np.ndarray
     following: np.ndarray
-    looked: np.ndarray
+    evaluated: np.ndarray
     factors: np.ndarray
-    touched: np.ndarray
+    affected: np.ndarray
     clearance: np.ndarray
 
     @classmethod
@@ -112,9 +112,9 @@ class Reshaping(NamedTuple):
         )  # fmt: skip
 
     def is_felt(self, margin: float) -> bool:
-        """Whether obstacles do anything to a node that was looked at, or leave it less clearance than a margin [m]."""
-        nodes = np.flatnonzero(self.looked)
-        return bool(np.any(self.touched[nodes]) or np.any(self.clearance[nodes] < margin))
+        """Whether obstacles do anything to a node that was evaluated, or leave it less clearance than a margin [m]."""
+        nodes = np.flatnonzero(self.evaluated)
+        return bool(np.any(self.affected[nodes]) or np.any(self.clearance[nodes] < margin))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -195,7 +195,7 @@ def _cells_around(
 
 
 @numba.njit(cache=True, nogil=True)
-def look(
+def evaluate_node(
     node: int,
     points: np.ndarray,
     point_radii: np.ndarray,
@@ -220,9 +220,9 @@ def look(
     heads: np.ndarray,
     listed: np.ndarray,
     following: np.ndarray,
-    looked: np.ndarray,
+    evaluated: np.ndarray,
     factors: np.ndarray,
-    touched: np.ndarray,
+    affected: np.ndarray,
     clearance: np.ndarray,
 ) -> None:
     """Work out what obstacles do to a node, where that has not been done yet. For use within compiled loops.
@@ -230,9 +230,9 @@ def look(
     The parameters are the entries of `Reshaping` and of its body. They come one by one because compiled code counts
     references to all arrays of a tuple each time it reads one: that costs five times as much as what is done here.
     """
-    if not looked[node]:
-        looked[node] = True
-        touched[node] = False
+    if not evaluated[node]:
+        evaluated[node] = True
+        affected[node] = False
         x0, y0, z0 = lower[0], lower[1], lower[2]
         for k in range(points.shape[1]):
             x, y, z = points[node, k, 0], points[node, k, 1], points[node, k, 2]
@@ -260,7 +260,7 @@ def look(
                         x, y, z, point_radii[k], squares, placing, strength, width_ratio, completed
                     )
                 factors[node, k] = min(factors[node, k], _LARGEST)
-                touched[node] = touched[node] or factors[node, k] > 1.0
+                affected[node] = affected[node] or factors[node, k] > 1.0
         nearest = math.inf
         for g in range(links.shape[1]):
             x, y, z = links[node, g, 0], links[node, g, 1], links[node, g, 2]
@@ -301,19 +301,19 @@ def look(
 
 
 @numba.njit(cache=True, nogil=True)
-def look_at(nodes: np.ndarray, reshaping: Reshaping) -> None:
+def evaluate_nodes(nodes: np.ndarray, reshaping: Reshaping) -> None:
     """Work out what obstacles do to some nodes (k,)."""
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
         centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-        listed, following, looked, factors, touched, clearance,
+        listed, following, evaluated, factors, affected, clearance,
     ) = reshaping  # fmt: skip
     for node in nodes:
         # As the searches number nodes: one kernel for all.
-        look(
+        evaluate_node(
             np.int32(node), points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
             solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads, listed,
-            following, looked, factors, touched, clearance,
+            following, evaluated, factors, affected, clearance,
         )  # fmt: skip
 
 
@@ -324,7 +324,7 @@ def first_clear(nodes: np.ndarray, goal: int, reshaping: Reshaping, margin: floa
     What obstacles do to the nodes after it is not worked out.
     """
     for i in range(len(nodes)):
-        look_at(nodes[i : i + 1], reshaping)
+        evaluate_nodes(nodes[i : i + 1], reshaping)
         if nodes[i] == goal or reshaping.clearance[nodes[i]] >= margin:
             return nodes[i]
     return -1

@@ -18,7 +18,7 @@ import numpy as np
 
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import TAKEN, WAITING, put, take
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_node, evaluate_nodes
 
 _NOTHING = np.empty(0, dtype=np.int32)
 
@@ -61,7 +61,7 @@ def _search(
         (
             (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
             centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale,
-            heads, listed, following, looked, factors, touched, clearance,
+            heads, listed, following, evaluated, factors, affected, clearance,
         ) = reshaping  # fmt: skip
     cost[source] = 0.0
     size = put(keys, items, place, 0, source, heuristic[source])
@@ -79,14 +79,14 @@ def _search(
             if through >= cost[v]:
                 continue
             if reshaping is not None:
-                look(
+                evaluate_node(
                     v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
                     solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-                    listed, following, looked, factors, touched, clearance,
+                    listed, following, evaluated, factors, affected, clearance,
                 )  # fmt: skip
                 if clearance[v] < margin and v != target:
                     continue
-                if touched[u] or touched[v]:
+                if affected[u] or affected[v]:
                     through = cost[u] + edge_weight(fixed, shares, factors, edge, u, v)
             if through < cost[v]:
                 cost[v] = through
@@ -141,7 +141,7 @@ def shortest_path(
     if not math.isfinite(heuristic[source]):
         return _NOTHING, _NOTHING, math.inf
     if reshaping is not None:
-        look_at(np.array([source]), reshaping)
+        evaluate_nodes(np.array([source]), reshaping)
     cost, predecessor, arrival = _search(
         adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, margin, heuristic, source,
         target,

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import shortest_free_path
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
@@ -37,7 +37,7 @@ def paths_to_targets(
     if len(near) == 0:
         return
     source, near = int(near[0]), np.ascontiguousarray(near[:: 1 + len(near) // constants.EVASION_NODES])
-    look_at(near, reshaping)
+    evaluate_nodes(near, reshaping)
     free = near[reshaping.clearance[near] >= apart]
     directions = _in_all_directions(free, (graph.latent[free] - start) / graph.grid.spacing)
     for target in directions[:constants.EVASION_TARGETS]:

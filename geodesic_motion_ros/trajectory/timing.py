@@ -27,7 +27,7 @@ _VELOCITY_SHARE, _ACCELERATION_SHARE = 0.95, 0.85
 #: Share of the accelerations that a correction at the start is planned with, and what its length [s] may be.
 _CORRECTION_SHARE, _SHORTEST_CORRECTION, _LONGEST_CORRECTION = 0.5, 0.06, 1.0
 #: How often a law is slowed down where it exceeds limits before it is given up; sooner where after so many times its
-#: strain is still above the last number: each time about half of the excess is left, at best.
+#: ratio to the limits is still above the last number: each time about half of the excess is left, at best.
 _ATTEMPTS, _HOPELESS = 8, (3, 1.2)
 #: Share of the limits to which a law is slowed down where it exceeds them, and the least factor of a rate at once.
 _SLOWED_TO, _LEAST_FACTOR = 0.92, 0.5
@@ -89,10 +89,10 @@ def timed_joint_reference(
         if law.end - begin > longest + _ROUNDING:
             return None
         attempt, fading = _played(curve, law, begin, limits, tool, state, period)
-        inside, strain = attempt.judged(limits)
+        inside, limit_ratio = attempt.measured(limits)
         if tool is not None:
-            strain[:2] = np.maximum(strain[:2], _tool_limit_ratio(tool, attempt, fading))
-        worst = np.max(strain)
+            limit_ratio[:2] = np.maximum(limit_ratio[:2], _tool_limit_ratio(tool, attempt, fading))
+        worst = np.max(limit_ratio)
         if inside and worst <= 1.0 + _ROUNDING:
             return attempt
         if worst <= 1.0:
@@ -100,7 +100,7 @@ def timed_joint_reference(
             return None
         if attempts == _HOPELESS[0] and worst > _HOPELESS[1]:
             return None
-        slow *= _slower(curve.grid, law, begin + attempt.times, strain)
+        slow *= _slower(curve.grid, law, begin + attempt.times, limit_ratio)
     return None
 
 
@@ -277,21 +277,21 @@ def _correction_length(mismatch: np.ndarray, acceleration: np.ndarray, jerk: np.
     return min(needed, _LONGEST_CORRECTION)
 
 
-def _slower(grid: np.ndarray, law: SmoothLaw, times: np.ndarray, strain: np.ndarray) -> np.ndarray:
-    """Factors (g,) of the rate on a grid that bring back what exceeds limits: `strain` (3, n - 1) between `times` (n,).
+def _slower(grid: np.ndarray, law: SmoothLaw, times: np.ndarray, limit_ratio: np.ndarray) -> np.ndarray:
+    """Factors (g,) of a grid's rates to bring back what exceeds limits: `limit_ratio` (3, n - 1) between `times` (n,).
 
     Half the rate means half the velocity, a quarter of the acceleration, an eighth of the jerk.
     """
     # All of what the average between two times is taken over.
-    return _factors(grid, law.sample(times[:-1] - law.width)[0], law.sample(times[1:] + law.width)[0], strain)
+    return _factors(grid, law.sample(times[:-1] - law.width)[0], law.sample(times[1:] + law.width)[0], limit_ratio)
 
 
 @numba.njit(cache=True, nogil=True)
-def _factors(grid: np.ndarray, begins: np.ndarray, ends: np.ndarray, strain: np.ndarray) -> np.ndarray:
-    """The same where the strain (3, n) depends on the rate from s = begins to ends (n,)."""
+def _factors(grid: np.ndarray, begins: np.ndarray, ends: np.ndarray, limit_ratio: np.ndarray) -> np.ndarray:
+    """The same where `limit_ratio` (3, n) depends on the rate from s = begins to ends (n,)."""
     result = np.ones(len(grid))
     for i in range(len(begins)):
-        excess = max(strain[0, i], math.sqrt(strain[1, i]), strain[2, i] ** (1.0 / 3.0))
+        excess = max(limit_ratio[0, i], math.sqrt(limit_ratio[1, i]), limit_ratio[2, i] ** (1.0 / 3.0))
         if excess > 1.0:
             first = max(int(np.searchsorted(grid, begins[i])) - 1, 0)
             last = min(int(np.searchsorted(grid, ends[i])) + 1, len(grid))

@@ -87,26 +87,26 @@ class JointReference:
             np.concatenate([latent[None], self.latent[ahead]]),
         )
 
-    def strain(self, limits: JointLimits) -> np.ndarray:
+    def limit_ratio(self, limits: JointLimits) -> np.ndarray:
         """Velocity, acceleration and jerk over their limits between knots, (3, n - 1), of the joint nearest to its own.
 
         Never less than what is played, and 1 where a limit is just kept.
         """
-        return self.judged(limits)[1]
+        return self.measured(limits)[1]
 
     def keeps(self, limits: JointLimits) -> bool:
         """Whether all limits are kept, between knots too.
 
         An arm that stands outside its position limits may come back: where it begins counts as inside.
         """
-        inside, strain = self.judged(limits)
-        return inside and bool(np.all(strain <= 1.0 + _ROUNDING))
+        inside, limit_ratio = self.measured(limits)
+        return inside and bool(np.all(limit_ratio <= 1.0 + _ROUNDING))
 
-    def judged(self, limits: JointLimits) -> tuple[bool, np.ndarray]:
-        """Whether position limits are kept, as of `keeps`, and the strain (3, n - 1)."""
+    def measured(self, limits: JointLimits) -> tuple[bool, np.ndarray]:
+        """Whether position limits are kept, as of `keeps`, and `limit_ratio` (3, n - 1)."""
         ends, largest = quintic_bounds(self.times, self.positions, self.velocities, self.accelerations)
         inside = _inside(ends, self.positions[0], limits.lower, limits.upper)
-        return inside, _strain(largest, limits.velocity, limits.acceleration, limits.jerk)
+        return inside, _limit_ratio(largest, limits.velocity, limits.acceleration, limits.jerk)
 
 
 def joined(old: JointReference, since: float, new: JointReference, until: float) -> JointReference:
@@ -174,7 +174,7 @@ def _inside(ends: np.ndarray, begin: np.ndarray, lower: np.ndarray, upper: np.nd
 
 
 @numba.njit(cache=True, nogil=True)
-def _strain(largest: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, jerk: np.ndarray) -> np.ndarray:
+def _limit_ratio(largest: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, jerk: np.ndarray) -> np.ndarray:
     """Of magnitudes (3, n, eta) of velocity, acceleration and jerk: (3, n) over the limits, by the worst joint."""
     result = np.zeros(largest.shape[:2])
     for k, limits in enumerate((velocity, acceleration, jerk)):

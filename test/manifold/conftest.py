@@ -16,7 +16,7 @@ from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.manifold.bidirectional_astar import ShortestPath, shortest_path_from_both_ends
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field, edge_weight, shortest_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
@@ -50,7 +50,7 @@ class Scene:
 
     def weights(self, reshaping: Reshaping) -> np.ndarray:
         """Of all edges (m,)."""
-        look_at(np.arange(len(self.points)), reshaping)
+        evaluate_nodes(np.arange(len(self.points)), reshaping)
         known = self.fixed, self.shares, reshaping.factors
         return np.array([edge_weight(*known, edge, *ends) for edge, ends in enumerate(self.edges)])
 
@@ -90,7 +90,7 @@ class Scene:
 
     def oracle(self, reshaping: Reshaping, margin: float, source: int, target: int) -> float:
         """Dijkstra's cost on the fully reweighted graph without the nodes that are too near."""
-        look_at(np.arange(len(reshaping.looked)), reshaping)
+        evaluate_nodes(np.arange(len(reshaping.evaluated)), reshaping)
         mean = 0.5 * (reshaping.factors[self.edges[:, 0]] + reshaping.factors[self.edges[:, 1]])
         weights = np.sqrt(self.fixed + np.sum(mean * self.shares, axis=1))
         entered = reshaping.clearance >= margin

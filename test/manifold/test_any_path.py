@@ -9,7 +9,7 @@ import pytest
 
 from geodesic_motion_ros.manifold.any_path import any_path
 from geodesic_motion_ros.manifold.bidirectional_astar import ShortestPath
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
@@ -20,7 +20,7 @@ def found(scene, reshaping: Reshaping, deadline: Deadline = NEVER) -> ShortestPa
     """Any path from one end of a scene to the other."""
     source, target = 3, len(scene.points) - 3
     adjacency = scene.adjacency
-    look_at(np.array([source]), reshaping)
+    evaluate_nodes(np.array([source]), reshaping)
     graph = adjacency.first, adjacency.node, adjacency.edge, scene.base, scene.fixed, scene.shares, reshaping, 0.0
     fields = (cost_field(adjacency, scene.base, end) for end in (target, source))
     nodes, edges = np.empty((2, len(scene.points)), dtype=np.int32)
@@ -41,7 +41,7 @@ def test_it_is_a_path_that_costs_what_it_says_and_few_nodes_are_looked_at(Scene)
         cheapest = scene.from_both_ends(again, 0.0, *ends)
         assert cheapest.cost * (1.0 - 1e-12) <= some.cost < 5.0 * cheapest.cost
         dearer += some.cost > cheapest.cost * (1.0 + 1e-9)
-        assert np.count_nonzero(reshaping.looked) <= np.count_nonzero(again.looked)
+        assert np.count_nonzero(reshaping.evaluated) <= np.count_nonzero(again.evaluated)
     assert dearer > 0
 
 

@@ -10,7 +10,7 @@ import pytest
 from geodesic_motion_ros.manifold import bidirectional_astar as searches
 from geodesic_motion_ros.manifold.bidirectional_astar import shortest_path_from_both_ends
 from geodesic_motion_ros.manifold.grid import Adjacency
-from geodesic_motion_ros.manifold.obstacle_weights import look_at
+from geodesic_motion_ros.manifold.obstacle_weights import evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.utils.deadline import Deadline
 
@@ -73,9 +73,9 @@ def test_when_all_obstacles_have_vanished_the_path_is_what_it_was_to_the_last_bi
     np.testing.assert_array_equal(after.nodes, before.nodes)
     np.testing.assert_array_equal(after.edges, before.edges)
     assert after.cost == before.cost
-    look_at(np.arange(len(scene.points)), reshaping)
+    evaluate_nodes(np.arange(len(scene.points)), reshaping)
     np.testing.assert_array_equal(reshaping.factors, 1.0)
-    assert not np.any(reshaping.touched)
+    assert not np.any(reshaping.affected)
 
 
 def test_the_order_of_obstacles_does_not_matter_and_one_far_away_changes_nothing(Scene):
@@ -125,7 +125,7 @@ def test_from_both_ends_an_enclosed_goal_is_found_out_soon(Scene):
     wall = scene.among(scene.points[around, 0], np.full(len(around), 1e-3))
     graph = scene.adjacency, scene.base, scene.fixed, scene.shares, wall, 0.0
     assert np.isinf(shortest_path_from_both_ends(*graph, *fields, 0, target)[2])
-    assert np.count_nonzero(wall.looked) < 0.1 * len(wall.looked)
+    assert np.count_nonzero(wall.evaluated) < 0.1 * len(wall.evaluated)
 
 
 class Countdown(Deadline):

@@ -11,7 +11,7 @@ from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import MetricField, curve_length, evenly, packed_tensors, piecewise
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
@@ -62,7 +62,7 @@ class Scene:
 
     def path(self, reshaping: Reshaping) -> np.ndarray:
         """Between two random nodes that are far from each other and from obstacles; empty where there is none."""
-        look_at(np.arange(len(self.latent)), reshaping)
+        evaluate_nodes(np.arange(len(self.latent)), reshaping)
         free = np.flatnonzero(reshaping.clearance >= MARGIN)
         while True:
             source, target = self.random.choice(free, 2)

@@ -17,7 +17,7 @@ from geodesic_motion_ros.manifold.metric_field import (
     piecewise,
 )
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 SHAPES = [(12, 10), (7, 8, 6), (5, 4, 5, 4)]
@@ -66,7 +66,7 @@ def test_an_obstacle_stretches_the_share_of_the_body_point(shape):
     scene = Scene(shape)
     node = len(scene.nodes) // 2
     reshaping = scene.among(_spheres(scene.points[node] + [0.0, 0.0, 0.13], 0.1))
-    look_at(np.array([node]), reshaping)
+    evaluate_nodes(np.array([node]), reshaping)
     factor = reshaping.factors[node, 0]
     assert factor > 1.0
     step = 1e-6 * scene.random.normal(size=len(shape))
@@ -82,7 +82,7 @@ def test_clearance_lies_between_that_of_the_nodes_around():
     reshaping = scene.among(_spheres(scene.points[40], 0.05))
     points = scene.field.coordinates(scene.random.uniform(-1.0, 1.0, size=(200, 2)))
     _, _, clearance = piecewise(scene.field, reshaping, np.repeat(points, 2, axis=0))
-    look_at(np.arange(len(scene.nodes)), reshaping)
+    evaluate_nodes(np.arange(len(scene.nodes)), reshaping)
     known = np.minimum(reshaping.clearance, reshaping.within)
     assert known.min() < 0.0
     for point, found in zip(points, clearance[::2], strict=True):

@@ -5,7 +5,7 @@ import pytest
 
 from geodesic_motion_ros.manifold.ambient_law import LAWS
 from geodesic_motion_ros.manifold.bidirectional_astar import shortest_path_from_both_ends
-from geodesic_motion_ros.manifold.obstacle_weights import look_at
+from geodesic_motion_ros.manifold.obstacle_weights import evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field, edge_weight, shortest_free_path
 
 SHAPES = [((25, 25), 8), ((25, 25), 16), ((9, 9, 9), 26), ((5, 5, 5, 5), 80)]
@@ -67,7 +67,7 @@ def test_the_obstacle_free_field_is_a_consistent_heuristic_under_obstacles(Scene
     scene = Scene(3, (20, 20), 16)
     field = cost_field(scene.adjacency, scene.base, 7)
     reshaping = scene.reshaped(6)
-    look_at(np.arange(len(reshaping.looked)), reshaping)
+    evaluate_nodes(np.arange(len(reshaping.evaluated)), reshaping)
     weights = [
         edge_weight(scene.fixed, scene.shares, reshaping.factors, e, u, v) for e, (u, v) in enumerate(scene.edges)
     ]
@@ -122,15 +122,15 @@ def test_only_what_the_search_reaches_is_looked_at(Scene):
     scene = Scene(2, (20, 20), 16)
     reshaping = scene.reshaped(3)
     scene.solve(reshaping, 0.0, 200, 11)
-    assert 0 < np.count_nonzero(reshaping.looked) < len(reshaping.looked)
+    assert 0 < np.count_nonzero(reshaping.evaluated) < len(reshaping.evaluated)
 
 
 def test_shares_of_edges_that_no_obstacle_touches_are_never_read(Scene):
     scene = Scene(2, (20, 20), 16)
     reshaping = scene.reshaped(3)
     expected = scene.solve(reshaping, 0.0, 200, 11)
-    look_at(np.arange(len(reshaping.looked)), reshaping)
-    untouched = ~reshaping.touched[scene.edges].any(axis=1)
+    evaluate_nodes(np.arange(len(reshaping.evaluated)), reshaping)
+    untouched = ~reshaping.affected[scene.edges].any(axis=1)
     assert 0 < np.count_nonzero(untouched) < len(untouched)
     scene.shares[untouched] = np.nan
     nodes, _, cost = scene.solve(scene.among(reshaping.centres, reshaping.radii), 0.0, 200, 11)

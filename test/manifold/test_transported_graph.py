@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.manifold.transport import Offsets
@@ -109,7 +109,7 @@ def test_astar_costs_what_dijkstra_does_with_conformal_factor_and_obstacles(grap
     body = NodeBody.of_tool(carried_graph.body_points, radii)
     obstacles = Obstacles.of_spheres(centres, random.uniform(0.01, 0.05, 4)), 1e3, 0.5, 0.05
     everything = Reshaping.of(body, *obstacles)
-    look_at(np.arange(len(everything.looked)), everything)
+    evaluate_nodes(np.arange(len(everything.evaluated)), everything)
     factors, blocked = everything.factors, everything.clearance < 0.0
     mean = 0.5 * (factors[graph.edges[:, 0]] + factors[graph.edges[:, 1]])
     weights = np.sqrt(carried_graph.fixed + np.sum(mean * carried_graph.shares, axis=1))

@@ -61,7 +61,7 @@ def test_every_state_of_motion_can_be_bridged_to_rest(motions):
             bridge = bridge_to_rest(*state, LIMITS)
             for value, wanted in zip(bridge.sample(0.0), state, strict=True):
                 np.testing.assert_allclose(value, wanted, atol=1e-9)
-            assert np.all(bridge.strain(LIMITS) <= 1.0 + 1e-6)
+            assert np.all(bridge.limit_ratio(LIMITS) <= 1.0 + 1e-6)
             assert np.diff(bridge.times).max() <= PERIOD + 1e-12
             assert not np.any(bridge.velocities[-1])
             assert not np.any(bridge.accelerations[-1])

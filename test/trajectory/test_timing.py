@@ -33,7 +33,7 @@ def test_from_rest_every_reference_keeps_its_limits_and_its_path(motions):
 
 
 def test_it_is_fast_some_limit_is_nearly_used_at_most_times(motions):
-    shares = [np.mean(reference.strain(LIMITS)[:2].max(axis=0) > 0.8) for _, reference in motions.references(20)]
+    shares = [np.mean(reference.limit_ratio(LIMITS)[:2].max(axis=0) > 0.8) for _, reference in motions.references(20)]
     assert np.mean(shares) > 0.7
 
 
@@ -200,4 +200,4 @@ def test_jerk_may_be_limited_much_harder(motions):
         assert not motions.timed(path).keeps(soft)
         stop = stopping_reference(reference, 0.4 * reference.duration, soft)
         assert stop.keeps(soft)
-        assert np.all(bridge_to_rest(*reference.sample(0.5), soft).strain(soft) <= 1.0 + 1e-6)
+        assert np.all(bridge_to_rest(*reference.sample(0.5), soft).limit_ratio(soft) <= 1.0 + 1e-6)

@@ -10,7 +10,7 @@ import numpy as np
 from geodesic_motion_ros.manifold.bidirectional_astar import shortest_path_from_both_ends
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -113,7 +113,7 @@ def search_from_source(problem: SearchProblem, obstacles: Obstacles) -> Answer:
 def search_plainly(problem: SearchProblem, obstacles: Obstacles) -> Answer:
     """Dijkstra's algorithm, ended at the target, with what obstacles do worked out at every node before."""
     graph, reshaping = problem.graph, mark(problem, obstacles)
-    look_at(np.arange(problem.nodes), reshaping)
+    evaluate_nodes(np.arange(problem.nodes), reshaping)
     nodes, _, cost = shortest_path(
         problem.adjacency, graph.base, graph.fixed, graph.shares, reshaping, problem.settings.obstacle_margin,
         np.zeros(problem.nodes), problem.source, problem.target,
@@ -123,7 +123,7 @@ def search_plainly(problem: SearchProblem, obstacles: Obstacles) -> Answer:
 
 def looked_at(reshaping: Reshaping) -> int:
     """Nodes for which a search had to know what obstacles do."""
-    return int(np.count_nonzero(reshaping.looked))
+    return int(np.count_nonzero(reshaping.evaluated))
 
 
 def free_path(problem: SearchProblem) -> np.ndarray:

@@ -19,7 +19,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, look_at
+from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import shortest_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import search as path_search
@@ -195,7 +195,7 @@ class MovingBench:
         with into.one_sided:
             _, _, cost = shortest_path(adjacency, base, fixed, shares, fresh[1], margin, to_goal, source, target)
         with into.plain:
-            look_at(np.arange(len(to_goal)), fresh[2])
+            evaluate_nodes(np.arange(len(to_goal)), fresh[2])
             shortest_path(adjacency, base, fixed, shares, fresh[2], margin, np.zeros_like(to_goal), source, target)
         if cost < limit or np.isfinite(found.cost):
             into.error = max(into.error, abs(found.cost / cost - 1.0))
@@ -249,8 +249,8 @@ def recorded_searches() -> Iterator[list[tuple]]:
 def _unlooked(reshaping: Reshaping) -> Reshaping:
     """The same before anything was worked out."""
     return reshaping._replace(
-        looked=np.zeros_like(reshaping.looked), factors=np.empty_like(reshaping.factors),
-        touched=np.empty_like(reshaping.touched), clearance=np.empty_like(reshaping.clearance),
+        evaluated=np.zeros_like(reshaping.evaluated), factors=np.empty_like(reshaping.factors),
+        affected=np.empty_like(reshaping.affected), clearance=np.empty_like(reshaping.clearance),
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.manifold.obstacle_weights import look_at
+from geodesic_motion_ros.manifold.obstacle_weights import evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
 from geodesic_motion_ros.studies.benchmarks.engine import (
     SearchProblem,
@@ -30,7 +30,7 @@ def cost_along(problem: SearchProblem, weights: np.ndarray, nodes: np.ndarray) -
 def test_weights_are_those_that_the_engine_gives_its_edges(name: str, problem: SearchProblem) -> None:
     scene = next(scene for scene in scenes_of(problem) if scene.name == name)
     reshaping = mark(problem, scene.at(8))
-    look_at(np.arange(problem.nodes), reshaping)
+    evaluate_nodes(np.arange(problem.nodes), reshaping)
     closed = reshaping.clearance < problem.settings.obstacle_margin
     closed[[problem.source, problem.target]] = False
     graph = problem.graph

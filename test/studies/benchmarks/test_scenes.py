@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.manifold.obstacle_weights import look_at
+from geodesic_motion_ros.manifold.obstacle_weights import evaluate_nodes
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, free_path, mark, search
 from geodesic_motion_ros.studies.benchmarks.scenes import NAMES, PERIOD, Scene, scenes_of, spheres_on_path
 
@@ -19,8 +19,8 @@ def scenes(problem: SearchProblem) -> dict[str, Scene]:
 
 def felt_on_path(problem: SearchProblem, scene: Scene, tick: int) -> bool:
     path, reshaping = free_path(problem), mark(problem, scene.at(tick))
-    look_at(path, reshaping)
-    return bool(np.any(reshaping.touched[path]))
+    evaluate_nodes(path, reshaping)
+    return bool(np.any(reshaping.affected[path]))
 
 
 def test_there_are_all_of_them_with_the_spheres_they_promise(scenes: dict[str, Scene]) -> None:
@@ -69,7 +69,7 @@ def test_the_arm_is_free_at_both_ends(name: str, problem: SearchProblem, scenes:
     ends = np.array([problem.source, problem.target])
     for tick in TICKS:
         reshaping = mark(problem, scenes[name].at(tick))
-        look_at(ends, reshaping)
+        evaluate_nodes(ends, reshaping)
         assert np.all(reshaping.clearance[ends] >= problem.settings.obstacle_margin)
 
 
