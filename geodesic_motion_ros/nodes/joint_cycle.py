@@ -20,8 +20,8 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.guarded_arm import PreparedHold
 from geodesic_motion_ros.planning.mission import PreparedGoal
+from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.tracking import TrackingMonitor
 from geodesic_motion_ros.robot.held_objects import HeldObject

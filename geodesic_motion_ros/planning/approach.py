@@ -13,8 +13,9 @@ import numpy as np
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.plan import ArmQuery
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
-from geodesic_motion_ros.planning.solver import ArmQuery, Solver
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict
 
 

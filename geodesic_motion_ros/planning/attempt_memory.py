@@ -13,9 +13,10 @@ from geodesic_motion_ros.planning.detour import Detour
 from geodesic_motion_ros.planning.detour_worker import DetourJob
 from geodesic_motion_ros.planning.evasion import FailedEvasion, is_searched
 from geodesic_motion_ros.planning.mission import Goal, Query
+from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.solver import Plan, Solver
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
 

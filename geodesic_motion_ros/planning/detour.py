@@ -21,8 +21,9 @@ from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
+from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, PathEnds, Plan
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
-from geodesic_motion_ros.planning.solver import ArmQuery, MotionState, PathEnds, Plan, Solver
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: Why there is none between two configurations; in another posture there may be one.

@@ -12,8 +12,9 @@ from functools import lru_cache
 
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.certificate import SweptArm
+from geodesic_motion_ros.planning.plan import ArmQuery, Plan
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
-from geodesic_motion_ros.planning.solver import ArmQuery, Plan, Solver
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
 

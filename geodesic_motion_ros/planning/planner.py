@@ -40,11 +40,12 @@ from geodesic_motion_ros.planning.evasion import evaded, still_evading
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedHold
 from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Inputs, Mission, PreparedGoal, Query
 from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.pose_query import Pose, checked_pose
 from geodesic_motion_ros.planning.search import KnownPaths, load_search
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
-from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from geodesic_motion_ros.manifold.bidirectional_astar import load_search_from_both_ends, shortest_path_from_both_ends
 from geodesic_motion_ros.manifold.decoder import rms_sigma
+from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
+from geodesic_motion_ros.manifold.metric_field import MetricField
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, first_clear
 from geodesic_motion_ros.manifold.shortest_path import cost_field
@@ -32,6 +34,12 @@ class SearchQuery(Protocol):
     cost_limit: float
     goal_node: int
     misfits: dict[str, float]
+
+
+class RefinedQuery(SearchQuery, Protocol):
+    """What it needs besides to make a path a continuous one: the metric between the nodes."""
+
+    field: MetricField
 
 
 @dataclass(frozen=True)
@@ -140,6 +148,48 @@ def _entry(
     near = graph.nodes_near(start, ENTRY_STEPS)
     found = first_clear(near[np.isfinite(query.to_goal[near])], query.goal_node, reshaping, margin)
     return None if found < 0 else found
+
+
+class MarginSearch:
+    """The searches of one solution: the cheapest path with each margin, searched once."""
+
+    def __init__(
+        self,
+        graph: LatentGraph,
+        query: RefinedQuery,
+        start: np.ndarray,
+        reshaping: Reshaping,
+        deadline: Deadline,
+        settings: PlannerSettings,
+        largest: float,
+    ) -> None:
+        """largest : no margin that is kept from obstacles is larger than this [m].
+
+        Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
+        """
+        self._graph, self._query, self._start, self._reshaping = graph, query, start, reshaping
+        self._deadline, self._settings, self._largest = deadline, settings, largest
+        self._paths: dict[float, LatentPath | Verdict] = {}
+
+    def margin(self, multiple: float) -> float:
+        """What is kept from obstacles [m] for a multiple of the margin."""
+        return min(multiple * self._settings.obstacle_margin, self._largest)
+
+    def path(self, multiple: float) -> LatentPath | Verdict:
+        """The cheapest path that keeps a multiple of the margin."""
+        margin = self.margin(multiple)
+        if margin not in self._paths:
+            self._paths[margin] = cheapest_path(
+                self._graph, self._query, self._start, self._reshaping, margin, self._deadline
+            )
+        return self._paths[margin]
+
+    def refined(self, path: LatentPath, multiple: float) -> LatentPath:
+        """A path made a continuous one that keeps the same, where the settings say so."""
+        if not self._settings.refine:
+            return path
+        margin = self.margin(multiple)
+        return replace(path, polyline=refined(self._query.field, self._reshaping, margin, path.polyline))
 
 
 def path_verdict(

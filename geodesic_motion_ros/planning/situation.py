@@ -23,9 +23,9 @@ from geodesic_motion_ros.planning.certificate import (
     SweptSpheres,
 )
 from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.solver import ArmQuery, MotionState, Plan
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.stopping import stopping_reference

@@ -7,30 +7,25 @@ does when its trajectory cannot stay.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from itertools import islice
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from geodesic_motion_ros.geometry.curves import arc_length_fractions
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
-from geodesic_motion_ros.manifold.latent_graph import LatentGraph
-from geodesic_motion_ros.manifold.metric_field import MetricField
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
-from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory, SweptArm
+from geodesic_motion_ros.planning.certificate import ArmCertifier
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
-from geodesic_motion_ros.planning.mode import Mode
-from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
-from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, SearchQuery, cheapest_path, path_verdict
+from geodesic_motion_ros.planning.path_timer import PathTimer, meeting
+from geodesic_motion_ros.planning.plan import Approach, ArmQuery, MotionState, PathEnds, Plan
+from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, MarginSearch, cheapest_path, path_verdict
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
@@ -39,142 +34,12 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
-from geodesic_motion_ros.trajectory.timing import timed_joint_reference
-from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
 #: Clearances are the same up to this share, apart from rounding.
 _SAME_CLEARANCE = 0.99
-#: So many motions from one state are remembered.
-_MOST_REMEMBERED = 32
-
-
-class PathEnds(Protocol):
-    """Configurations (eta,) [rad] between which a path leads; misfits : how far they are from those of the skill, by
-    their names in a Verdict.
-    """
-
-    start: np.ndarray
-    goal: np.ndarray
-    misfits: dict[str, float]
-
-
-class ArmQuery(SearchQuery, PathEnds, Protocol):
-    """A `SearchQuery` whose nodes are configurations of an arm of eta joints.
-
-    Attributes
-    ----------
-    start_latent : (d,) latent point that is carried onto the start. field : the metric between the nodes.
-    """
-
-    start_latent: np.ndarray
-    field: MetricField
-
-    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
-        """Covariances (m, 3, 3) of positions in the frame of the skill, in the base frame."""
-        ...
-
-    def displaced_at(self, progress: np.ndarray) -> float:
-        """How far the graph itself holds the tool from what was demonstrated [m], as it was displaced when the query
-        began, at a progress (1,) of the skill.
-        """
-        ...
-
-    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
-        """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,), and where
-        and why the arm cannot hold it, "" where it can.
-        """
-        ...
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Answer of one planning step.
-
-    Attributes
-    ----------
-    trajectory : what is to be played from `begin` on, in the place of everything before; None: what is being played
-        stays, or the arm stands.
-    begin : time of its first knot [s].
-    verdict : OK comes with a path to the goal. With any other verdict the trajectory is a stop, evades, or approaches.
-    path : through the graph, where the first attempt found it.
-    optimistic : as of `Attempt`.
-    mode : what the arm does after the tick.
-    """
-
-    trajectory: JudgedTrajectory | None
-    begin: float
-    verdict: Verdict
-    path: LatentPath | None = None
-    optimistic: bool = False
-    mode: Mode = Mode.IDLE
-
-    @property
-    def reference(self) -> JointReference | None:
-        """The motion of the joints along the trajectory."""
-        return None if self.trajectory is None else self.trajectory.reference
-
-    @property
-    def tool_poses(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Positions (n, 3) [m] and quaternions (n, 4) of the tool at the knots of the trajectory."""
-        return None if self.trajectory is None else self.trajectory.tool_poses
-
-
-@dataclass(frozen=True)
-class MotionState:
-    """State of motion in which a new reference takes over, at `time` [s]: (eta,) each, and its latent point (d,)."""
-
-    time: float
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    latent: np.ndarray | None
-
-
-@dataclass(frozen=True)
-class Approach:
-    """A plan that leads towards a covered goal, and what it leaves of the path there [m]: of the arm's spheres, of the
-    one that moves farthest.
-    """
-
-    plan: Plan
-    remaining: float
-
-
-@dataclass(frozen=True)
-class _Timed:
-    """A path smoothed into a latent curve (m, d), decoded and timed; or why it is not, without a reference.
-
-    correction : how far its ends were moved [rad].
-    """
-
-    latent: np.ndarray
-    certifier: ArmCertifier
-    objection: str = ""
-    correction: float = 0.0
-    reference: JointReference | None = None
-
-    @cached_property
-    def swept(self) -> SweptArm:
-        """Where the reference takes the arm."""
-        assert self.reference is not None
-        return self.certifier.swept(self.reference)
-
-
-class _TimedPaths(NamedTuple):
-    """What was timed of one query from one state of motion: an arm that waits finds the same paths again and again."""
-
-    query: ArmQuery
-    state: MotionState
-    timed: dict[tuple[bytes, bool, float], _Timed]
-
-    def is_of(self, query: ArmQuery, state: MotionState) -> bool:
-        names = ("position", "velocity", "acceleration")
-        return self.query is query and all(
-            np.array_equal(getattr(self.state, name), getattr(state, name)) for name in names
-        )
 
 
 class Solver:
@@ -195,11 +60,9 @@ class Solver:
         self.collision, self.limits = collision, limits
         of_tool_poses = isinstance(graph, PoseGraph)
         self.tool = LimitedTool(robot, settings.tool_limits(of_tool_poses))
-        self._smoothing_factor = constants.TOOL_SMOOTHING_FACTOR if of_tool_poses else 1.0
-        self._width = constants.REFINED_WIDTH if settings.refine else constants.UNREFINED_WIDTH
         self.attempts = constants.ATTEMPTS
         self.certifier = ArmCertifier(robot, collision, self.scene)
-        self._timed_paths: _TimedPaths | None = None
+        self._timer = PathTimer(graph, settings, limits, self.tool, self.certifier)
 
     @property
     def cautious(self) -> tuple[Attempt, ...]:
@@ -281,7 +144,7 @@ class Solver:
 
     def _search(
         self, query: ArmQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline
-    ) -> _Search | Verdict:
+    ) -> MarginSearch | Verdict:
         """The searches among obstacles, or the refusal where one of them covers an end."""
         avoided = obstacles if self.settings.avoidance else Obstacles.none()
         ends = self._end_clearance(query, state, avoided, optimistic)
@@ -292,10 +155,10 @@ class Solver:
 
     def _search_among(
         self, query: ArmQuery, state: MotionState, standing: Obstacles, ends: float, deadline: Deadline
-    ) -> _Search:
+    ) -> MarginSearch:
         """The searches among obstacles that stand; ends : clearance [m] of the nearer of both ends."""
         start, reshaping = _latent_start(query, state), self._reshaping(query, standing)
-        return _Search(self.graph, query, start, reshaping, deadline, self.settings, 0.5 * ends)
+        return MarginSearch(self.graph, query, start, reshaping, deadline, self.settings, 0.5 * ends)
 
     def along(
         self,
@@ -309,8 +172,8 @@ class Solver:
         """The certified motion along configurations (m, eta) from where the arm is to a query's goal, with latent
         points (m, d) beside them, inside of what is seen; or why it is not certified.
         """
-        curve, correction = _meeting(curve, state.position, query.goal)
-        timed = self._timed_curve(state, curve, latent, correction)
+        curve, correction = meeting(curve, state.position, query.goal)
+        timed = self._timer.timed_curve(state, curve, latent, correction)
         if timed.reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         certificate = self.certifier.certify_swept(timed.swept, obstacles, self.settings.prediction)
@@ -368,7 +231,7 @@ class Solver:
         for curve in islice(targets, constants.EVASION_DISPLACED):
             if deadline.passed:
                 return None
-            timed = self._timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
+            timed = self._timer.timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
             if timed.reference is None:
                 continue
             certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=False)
@@ -414,7 +277,7 @@ class Solver:
         for _ in range(1 + constants.APPROACH_CUTS):
             if end < 1 or left[end] > min(remaining, left[0]) - constants.APPROACH_GAIN:
                 return None
-            timed = self._timed_curve(state, curve[: end + 1], latent[: end + 1], correction)
+            timed = self._timer.timed_curve(state, curve[: end + 1], latent[: end + 1], correction)
             if timed.reference is None:
                 return None
             certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon)
@@ -444,7 +307,7 @@ class Solver:
         if isinstance(path, Verdict):
             return None
         path = search.refined(path, multiple)
-        latent, found = self._joint_curve(query, state.position, path, True)
+        latent, found = self._timer.joint_curve(query, state.position, path, True)
         if isinstance(found, str):
             return None
         curve, correction = found
@@ -518,12 +381,12 @@ class Solver:
         evading: bool = False,
         longest: float = math.inf,
     ) -> Plan:
-        """Time a path (`_timed`), and judge the very motion that will be played.
+        """Time a path (`PathTimer.timed`), and judge the very motion that will be played.
 
         evading : the path does not lead to the goal, but ends where it ends.
         longest : as of `solve`.
         """
-        timed = self._timed(query, state, path, not evading, longest)
+        timed = self._timer.timed(query, state, path, not evading, longest)
         latent, reference = timed.latent, timed.reference
         if reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
@@ -544,56 +407,6 @@ class Solver:
         found = self.certifier.judged(reference, certificate) if verdict.ok else None
         return Plan(found, state.time, verdict)
 
-    def _timed(
-        self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
-    ) -> _Timed:
-        """The motion along a path, timed once while nothing that it depends on changes."""
-        kept = self._timed_paths
-        if kept is None or not kept.is_of(query, state) or len(kept.timed) >= _MOST_REMEMBERED:
-            kept = self._timed_paths = _TimedPaths(query, state, {})
-        key = (path.polyline.tobytes(), to_goal, longest)
-        if key not in kept.timed:
-            kept.timed[key] = self._timed_anew(query, state, path, to_goal, longest)
-        return kept.timed[key]
-
-    def _timed_anew(
-        self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
-    ) -> _Timed:
-        """Time the configurations along it (`_joint_curve`)."""
-        latent, found = self._joint_curve(query, state.position, path, to_goal)
-        if isinstance(found, str):
-            return _Timed(latent, self.certifier, found)
-        curve, correction = found
-        return self._timed_curve(state, curve, latent, correction, longest)
-
-    def _joint_curve(
-        self, query: ArmQuery, start: np.ndarray, path: LatentPath, to_goal: bool
-    ) -> tuple[np.ndarray, tuple[np.ndarray, float] | str]:
-        """Smooth a path, decode, transport, meet the ends exactly: the latent curve (m, d), and the configurations
-        (m, eta) with how far [rad] their ends were moved; or why the arm cannot hold it.
-        """
-        step = float(np.min(self.graph.grid.spacing))
-        latent = smooth_latent(resample_latent(path.polyline, step), self._width)
-        configurations, objection = query.configurations_along(latent, start)
-        if objection:
-            return latent, objection
-        curve = smooth_latent(configurations, self._smoothing_factor * self._width)
-        return latent, _meeting(curve, start, query.goal if to_goal else curve[-1])
-
-    def _timed_curve(
-        self, state: MotionState, curve: np.ndarray, latent: np.ndarray, correction: float, longest: float = math.inf
-    ) -> _Timed:
-        """Time configurations (m, eta) that begin where the arm is, with their latent points (m, d)."""
-        reference = timed_joint_reference(
-            curve, latent, self.limits, state.velocity, state.acceleration, tool=self.tool, longest=longest
-        )
-        if reference is None:
-            reason = "stopping first: the path to the goal turns off the present motion, or leaves the joints' limits"
-            if longest < math.inf:
-                reason = f"no motion from the present one along the best path takes less than {longest:.2f} s: no gain"
-            return _Timed(latent, self.certifier, reason)
-        return _Timed(latent, self.certifier, "", correction, reference)
-
     def seen_beside(self, base: np.ndarray) -> SeenVolume:
         """Where the arm may be that leaves configurations (k, eta) of a base path."""
         if self.settings.unseen == "free":
@@ -610,50 +423,8 @@ class Solver:
             return path.reason
         if self.settings.refine:
             path = replace(path, polyline=refined(query.field, reshaped, -math.inf, path.polyline))
-        latent, found = self._joint_curve(query, query.start, path, True)
+        latent, found = self._timer.joint_curve(query, query.start, path, True)
         return found if isinstance(found, str) else (latent, found[0])
-
-
-class _Search:
-    """The searches of one solution: the cheapest path with each margin, searched once."""
-
-    def __init__(
-        self,
-        graph: LatentGraph,
-        query: ArmQuery,
-        start: np.ndarray,
-        reshaping: Reshaping,
-        deadline: Deadline,
-        settings: PlannerSettings,
-        largest: float,
-    ) -> None:
-        """largest : no margin that is kept from obstacles is larger than this [m].
-
-        Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
-        """
-        self._graph, self._query, self._start, self._reshaping = graph, query, start, reshaping
-        self._deadline, self._settings, self._largest = deadline, settings, largest
-        self._paths: dict[float, LatentPath | Verdict] = {}
-
-    def margin(self, multiple: float) -> float:
-        """What is kept from obstacles [m] for a multiple of the margin."""
-        return min(multiple * self._settings.obstacle_margin, self._largest)
-
-    def path(self, multiple: float) -> LatentPath | Verdict:
-        """The cheapest path that keeps a multiple of the margin."""
-        margin = self.margin(multiple)
-        if margin not in self._paths:
-            self._paths[margin] = cheapest_path(
-                self._graph, self._query, self._start, self._reshaping, margin, self._deadline
-            )
-        return self._paths[margin]
-
-    def refined(self, path: LatentPath, multiple: float) -> LatentPath:
-        """A path made a continuous one that keeps the same, where the settings say so."""
-        if not self._settings.refine:
-            return path
-        margin = self.margin(multiple)
-        return replace(path, polyline=refined(self._query.field, self._reshaping, margin, path.polyline))
 
 
 def _latent_start(query: ArmQuery, state: MotionState) -> np.ndarray:
@@ -662,17 +433,6 @@ def _latent_start(query: ArmQuery, state: MotionState) -> np.ndarray:
 
 def _alike(attempts: tuple[Attempt, ...], optimistic: bool) -> tuple[Attempt, ...]:
     return tuple(attempt for attempt in attempts if attempt.optimistic is optimistic)
-
-
-def _meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:
-    """A path (m, eta) moved linearly along its arc so that it begins and ends at two configurations.
-
-    Also how far [rad] its ends were moved.
-    """
-    share = arc_length_fractions(path)[:, None]
-    at_start, at_goal = start - path[0], goal - path[-1]
-    moved = float(max(np.linalg.norm(at_start), np.linalg.norm(at_goal)))
-    return path + (1.0 - share) * at_start + share * at_goal, moved
 
 
 def _lengths_left(placed: np.ndarray) -> np.ndarray:

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory
+from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.situation import Followed, PlayedTrajectory, Step
-from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 

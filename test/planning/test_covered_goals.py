@@ -14,9 +14,9 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, demonstrated_spheres
 from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.deadline import Deadline

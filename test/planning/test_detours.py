@@ -14,10 +14,11 @@ from geodesic_motion_ros.planning.detour import DetourPlanner
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.mission import PreparedGoal
+from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.solver import Plan, Solver
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill.skill import Skill

@@ -12,9 +12,9 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.certificate import ArmCertifier
 from geodesic_motion_ros.planning.evasion import FailedEvasion, evaded, is_searched, still_evading
 from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.solver import MotionState, Plan
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel

@@ -19,8 +19,8 @@ import pytest
 
 from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -13,9 +13,9 @@ import pytest
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory
 from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.situation import Followed, PlayedTrajectory, Situation
-from geodesic_motion_ros.planning.solver import Plan
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel

@@ -48,9 +48,10 @@ from geodesic_motion_ros.planning.configuration_query import (
     ConfigurationQuery,
     ConfigurationQueryBuilder,
 )
+from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.solver import MotionState, Solver
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.skill.skill import Skill

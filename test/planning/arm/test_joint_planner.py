@@ -14,8 +14,9 @@ from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
 from geodesic_motion_ros.manifold.metric_field import curve_length
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.solver import MotionState, Plan, Solver
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import Deadline

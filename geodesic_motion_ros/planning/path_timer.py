@@ -1,0 +1,145 @@
+"""PathTimer: a path through a latent graph -> a motion of the arm that begins in the state in which it takes over.
+
+The path is smoothed, decoded and carried to its query, smoothed again as configurations, moved so that it meets its
+ends exactly, and given the soonest times that the limits of the joints and of the tool allow
+(`trajectory.timing.timed_joint_reference`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from geodesic_motion_ros.geometry.curves import arc_length_fractions
+from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.certificate import ArmCertifier, SweptArm
+from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
+from geodesic_motion_ros.planning.plan import ArmQuery, MotionState
+from geodesic_motion_ros.planning.search import LatentPath
+from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.trajectory import JointReference
+
+#: So many motions from one state are remembered.
+_MOST_REMEMBERED = 32
+
+
+@dataclass(frozen=True)
+class TimedPath:
+    """A path smoothed into a latent curve (m, d), decoded and timed; or why it is not, without a reference.
+
+    correction : how far its ends were moved [rad].
+    """
+
+    latent: np.ndarray
+    certifier: ArmCertifier
+    objection: str = ""
+    correction: float = 0.0
+    reference: JointReference | None = None
+
+    @cached_property
+    def swept(self) -> SweptArm:
+        """Where the reference takes the arm."""
+        assert self.reference is not None
+        return self.certifier.swept(self.reference)
+
+
+class _Kept(NamedTuple):
+    """What was timed of one query from one state of motion: an arm that waits finds the same paths again and again."""
+
+    query: ArmQuery
+    state: MotionState
+    timed: dict[tuple[bytes, bool, float], TimedPath]
+
+    def is_of(self, query: ArmQuery, state: MotionState) -> bool:
+        names = ("position", "velocity", "acceleration")
+        return self.query is query and all(
+            np.array_equal(getattr(self.state, name), getattr(state, name)) for name in names
+        )
+
+
+class PathTimer:
+    """Times paths through one graph, for any thread; remembers those of the newest query and state."""
+
+    def __init__(
+        self,
+        graph: ConfigurationGraph | PoseGraph,
+        settings: PlannerSettings,
+        limits: JointLimits,
+        tool: LimitedTool,
+        certifier: ArmCertifier,
+    ) -> None:
+        self._step = float(np.min(graph.grid.spacing))
+        self._width = constants.REFINED_WIDTH if settings.refine else constants.UNREFINED_WIDTH
+        factor = constants.TOOL_SMOOTHING_FACTOR if isinstance(graph, PoseGraph) else 1.0
+        self._joint_width = factor * self._width
+        self._limits, self._tool, self._certifier = limits, tool, certifier
+        self._kept: _Kept | None = None
+
+    def timed(
+        self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
+    ) -> TimedPath:
+        """The motion along a path, timed once while nothing that it depends on changes."""
+        kept = self._kept
+        if kept is None or not kept.is_of(query, state) or len(kept.timed) >= _MOST_REMEMBERED:
+            kept = self._kept = _Kept(query, state, {})
+        key = (path.polyline.tobytes(), to_goal, longest)
+        if key not in kept.timed:
+            kept.timed[key] = self._timed_anew(query, state, path, to_goal, longest)
+        return kept.timed[key]
+
+    def _timed_anew(
+        self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
+    ) -> TimedPath:
+        """Time the configurations along it (`joint_curve`)."""
+        latent, found = self.joint_curve(query, state.position, path, to_goal)
+        if isinstance(found, str):
+            return TimedPath(latent, self._certifier, found)
+        curve, correction = found
+        return self.timed_curve(state, curve, latent, correction, longest)
+
+    def joint_curve(
+        self, query: ArmQuery, start: np.ndarray, path: LatentPath, to_goal: bool
+    ) -> tuple[np.ndarray, tuple[np.ndarray, float] | str]:
+        """Smooth a path, decode, transport, meet the ends exactly: the latent curve (m, d), and the configurations
+        (m, eta) with how far [rad] their ends were moved; or why the arm cannot hold it.
+        """
+        latent = smooth_latent(resample_latent(path.polyline, self._step), self._width)
+        configurations, objection = query.configurations_along(latent, start)
+        if objection:
+            return latent, objection
+        curve = smooth_latent(configurations, self._joint_width)
+        return latent, meeting(curve, start, query.goal if to_goal else curve[-1])
+
+    def timed_curve(
+        self, state: MotionState, curve: np.ndarray, latent: np.ndarray, correction: float, longest: float = math.inf
+    ) -> TimedPath:
+        """Time configurations (m, eta) that begin where the arm is, with their latent points (m, d)."""
+        reference = timed_joint_reference(
+            curve, latent, self._limits, state.velocity, state.acceleration, tool=self._tool, longest=longest
+        )
+        if reference is None:
+            reason = "stopping first: the path to the goal turns off the present motion, or leaves the joints' limits"
+            if longest < math.inf:
+                reason = f"no motion from the present one along the best path takes less than {longest:.2f} s: no gain"
+            return TimedPath(latent, self._certifier, reason)
+        return TimedPath(latent, self._certifier, "", correction, reference)
+
+
+def meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:
+    """A path (m, eta) moved linearly along its arc so that it begins and ends at two configurations.
+
+    Also how far [rad] its ends were moved.
+    """
+    share = arc_length_fractions(path)[:, None]
+    at_start, at_goal = start - path[0], goal - path[-1]
+    moved = float(max(np.linalg.norm(at_start), np.linalg.norm(at_goal)))
+    return path + (1.0 - share) * at_start + share * at_goal, moved

@@ -1,0 +1,103 @@
+"""From a path through the graph to a motion: it begins where the arm is as it moves, and is timed once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.certificate import ArmCertifier
+from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
+from geodesic_motion_ros.planning.plan import MotionState
+from geodesic_motion_ros.planning.search import LatentPath, cheapest_path
+from geodesic_motion_ros.studies.benchmarks.engine import mark
+from geodesic_motion_ros.studies.benchmarks.stages import SkillBench
+from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
+
+
+@pytest.fixture(scope="module")
+def bench(reach_skill) -> SkillBench:
+    return SkillBench(reach_skill)
+
+
+@pytest.fixture(scope="module")
+def path(bench: SkillBench) -> LatentPath:
+    free = mark(bench.problem, Obstacles.none())
+    found = cheapest_path(bench.planner.graph, bench.query, bench.query.start_latent, free, 0.0)
+    assert isinstance(found, LatentPath)
+    return found
+
+
+@pytest.fixture
+def timer(bench: SkillBench) -> PathTimer:
+    planner = bench.planner
+    tool = LimitedTool(planner.robot, planner.settings.tool_limits(False))
+    certifier = ArmCertifier(planner.robot, planner.collision)
+    return PathTimer(planner.graph, planner.settings, planner.limits, tool, certifier)
+
+
+def resting(bench: SkillBench) -> MotionState:
+    still = np.zeros(len(bench.query.start))
+    return MotionState(0.0, bench.query.start, still, still, None)
+
+
+def in_motion(timed: TimedPath, time: float) -> MotionState:
+    assert timed.reference is not None
+    return MotionState(time, *timed.reference.sample(time), timed.reference.latent_at(time))
+
+
+def test_a_motion_begins_in_the_state_that_it_takes_over_and_ends_at_rest_at_the_goal(bench, timer, path) -> None:
+    first = timer.timed(bench.query, resting(bench), path, True, math.inf)
+    state = in_motion(first, 0.1)
+    second = timer.timed(bench.query, state, path, True, math.inf)
+    for timed, begun in ((first, resting(bench)), (second, state)):
+        reference = timed.reference
+        assert reference is not None, timed.objection
+        assert reference.keeps(bench.planner.limits)
+        begin, end = reference.sample(0.0), reference.sample(reference.duration)
+        for found, expected in zip(begin, (begun.position, begun.velocity, begun.acceleration), strict=True):
+            np.testing.assert_allclose(found, expected, atol=1e-9)
+        np.testing.assert_allclose(end, [bench.query.goal, *np.zeros((2, len(bench.query.goal)))], atol=1e-9)
+
+
+def test_a_path_that_does_not_lead_to_the_goal_ends_where_it_ends(bench, timer, path) -> None:
+    """The control: the same half of a path, moved so that it ends at the goal."""
+    half = replace(path, polyline=path.polyline[: len(path.polyline) // 2])
+    ends = []
+    for to_goal in (False, True):
+        _, found = timer.joint_curve(bench.query, bench.query.start, half, to_goal)
+        assert not isinstance(found, str)
+        ends.append(found[0][-1])
+    assert np.linalg.norm(ends[0] - bench.query.goal) > 0.1
+    np.testing.assert_allclose(ends[1], bench.query.goal, atol=1e-12)
+
+
+def test_one_path_from_one_state_is_timed_once(bench, timer, path) -> None:
+    """Not so from another state, nor of another query: the controls."""
+    first = timer.timed(bench.query, resting(bench), path, True, math.inf)
+    assert timer.timed(bench.query, replace(resting(bench), time=7.0), path, True, math.inf) is first
+    assert timer.timed(bench.query, in_motion(first, 0.1), path, True, math.inf) is not first
+    again = timer.timed(bench.query, resting(bench), path, True, math.inf)
+    assert timer.timed(replace(bench.query), resting(bench), path, True, math.inf) is not again
+
+
+def test_what_takes_longer_than_would_be_a_gain_is_not_timed_and_says_so(bench, timer, path) -> None:
+    whole = timer.timed(bench.query, resting(bench), path, True, math.inf)
+    assert whole.reference is not None
+    short = timer.timed(bench.query, resting(bench), path, True, 0.2 * whole.reference.duration)
+    assert short.reference is None
+    assert "no gain" in short.objection
+    long = timer.timed(bench.query, resting(bench), path, True, 2.0 * whole.reference.duration)
+    assert long.reference is not None
+    np.testing.assert_array_equal(long.reference.positions, whole.reference.positions)
+
+
+def test_a_curve_is_moved_onto_its_ends_and_says_by_how_much() -> None:
+    curve = np.linspace([0.0, 0.0], [1.0, 0.0], 11)
+    moved, farthest = meeting(curve, np.array([0.0, 0.1]), np.array([1.0, -0.3]))
+    np.testing.assert_allclose(moved[[0, 5, -1]], [[0.0, 0.1], [0.5, -0.1], [1.0, -0.3]], atol=1e-12)
+    assert farthest == pytest.approx(0.3)
+    np.testing.assert_array_equal(meeting(curve, curve[0], curve[-1])[0], curve)
