@@ -217,7 +217,7 @@ PLANNER = (
     ),
     Parameter(
         "prediction",
-        1.6,
+        2.4,
         "Obstacles are expected to move on as they do for so long, longer than a stop takes",
         "s",
         0.0,
@@ -225,7 +225,7 @@ PLANNER = (
     ),
     Parameter(
         "horizon",
-        1.6,
+        2.4,
         "A trajectory leads so far ahead, then to rest, and is sent again in time: without the "
         "planner the arm stops by itself; not less than prediction",
         "s",

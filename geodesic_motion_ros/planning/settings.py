@@ -196,7 +196,7 @@ class PlannerSettings:
     ridge_strength: float = 1.0
     cost_cap: float = 20.0
     query_conditioning: bool = True
-    prediction: float = 1.6
+    prediction: float = 2.4
     avoidance: bool = True
     avoid: Avoid = "arm"
     grid_shape: tuple[int, ...] | None = None

@@ -24,7 +24,7 @@ from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 
 PERIOD = 0.01
-HORIZON = 1.6
+HORIZON = 2.4
 
 
 @dataclass
@@ -230,7 +230,7 @@ def test_a_path_on_which_no_stop_was_found_in_time_is_not_sent_again(planner, ar
 
 
 def test_a_horizon_shorter_than_the_prediction_is_refused(planner):
-    with pytest.raises(ParameterError, match=r"horizon = 0\.5: must not be less than prediction, 1\.6 s"):
+    with pytest.raises(ParameterError, match=r"horizon = 0\.5: must not be less than prediction, 2\.4 s"):
         JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=0.5)
 
 
