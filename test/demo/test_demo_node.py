@@ -157,7 +157,6 @@ def test_a_scene_that_does_not_exist_is_named(tmp_path: Path) -> None:
     assert errors.startswith("demo: config/scenes/nowhere.yaml is not shipped")
 
 
-@pytest.mark.realtime
 @pytest.mark.parametrize(
     ("skill", "extra", "pictures"),
     [(demo_options.SKILL, {"families"}, PICTURES), ("panda_pouring", set(), set())],

@@ -24,9 +24,6 @@ from geodesic_motion_ros.nodes.stream_cycle import PREPARING
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.utils.errors import ParameterError
 
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
-
 #: Processes that are requested to end do so in 2 s; a busy machine may take longer [s].
 ENDED = 5.0
 CONFIG = Path(__file__).resolve().parents[2] / "config"

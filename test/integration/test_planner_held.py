@@ -9,9 +9,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
-
 
 def ball(number: int = 1, **fields) -> Marker:
     """A ball of 3 cm before the hand."""

@@ -22,9 +22,6 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.robot.kinematics import Robot
 
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
-
 BASE = "panda_link0"
 
 

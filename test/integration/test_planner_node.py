@@ -24,9 +24,6 @@ from geodesic_motion_ros.planning.settings import TOOL_LIMITS
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
-
 BASE = "panda_link0"
 
 

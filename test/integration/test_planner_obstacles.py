@@ -18,9 +18,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
-
 BASE = "panda_link0"
 
 

@@ -24,9 +24,6 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
-
 ON_THE_HAND = "{ball: {kind: static, centre: [0.45, -0.28, 0.36], radius: 0.05}}"
 TWO = (
     "{ball: {kind: circle, centre: [0.3, 0.5, 0.5], amplitude: 0.1, period: 2.0, radius: 0.05}, "

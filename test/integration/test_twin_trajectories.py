@@ -22,9 +22,6 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
 
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
-
 ROBOT = Robot.panda()
 #: Slow enough that a message or a tick that is late by some milliseconds on a busy machine makes no large error.
 LIMITS = JointLimits.of(ROBOT, speed_scale=0.25, acceleration_scale=0.2)
