@@ -8,8 +8,8 @@ SHELL := /bin/bash
 # Python for a new .venv: the first of these that is there, in a version that fits, with what the set-up needs.
 PYTHON ?= python3.11 python3.12 python3.10 python3
 ARGS ?=
-# What a worker is given at a time says test/conftest.py.
-workers := --numprocesses=auto --maxprocesses=2 --dist=loadfile --no-loadscope-reorder
+# test/conftest.py says which tests a worker is handed, and in which order.
+workers := --numprocesses=auto --maxprocesses=2 --no-loadscope-reorder
 
 python := .venv/bin/python
 pytest := ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLBACKEND=Agg \

@@ -1,4 +1,4 @@
-"""What all tests share: small skills, real recordings where there are any, and the machine itself.
+"""What all tests share: small skills, real recordings where there are any, and the workers of the machine.
 
 The small skills are stored in skills/, for what training finds differs from one processor to the next. A test asks for
 one by a fixture that says how it was trained; `python -m pytest -n 0 --remake` trains anew what the chosen tests
