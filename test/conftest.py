@@ -46,25 +46,23 @@ os.environ["ROS_DOMAIN_ID"] = str(
 
 #: Folders of tests that wait for arms to move in real time: one worker runs them all, while another computes.
 REALTIME = ("test/integration/", "test/demo/", "test/studies/rates/", "test/studies/faults/")
-#: Begun with after those: the longest files, so that no worker is left alone with one of them.
-LONGEST = ("test/test_streams.py", "test/studies/benchmarks/test_run.py")
+#: Begun with after those: the longest file.
+FIRST = "test/studies/benchmarks/test_run.py"
 
 
 def pytest_sessionstart() -> None:
-    """Compile what is missing for the settings of this run: `make` does it for those of the first one."""
+    """Compile what is missing for the settings of this run: `make` does it for those of the first one.
+
+    The first worker begins with REALTIME; where cores are short the others, which compute, leave them to it.
+    """
+    if WORKER not in (None, "gw0"):
+        os.nice(5)
     compile_kernels()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put REALTIME first, which lasts longest together, then LONGEST."""
-
-    def place(item: pytest.Item) -> int:
-        file = item.nodeid.partition("::")[0]
-        if file.startswith(REALTIME):
-            return -1
-        return LONGEST.index(file) if file in LONGEST else len(LONGEST)
-
-    items.sort(key=place)
+    """Put REALTIME first, which lasts longest together, then FIRST, before the rest."""
+    items.sort(key=lambda item: (not item.nodeid.startswith(REALTIME), not item.nodeid.startswith(FIRST)))
 
 
 @pytest.hookimpl(optionalhook=True)
