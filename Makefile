@@ -8,8 +8,8 @@ SHELL := /bin/bash
 # Python for a new .venv: the first of these that is there, in a version that fits, with what the set-up needs.
 PYTHON ?= python3.11 python3.12 python3.10 python3
 ARGS ?=
-# A file of tests stays with one worker: what its tests share is made once.
-workers := --numprocesses=auto --maxprocesses=2 --dist=loadfile --no-loadscope-reorder
+# test/conftest.py says which tests a worker is handed, and in which order.
+workers := --numprocesses=auto --maxprocesses=2 --no-loadscope-reorder
 
 python := .venv/bin/python
 pytest := ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLBACKEND=Agg \
@@ -21,6 +21,8 @@ sources := $(shell grep -rl numba geodesic_motion_ros --include='*.py')
 
 # .venv is a world of its own: another virtual environment, a sourced ROS installation and what ROS's wheels put
 # into the environment of their interpreter must not reach into it.
+# With bytecode kept, no worker and none of the processes under test compiles all modules anew.
+unexport PYTHONDONTWRITEBYTECODE
 unexport LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE PYTHONHOME PYTHONPATH VIRTUAL_ENV
 unexport AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH RMW_IMPLEMENTATION
 

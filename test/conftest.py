@@ -1,4 +1,4 @@
-"""What all tests share: small skills, real recordings where there are any, and the machine itself.
+"""What all tests share: small skills, real recordings where there are any, and the workers of the machine.
 
 The small skills are stored in skills/, for what training finds differs from one processor to the next. A test asks for
 one by a fixture that says how it was trained; `python -m pytest -n 0 --remake` trains anew what the chosen tests
@@ -7,14 +7,13 @@ ask for, and stores it.
 
 from __future__ import annotations
 
-import fcntl
 import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -45,46 +44,37 @@ os.environ["ROS_DOMAIN_ID"] = str(
 )
 
 
-#: Begun with: the longest file.
-FIRST = "studies/benchmarks/test_run.py"
+#: Folders of tests that wait for arms to move in real time: one worker runs them all, while another computes.
+REALTIME = ("test/integration/", "test/demo/", "test/studies/rates/", "test/studies/faults/")
+#: Begun with after those: the longest file.
+FIRST = "test/studies/benchmarks/test_run.py"
 
 
 def pytest_sessionstart() -> None:
-    """Compile what is missing for the settings of this run: `make` does it for those of the first one."""
+    """Compile what is missing for the settings of this run: `make` does it for those of the first one.
+
+    The first worker begins with REALTIME; where cores are short the others, which compute, leave them to it.
+    """
+    if WORKER not in (None, "gw0"):
+        os.nice(5)
     compile_kernels()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put FIRST before the rest."""
-    items.sort(key=lambda item: item.path != Path(__file__).parent / FIRST)
+    """Put REALTIME first, which lasts longest together, then FIRST, before the rest."""
+    items.sort(key=lambda item: (not item.nodeid.startswith(REALTIME), not item.nodeid.startswith(FIRST)))
 
 
-@contextmanager
-def locked(path: Path, kind: int) -> Iterator[None]:
-    """Hold a lock (fcntl.LOCK_SH or LOCK_EX) on a file or folder that is there; waits for it."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, kind)
-        yield
-    finally:
-        fcntl.flock(descriptor, fcntl.LOCK_UN)  # a child that was forked meanwhile would keep what is only closed
-        os.close(descriptor)
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Hand every worker a file at a time, for what the tests of a file share is made once, or REALTIME as a whole."""
+    from xdist.scheduler import LoadFileScheduling
 
+    class Files(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return "realtime" if nodeid.startswith(REALTIME) else super()._split_scope(nodeid)
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Let a test marked `realtime` run alone: the workers share the machine, such a test has it to itself.
-
-    A test passes the entrance (a lock on this folder) first, so that those who share cannot keep out one who
-    waits to be alone (a lock on this file).
-    """
-    if WORKER is None:
-        return (yield)
-    alone = item.get_closest_marker("realtime") is not None
-    with ExitStack() as locks:
-        with locked(Path(__file__).parent, fcntl.LOCK_EX):
-            locks.enter_context(locked(Path(__file__), fcntl.LOCK_EX if alone else fcntl.LOCK_SH))
-        return (yield)
+    return Files(config, log)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -54,11 +54,12 @@ class ProgressMap:
         flat = codes.reshape(-1, dimension)
         share = np.tile(np.linspace(0.0, 1.0, samples), count)
         rate = 0.5 / _tube_width(codes) ** 2
-        nodes = grid.nodes()
+        nodes, norms = grid.nodes(), np.sum(flat**2, axis=1)
         progress = np.empty(len(nodes))
         for begin in range(0, len(nodes), 512):
             block = nodes[begin : begin + 512]
-            squared = np.sum((block[:, None, :] - flat[None]) ** 2, axis=-1)
+            # |z - z_i|^2 but for |z|^2, which the quotient does not depend on; as a product of matrices.
+            squared = norms - 2.0 * (block @ flat.T)
             weight = np.exp(-rate * (squared - squared.min(axis=1, keepdims=True)))
             progress[begin : begin + 512] = weight @ share / weight.sum(axis=1)
         return cls(progress, np.empty((len(nodes), 0)), grid)

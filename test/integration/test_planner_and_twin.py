@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
 import time
 from pathlib import Path
 
@@ -12,8 +11,6 @@ import pytest
 import yaml
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.srv import GetPlan
-from rcl_interfaces.msg import Log
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Float64, Header, UInt32
 from visualization_msgs.msg import MarkerArray
 
@@ -23,9 +20,6 @@ from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.stream_cycle import PREPARING
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.utils.errors import ParameterError
-
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
 
 #: Processes that are requested to end do so in 2 s; a busy machine may take longer [s].
 ENDED = 5.0
@@ -107,9 +101,8 @@ def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options,
     prepare, said = planner.prepared_goal, []
 
     def slowly(*arguments):
-        until, ticked = node._loop.ticks + 40, threading.Event()
-        while node._loop.ticks < until:
-            ticked.wait(0.005)
+        until = int(bench.status()["tick"]) + 40
+        bench.wait(lambda: int(bench.status()["tick"]) >= until, "40 ticks")
         said.append(bench.heard["planner/status"][-1].status[0].message)
         return prepare(*arguments)
 
@@ -172,7 +165,7 @@ def test_where_unseen_is_blocked_a_detour_leads_through_what_is_seen(
 ):
     watch(bench)
     bench.listen(MarkerArray, "planner/markers")
-    bench.listen(Log, "/rosout", QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    bench.listen_to_log()
     scene = tmp_path / "scene.yaml"
     scene.write_text("seen: [{name: cell, centre: [0.3, 0.0, 0.6], size: [2.0, 2.0, 1.6]}]" if seen else "{}")
     wide = BALL.replace("0.03}", "0.08}")
@@ -187,8 +180,7 @@ def test_where_unseen_is_blocked_a_detour_leads_through_what_is_seen(
         assert bench.heard["twin/contacts"][-1].data == 0
         return
     bench.wait(lambda: "the arm would enter what is not seen" in bench.status()["reason"], "why there is no detour")
-    warned = "unseen is blocked and the scene lists no boxes as seen"
-    bench.wait(lambda: any(warned in entry.msg for entry in bench.heard["/rosout"]), "a line of the log")
+    bench.wait(lambda: bench.logged("unseen is blocked and the scene lists no boxes as seen"), "a line of the log")
 
 
 def test_a_word_for_unseen_that_there_is_not_is_named_at_the_start(bench, options):

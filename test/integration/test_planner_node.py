@@ -24,9 +24,6 @@ from geodesic_motion_ros.planning.settings import TOOL_LIMITS
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
-
 BASE = "panda_link0"
 
 
@@ -54,10 +51,11 @@ class TestStates:
         positions = np.array([[p.position.x, p.position.y, p.position.z] for p in poses])
         quaternions = np.array([[p.orientation.w, p.orientation.x, p.orientation.y, p.orientation.z] for p in poses])
         np.testing.assert_allclose(positions[-1], skill.goal_pose[:3], atol=1e-3)
-        # On a busy machine the listener may lose some messages in a row.
+        # On a busy machine the listener may lose some messages in a row, and after a late tick the next one is early:
+        # its pose is a period further all the same.
         times = np.array([messages.seconds(message.header.stamp) for message in moving.heard["target_pose"]])
         steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-        assert np.all(steps < TOOL_LIMITS.speed * 1.2 * np.diff(times) + 1e-3)
+        assert np.all(steps < TOOL_LIMITS.speed * 1.2 * np.maximum(np.diff(times), 0.01) + 1e-3)
         assert np.all(np.sum(quaternions[1:] * quaternions[:-1], axis=1) > 0.99)
         np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-9)
 
@@ -71,7 +69,8 @@ class TestStates:
         self, bench, planner_options, start_joints, skill
     ):
         bench.watch_planner()
-        bench.add(PlannerNode, **planner_options | {"tracking_tolerance_joint": 0.05})
+        tolerances = {"tracking_tolerance": 0.05, "tracking_tolerance_angle": 0.35, "tracking_tolerance_joint": 0.05}
+        bench.add(PlannerNode, **planner_options | tolerances)
         timer = bench.send_joint_states(start_joints, follows=False)
         bench.send_goal(skill.goal_pose)
         bench.wait_for_code("BAD_INPUT", "the arm is")  # it stands still, whatever it is sent
@@ -127,14 +126,13 @@ class TestPlanService:
         assert moving.status()["code"] == "OK"
 
     def test_joint_states_are_heard_however_long_an_answer_takes(self, moving, skill, make_pose, monkeypatch):
-        kind, loop, waiting = moving.planner._kind, moving.planner._loop, threading.Event()
+        kind = moving.planner._kind
         plan = kind.plan
 
         def slowly(*ends):
             # longer than a joint state may be old
-            until = loop.ticks + 250
-            while loop.ticks < until:
-                waiting.wait(0.005)
+            until = int(moving.status()["tick"]) + 250
+            moving.wait(lambda: int(moving.status()["tick"]) >= until, "250 ticks")
             return plan(*ends)
 
         monkeypatch.setattr(kind, "plan", slowly)
@@ -189,7 +187,7 @@ class TestFaults:
             patch.setattr(moving.planner._inputs._plausible, "check", fail)
             moving.wait(lambda: moving.status()["refused_input"], "a refusal")
             assert "joint_states: internal error, see the log: ZeroDivisionError()" in moving.status()["refused_input"]
-        assert moving.planner._inputs.refusals.counts["joint_states"] > 0
+        assert int(moving.status()["refused_joint_states"]) > 0
         moving.wait_for_code("OK")
 
     def test_in_a_timer(self, moving, monkeypatch):
@@ -201,7 +199,7 @@ class TestFaults:
 
         monkeypatch.setattr(moving.planner._outputs, "diagnostics", fail)
         moving.wait(lambda: len(failed) > 1, "the timer to fail twice")
-        assert moving.planner._inputs.refusals.counts["/diagnostics"] > 0
+        moving.wait(lambda: int(moving.status().get("refused_/diagnostics", 0)) > 0, "the failure among those counted")
         assert moving.status()["code"] == "OK"
 
     @pytest.mark.parametrize(
@@ -217,8 +215,8 @@ class TestFaults:
             answer = ready.call(kind, f"planner/{service}", kind.Request())
         assert not answer.success
         assert answer.message == "internal error, see the log: ZeroDivisionError()"
-        assert ready.planner._inputs.refusals.counts[f"~/{service}"] == 1
         assert ready.call(kind, f"planner/{service}", kind.Request()).success
+        ready.wait(lambda: ready.status().get(f"refused_~/{service}") == "1", "the failure among those counted")
 
     def test_before_a_cycle(self, moving, monkeypatch):
         def fail():
@@ -296,7 +294,6 @@ class TestParameters:
         assert not result.successful
         assert "obstacle_timeout" in result.reason
         assert ready.planner.get_parameter("state_timeout").value == 2.0
-        assert ready.planner._cycle.state_timeout == 2.0
 
     def test_good_ones_at_run_time_take_effect(self, ready, start_joints):
         request = SetParametersAtomically.Request(

@@ -15,9 +15,6 @@ from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
-
 ROBOT = Robot.panda()
 BEGIN = 1000.0
 #: The clock is published so often [s].

@@ -7,7 +7,6 @@ import signal
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -21,9 +20,6 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
-
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
 
 ROBOT = Robot.panda()
 #: Slow enough that a message or a tick that is late by some milliseconds on a busy machine makes no large error.
@@ -107,7 +103,7 @@ def test_a_trajectory_is_followed_to_its_goal_and_held_without_a_stream(twin):
     send(twin, reference, begin)
     wait_for_time(twin, begin + reference.duration)
     wait_for_rest(twin, GOAL)
-    assert reference.duration > 3.0 * twin.twin._options["command_timeout"]
+    assert reference.duration > 3.0 * twin.twin.get_parameter("command_timeout").value
     check_followed(twin, [(reference, begin, begin + reference.duration)])
 
 
@@ -165,6 +161,7 @@ def test_a_replacement_in_motion_gives_no_jump(twin):
 )
 def test_a_bad_one_is_refused_and_the_old_one_goes_on(twin, spoil, reason):
     reference = motion(START, GOAL)
+    twin.listen_to_log()
     twin.publisher(JointTrajectory, "joint_trajectory")
     begin = now(twin) + 0.1
     send(twin, reference, begin)
@@ -174,13 +171,13 @@ def test_a_bad_one_is_refused_and_the_old_one_goes_on(twin, spoil, reason):
     message = deserialize_message(joint_trajectory_bytes(ROBOT.joint_names, *knots, now(twin)), JointTrajectory)
     spoil(message)
     twin.publisher(JointTrajectory, "joint_trajectory").publish(message)
-    twin.wait(lambda: reason in twin.twin._refusals.newest(within=60.0), f"a refusal: {reason}")
+    twin.wait(lambda: twin.logged(reason), f"a refusal: {reason}")
     wait_for_rest(twin, GOAL)
     check_followed(twin, [(reference, begin, begin + reference.duration)])
 
 
 def test_whichever_spoke_last_commands_and_the_change_is_logged(twin, make_pose):
-    twin.listen(Log, "/rosout", 100)
+    twin.listen_to_log()
     send(twin, motion(START, GOAL), 0.0)
     wait_for_rest(twin, GOAL)
     pose = make_pose(np.concatenate(ROBOT.forward(START)))
@@ -189,7 +186,7 @@ def test_whichever_spoke_last_commands_and_the_change_is_logged(twin, make_pose)
     tool = lambda: ROBOT.forward(measured(twin))[0]  # noqa: E731
     twin.wait(lambda: np.linalg.norm(tool() - ROBOT.forward(START)[0]) < 2e-3, "the arm at the pose")
     twin.probe.destroy_timer(timer)
-    twin.wait(lambda: twin.twin._world._target is None, "the hold after the last pose")
+    wait_for_time(twin, now(twin) + 2.0 * twin.twin.get_parameter("command_timeout").value)
     send(twin, motion(measured(twin), GOAL), 0.0)
     wait_for_rest(twin, GOAL)
     said = [
@@ -197,20 +194,18 @@ def test_whichever_spoke_last_commands_and_the_change_is_logged(twin, make_pose)
         "target_pose commands the arm from now on, no longer joint_trajectory",
         "joint_trajectory commands the arm from now on, no longer target_pose",
     ]
-    changes = lambda: [log.msg for log in twin.heard["/rosout"] if "commands the arm" in log.msg]  # noqa: E731
-    twin.wait(lambda: len(changes()) == 3, "three changes in the log")
-    assert changes() == said
+    twin.wait(lambda: len(twin.logged("commands the arm")) == 3, "three changes in the log")
+    assert twin.logged("commands the arm") == said
 
 
 def test_when_nothing_new_comes_after_the_end_the_twin_says_so_once_and_the_arm_stays(twin):
     assert twin.twin.set_parameters([Parameter("cmd_timeout", value=0.1)])[0].successful
-    twin.listen(Log, "/rosout", 100)
-    warnings = lambda: [log.msg for log in twin.heard["/rosout"] if "cmd_timeout" in log.msg]  # noqa: E731
+    twin.listen_to_log()
     for count, goal in enumerate((GOAL, START), 1):
         send(twin, motion(measured(twin), goal), 0.0)
-        twin.wait(lambda count=count: len(warnings()) == count, "the warning")
+        twin.wait(lambda count=count: len(twin.logged("cmd_timeout")) == count, "the warning")
         wait_for_rest(twin, goal)
-        assert len(warnings()) == count
+        assert len(twin.logged("cmd_timeout")) == count
 
 
 def test_reset_ends_a_trajectory(twin):

@@ -47,7 +47,7 @@ def test_an_edge_costs_what_the_finite_differences_of_the_features_say(fan_skill
     metric = MetricSettings(orientation_scale=scale)
     graph = build_pose_graph(
         fan_skill.decoder, fan_skill.codes, fan_skill.latent_lower, fan_skill.latent_upper,
-        metric, fan_skill.sigma_support, (400, 400), 8,
+        metric, fan_skill.sigma_support, (200, 200), 8,
     )  # fmt: skip
     energies = graph.transported(Offsets.none(), ORIGIN).energies()
 

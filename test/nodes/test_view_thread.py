@@ -78,8 +78,10 @@ def test_an_error_is_reported_once_and_ends_it(drawn) -> None:
         raise ZeroDivisionError
 
     thread = ViewThread(fail, lambda: True, 0.01, lambda error: drawn.put(type(error).__name__))
+    before = set(threading.enumerate())
     thread.start()
     assert drawn.get(timeout=PATIENCE) == "ZeroDivisionError"
-    thread._thread.join(PATIENCE)
-    assert not thread._thread.is_alive()
+    for begun in set(threading.enumerate()) - before:
+        begun.join(PATIENCE)
+    assert set(threading.enumerate()) <= before
     assert drawn.empty()

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.geometry.quaternions import from_rotation
@@ -155,9 +156,10 @@ def excursion(
     if entry is not None:
         beyond = radii - np.min(0.5 * np.array(entry["size"]) - np.abs(along - entry["centre"]), axis=2)
     worst = 0.0
-    for i, s in zip(*np.nonzero(beyond > 0.0), strict=True):
-        apart = float(np.min(np.linalg.norm(passed[:, s] - along[i, s], axis=1)))
-        worst = max(worst, min(beyond[i, s], apart - BASE_ALLOWANCE))
+    for s in range(len(radii)):
+        out = beyond[:, s] > 0.0
+        apart = cKDTree(passed[:, s]).query(along[out, s])[0]
+        worst = max(worst, np.max(np.minimum(beyond[out, s], apart - BASE_ALLOWANCE), initial=0.0))
     return worst
 
 

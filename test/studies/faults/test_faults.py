@@ -13,9 +13,6 @@ import pytest
 from geodesic_motion_ros.studies.faults.catalogue import chosen
 from geodesic_motion_ros.studies.faults.suite import cases, run_cases
 
-# What moves in real time does so evenly where it has the machine to itself.
-pytestmark = pytest.mark.realtime
-
 #: Of each skill the faults, and the phase in which they are injected here.
 QUICK = {
     "panda_pouring": {"goal_outside": "goal", "obstacles_deleted": "motion", "planner_killed": "motion"},
