@@ -31,6 +31,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from geodesic_motion_ros.cli.arguments import metres
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve, arc_length, arc_length_fractions, interpolate
 from geodesic_motion_ros.geometry.quaternions import to_rotation
@@ -40,7 +41,8 @@ from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.studies.experiments.imitation_judge import EVERY_END
-from geodesic_motion_ros.studies.experiments.trained import Trained
+from geodesic_motion_ros.studies.experiments.study import Report, option
+from geodesic_motion_ros.studies.experiments.trained import OfTrainings, Trained
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 
@@ -56,31 +58,46 @@ PLACEMENTS: tuple[Placement, ...] = ("carried", "recorded")
 
 
 @dataclass(frozen=True)
-class AvoidanceSettings:
-    """Which scenes are made.
+class Avoidance(OfTrainings):
+    """Make the scenes of every held-out demonstration of every skill, and plan in them.
 
     Attributes
     ----------
     radii : of the spheres [m]: small beside the spread of demonstrations, about as large, and larger.
-    tool_radius : of the sphere around the tool's origin [m] that must stay clear too. 0: the spheres' radii already
-        stand for obstacle and tool together.
-    scenes_per_query : spheres of each radius on the path of each held-out demonstration.
+    tool_radius : of the sphere around the tool's origin [m] that must stay clear too.
+    scenes : spheres of each radius on the path of each held-out demonstration.
     seed : of the places. planner : everything else, end offsets unlimited by default.
     """
 
-    radii: tuple[float, ...] = (0.02, 0.04, 0.08)
-    tool_radius: float = 0.0
-    scenes_per_query: int = 10
+    radii: tuple[float, ...] = option((0.02, 0.04, 0.08), "of spheres [m]", type=metres, metavar="M,M")
+    tool_radius: float = option(
+        0.0, "of a sphere around the tool's origin [m]; 0: the radii already stand for obstacle and tool together",
+        metavar="M",
+    )  # fmt: skip
+    scenes: int = option(8, "places on the path of each held-out demonstration", least=1)
+    sheet: str = option("canonical", "skills are learned on", choices=("canonical", "raw"))
     seed: int = 0
     planner: PlannerSettings = EVERY_END
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.radii or min(self.radii) <= 0.0 or not all(map(math.isfinite, self.radii)):
             raise ParameterError(f"radii {self.radii}: give at least one, all positive [m]")
         if not (math.isfinite(self.tool_radius) and self.tool_radius >= 0.0):
             raise ParameterError(f"tool_radius is {self.tool_radius}; it must be 0 or positive [m]")
-        if self.scenes_per_query < 1:
-            raise ParameterError(f"scenes_per_query is {self.scenes_per_query}; at least 1 is needed")
+
+    def measured(self, skills: Iterable[Trained]) -> AvoidanceReport:
+        chosen = replace(self.planner, tool_points=((0.0, 0.0, 0.0),), tool_radii=(self.tool_radius,))
+        scenes: list[Scene] = []
+        refused = 0
+        for trained in skills:
+            planner = PosePathPlanner(trained.skill, chosen)
+            for index, item in zip(trained.fold, trained.held_out, strict=True):
+                query = Query(trained.task, index, trained.seed, item.curve.start, item.curve.goal)
+                made = _scenes_of(query, planner, placed(trained.shown, query.start, query.goal), self)
+                refused += made is None
+                scenes += made or []
+        return AvoidanceReport(self, tuple(scenes), refused)
 
 
 @dataclass(frozen=True)
@@ -129,10 +146,10 @@ Figures = dict[str, float | int | None]
 
 
 @dataclass(frozen=True)
-class AvoidanceReport:
+class AvoidanceReport(Report):
     """All scenes, and what they come to."""
 
-    settings: AvoidanceSettings
+    settings: Avoidance
     scenes: tuple[Scene, ...]
     queries_without_path: int
 
@@ -142,7 +159,6 @@ class AvoidanceReport:
         return {kind: _figures([scene for scene in chosen if scene.freedom(placement) == kind]) for kind in FREEDOMS}
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {
             "tool_radius": self.settings.tool_radius,
             "radii": list(self.settings.radii),
@@ -181,20 +197,32 @@ class AvoidanceReport:
         keys = sorted({(scene.task, scene.radius) for scene in self.scenes})
         return [(key, [scene for scene in self.scenes if (scene.task, scene.radius) == key]) for key in keys]
 
+    def draw(self, path: Path) -> None:
+        """What became of the scenes, by radius and by what demonstrations leave free; clearances of the answers."""
+        from matplotlib.figure import Figure
 
-def measure_avoidance(skills: Iterable[Trained], settings: AvoidanceSettings = AvoidanceSettings()) -> AvoidanceReport:
-    """Make the scenes of every held-out demonstration of every skill, and plan in them."""
-    chosen = replace(settings.planner, tool_points=((0.0, 0.0, 0.0),), tool_radii=(settings.tool_radius,))
-    scenes: list[Scene] = []
-    refused = 0
-    for trained in skills:
-        planner = PosePathPlanner(trained.skill, chosen)
-        for index, item in zip(trained.fold, trained.held_out, strict=True):
-            query = Query(trained.task, index, trained.seed, item.curve.start, item.curve.goal)
-            made = _scenes_of(query, planner, placed(trained.shown, query.start, query.goal), settings)
-            refused += made is None
-            scenes += made or []
-    return AvoidanceReport(settings, tuple(scenes), refused)
+        figure = Figure(figsize=(12, 5), layout="constrained")
+        outcomes, clearances = figure.subplots(1, 2)
+        for radius in self.settings.radii:
+            scenes = [scene for scene in self.scenes if scene.radius == radius]
+            names = [f"{1000 * radius:.0f} mm, {kind}" for kind in FREEDOMS]
+            figures = list(self.summary("carried", scenes).values())
+            answered = np.array([values["answered"] for values in figures])
+            refused = np.array([values["scenes"] for values in figures]) - answered
+            outcomes.barh(names, answered, color="tab:green", label="answered, clear")
+            outcomes.barh(names, refused, left=answered, color="tab:gray", label="declared infeasible")
+            through = [-values["through"] for values in figures]
+            outcomes.barh(names, through, color="tab:red", label="through the obstacle")
+            measured = [1e3 * scene.measured for scene in scenes if scene.answered]
+            clearances.hist(measured, bins=30, histtype="step", label=f"{1000 * radius:.0f} mm")
+        handles, labels = outcomes.get_legend_handles_labels()
+        figure.legend(handles[:3], labels[:3], loc="outside lower left", ncols=3)
+        outcomes.invert_yaxis()
+        outcomes.set(xlabel="scenes", title="spheres dead-centre on the path, demonstrations carried to its ends")
+        clearances.axvline(0.0, color="tab:red")
+        clearances.legend(title="radius")
+        clearances.set(xlabel="measured clearance [mm]", ylabel="paths", title="clearance on the dense check")
+        figure.savefig(path, dpi=110)
 
 
 @dataclass(frozen=True)
@@ -234,7 +262,7 @@ def measured_clearance(curve: PoseCurve, centre: np.ndarray, radius: float, sett
 
 
 def _scenes_of(
-    query: Query, planner: PosePathPlanner, shown: dict[Placement, list[PoseCurve]], settings: AvoidanceSettings
+    query: Query, planner: PosePathPlanner, shown: dict[Placement, list[PoseCurve]], settings: Avoidance
 ) -> list[Scene] | None:
     """The scenes on the path of one query; None where there is no path even without obstacles."""
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
@@ -242,7 +270,7 @@ def _scenes_of(
     if isinstance(path, Verdict):
         return None
     random = np.random.default_rng([settings.seed, query.seed, query.demonstration])
-    fractions = random.uniform(*INTERIOR, settings.scenes_per_query)
+    fractions = random.uniform(*INTERIOR, settings.scenes)
     centres, _ = interpolate(arc_length_fractions(path.positions), path.positions, path.quaternions, fractions)
     return [
         _scene(query, planner, shown, float(fraction), centre, radius)
@@ -298,30 +326,3 @@ def _figures(scenes: Sequence[Scene]) -> Figures:
         "least_clearance_mm": min(answered, default=None),
         "median_clearance_mm": float(np.median(answered)) if answered else None,
     }
-
-
-def draw_avoidance(report: AvoidanceReport, path: Path) -> None:
-    """What became of the scenes, by radius and by what demonstrations leave free; clearances of the answers."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12, 5), layout="constrained")
-    outcomes, clearances = figure.subplots(1, 2)
-    for radius in report.settings.radii:
-        scenes = [scene for scene in report.scenes if scene.radius == radius]
-        names = [f"{1000 * radius:.0f} mm, {kind}" for kind in FREEDOMS]
-        figures = list(report.summary("carried", scenes).values())
-        answered = np.array([values["answered"] for values in figures])
-        refused = np.array([values["scenes"] for values in figures]) - answered
-        outcomes.barh(names, answered, color="tab:green", label="answered, clear")
-        outcomes.barh(names, refused, left=answered, color="tab:gray", label="declared infeasible")
-        outcomes.barh(names, [-values["through"] for values in figures], color="tab:red", label="through the obstacle")
-        measured = [1e3 * scene.measured for scene in scenes if scene.answered]
-        clearances.hist(measured, bins=30, histtype="step", label=f"{1000 * radius:.0f} mm")
-    handles, labels = outcomes.get_legend_handles_labels()
-    figure.legend(handles[:3], labels[:3], loc="outside lower left", ncols=3)
-    outcomes.invert_yaxis()
-    outcomes.set(xlabel="scenes", title="spheres dead-centre on the path, demonstrations carried to its ends")
-    clearances.axvline(0.0, color="tab:red")
-    clearances.legend(title="radius")
-    clearances.set(xlabel="measured clearance [mm]", ylabel="paths", title="clearance on the dense check")
-    figure.savefig(path, dpi=110)

@@ -55,9 +55,9 @@ from geodesic_motion_ros.studies.experiments.requested_ends import (
     pieces_of,
     ring_name,
 )
-from geodesic_motion_ros.studies.experiments.trained import check_seeds, trained_once
+from geodesic_motion_ros.studies.experiments.study import OfOwnData, Report, option, seeds, setting, steps
+from geodesic_motion_ros.studies.experiments.trained import task_training, trained_once
 from geodesic_motion_ros.studies.tools.similarity import compare
-from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 
 TASK = "pouring_anywhere"
@@ -81,24 +81,47 @@ COLUMNS = ("dtw_mm", "orientation_deg", "endpoint_before_mm", "endpoint_after_mm
 
 
 @dataclass(frozen=True)
-class GoalsSettings:
-    """How many demonstrations are shown and held out for every seed, of data and training alike; `ends` : pairs of ends
-    along the held-out ones, and as many in each ring beyond the regions.
+class Goals(OfOwnData):
+    """Show, train and predict for every seed, of data and training alike.
+
+    ends : pairs of ends along the held-out demonstrations, and as many in each ring beyond the regions.
+    training : its seed is replaced; None: the defaults, but for `steps`.
     """
 
-    shown: int = 12
-    held_out: int = 12
-    ends: int = 12
-    seeds: tuple[int, ...] = (0, 1, 2)
+    shown: int = option(12, "demonstrations that a skill is learned from", least=2)
+    held_out: int = option(12, "demonstrations that are predicted", least=1)
+    ends: int = setting(12, least=1)
+    seeds: tuple[int, ...] = seeds("of data and training, one skill each")
+    steps: int | None = steps()
+    training: TrainingSettings | None = None
 
-    def __post_init__(self) -> None:
-        if self.shown < 2:
-            raise ParameterError(f"shown is {self.shown}; goals that vary need at least 2 demonstrations")
-        if self.held_out < 1:
-            raise ParameterError(f"held_out is {self.held_out}; at least 1 is needed to be predicted")
-        if self.ends < 1:
-            raise ParameterError(f"ends is {self.ends}; at least 1 is needed in each ring")
-        check_seeds(self.seeds)
+    def measure(self, out: Path) -> GoalsReport:
+        """PeersMissingError: movement_primitives is not installed."""
+        reports, requested, answers, regressions, people, examples = [], [], [], [], [], []
+        base = self.training or task_training(self.steps)
+        for seed in tqdm(self.seeds, desc="goals", unit="seed"):
+            everything, fold = drawn(self, seed)
+            shown, held_out = everything.split(fold)
+            skill = trained_once(TASK, shown, replace(base, seed=seed), out / "skills")
+            report = evaluate(
+                everything, [fold], [seed], lambda *_, skill=skill: skill, TASK, show_progress=False,
+                sheets=["canonical"],
+            )  # fmt: skip
+            reports.append(report)
+            requested += requested_of(skill, seed, fold, everything)
+            answers += answers_to(requested_ends(held_out, self, seed), {"geodesic": skill}, shown, seed)
+            regressions.append(skill.canonical is not None and skill.canonical.regresses)
+            people.append(_carried_people(everything))
+            if not examples:
+                examples.append(_example(skill, shown, [everything[index] for index in fold[:EXAMPLES]]))
+        mean = {column: float(np.mean([values[column] for values in people])) for column in people[0]}
+        return GoalsReport(
+            self, tuple(reports), mean, tuple(requested), tuple(answers), tuple(regressions), examples[0]
+        )  # fmt: skip
+
+    def saved(self) -> tuple[Demonstrations, str]:
+        everything, fold = drawn(self, self.seeds[0])
+        return everything, f"the last {len(fold)} are those held out"
 
 
 @dataclass(frozen=True)
@@ -145,13 +168,13 @@ class Example:
 
 
 @dataclass(frozen=True)
-class GoalsReport:
+class GoalsReport(Report):
     """The held-out table of every seed, what was requested, and motions of the first seed.
 
     `regressions` says for every seed whether start and goal choose between its demonstrations.
     """
 
-    settings: GoalsSettings
+    settings: Goals
     reports: tuple[ImitationReport, ...]
     people: Values
     requested: tuple[Requested, ...]
@@ -171,7 +194,6 @@ class GoalsReport:
         return None if geodesic is None or promp is None else geodesic / promp
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {
             "settings": asdict(self.settings),
             "rows": self.rows,
@@ -229,46 +251,52 @@ class GoalsReport:
             notes.append(f"geodesic's DTW over ProMP's: {ratio:.2f} ({seeds})")
         return notes
 
+    def draw(self, path: Path) -> None:
+        """The first seed from above and from the side, the geodesic's distances beside ProMP's, and those by ring."""
+        from matplotlib.figure import Figure
+        from matplotlib.patches import Rectangle
 
-def measure_goals(
-    settings: GoalsSettings = GoalsSettings(),
-    skills: Path = Path("out/experiments/skills"),
-    training: TrainingSettings | None = None,
-    show_progress: bool = True,
-) -> GoalsReport:
-    """Show, train and predict for every seed.
+        from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, write_figure
 
-    Parameters
-    ----------
-    skills : cache of trained skills, see `trained_once`. training : its seed is replaced; None: the defaults.
+        figure = Figure(figsize=(13.0, 6.4), layout="constrained")
+        panels = figure.subplot_mosaic([["above", "distances"], ["behind", "rings"]], width_ratios=(1.5, 1.0))
+        above, behind, distances = panels["above"], panels["behind"], panels["distances"]
+        for axes, across, names in ((above, (1, 0), ("y", "x")), (behind, (1, 2), ("y", "z"))):
+            for positions in self.example.shown:
+                axes.plot(*(100.0 * positions[:, across].T), color=GREY, linewidth=0.7, alpha=0.5, label="shown")
+            for predicted in self.example.predicted:
+                for positions, colour, style, name in (
+                    (predicted.held_out, "black", "-", "held out"),
+                    (predicted.promp, VERMILION, ":", "ProMP"),
+                    (predicted.geodesic, BLUE, "-", "geodesic"),
+                ):
+                    if positions is not None:
+                        axes.plot(*(100.0 * positions[:, across].T), style, color=colour, linewidth=1.4, label=name)
+            axes.set(xlabel=f"{names[0]} [cm]", ylabel=f"{names[1]} [cm]", aspect="equal")
+        for region, name in ((BOTTLE_REGION, "bottles"), (CUP_REGION, "cups")):
+            lower, size = 100.0 * np.array(region.lower), 100.0 * (np.array(region.upper) - region.lower)
+            above.add_patch(Rectangle(lower[::-1], size[1], size[0], fill=False, linestyle="--"))
+            above.text(*lower[::-1] + 0.5, name, fontsize=8)
+        above.set_title(f"seed {self.settings.seeds[0]} from above", loc="left")
+        behind.set_title("from behind", loc="left")
+        handles, labels = behind.get_legend_handles_labels()
+        named = dict(zip(labels, handles, strict=True))
+        figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=4)
+        found = {row: _by_demonstration(self, row) for row in ("geodesic", "promp")}
+        both = [(found["promp"][key], value) for key, value in found["geodesic"].items()]
+        if both:
+            distances.plot(*zip(*both, strict=True), "o", color=BLUE, alpha=0.7)
+            top = 1.1 * max(map(max, both))
+            distances.plot([0.0, top], [0.0, top], "k--", linewidth=0.8)
+            distances.set(xlim=(0.0, top), ylim=(0.0, top))
+        distances.set(xlabel="ProMP [mm]", ylabel="geodesic [mm]")
+        distances.set_title("DTW to the held-out, all seeds", loc="left")
+        distances.text(0.98, 0.02, "geodesic nearer", transform=distances.transAxes, ha="right")
+        _draw_rings(panels["rings"], self.answers)
+        write_figure(figure, path)
 
-    Raises
-    ------
-    PeersMissingError : movement_primitives is not installed.
-    """
-    reports, requested, answers, regressions, people, examples = [], [], [], [], [], []
-    base = training or TrainingSettings()
-    for seed in tqdm(settings.seeds, desc="goals", unit="seed", disable=not show_progress):
-        everything, fold = drawn(settings, seed)
-        shown, held_out = everything.split(fold)
-        skill = trained_once(TASK, shown, replace(base, seed=seed), skills)
-        report = evaluate(
-            everything, [fold], [seed], lambda *_, skill=skill: skill, TASK, show_progress=False, sheets=["canonical"]
-        )
-        reports.append(report)
-        requested += requested_of(skill, seed, fold, everything)
-        answers += answers_to(requested_ends(held_out, settings, seed), {"geodesic": skill}, shown, seed)
-        regressions.append(skill.canonical is not None and skill.canonical.regresses)
-        people.append(_carried_people(everything))
-        if not examples:
-            examples.append(_example(skill, shown, [everything[index] for index in fold[:EXAMPLES]]))
-    mean = {column: float(np.mean([values[column] for values in people])) for column in people[0]}
-    return GoalsReport(
-        settings, tuple(reports), mean, tuple(requested), tuple(answers), tuple(regressions), examples[0]
-    )  # fmt: skip
 
-
-def drawn(settings: GoalsSettings, seed: int) -> tuple[Demonstrations, tuple[int, ...]]:
+def drawn(settings: Goals, seed: int) -> tuple[Demonstrations, tuple[int, ...]]:
     """All demonstrations of a seed, first the shown and then the held-out ones, and the indices of the latter."""
     shown = multi_goal_demonstrations(settings.shown, seed)
     held_out = multi_goal_demonstrations(settings.held_out, seed + HELD_OUT_SEED)
@@ -276,7 +304,7 @@ def drawn(settings: GoalsSettings, seed: int) -> tuple[Demonstrations, tuple[int
     return everything, tuple(range(len(shown), len(everything)))
 
 
-def requested_ends(held_out: Demonstrations, settings: GoalsSettings, seed: int) -> list[RequestedEnds]:
+def requested_ends(held_out: Demonstrations, settings: Goals, seed: int) -> list[RequestedEnds]:
     """Ends along the held-out demonstrations and in every ring beyond the regions of bottles and cups."""
     random = np.random.default_rng([seed, settings.ends])
     requested = pieces_of(held_out, settings.ends, random)
@@ -352,51 +380,6 @@ def _rows(reports: Sequence[ImitationReport], people: Values) -> dict[str, dict[
 
 def _middle_and_largest(values: np.ndarray) -> tuple[float, float]:
     return float(np.median(values)), float(np.max(values))
-
-
-def draw_goals(report: GoalsReport, path: Path) -> None:
-    """The first seed from above and from the side, the geodesic's distances beside ProMP's, and those by ring."""
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Rectangle
-
-    from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, write_figure
-
-    figure = Figure(figsize=(13.0, 6.4), layout="constrained")
-    panels = figure.subplot_mosaic([["above", "distances"], ["behind", "rings"]], width_ratios=(1.5, 1.0))
-    above, behind, distances = panels["above"], panels["behind"], panels["distances"]
-    for axes, across, names in ((above, (1, 0), ("y", "x")), (behind, (1, 2), ("y", "z"))):
-        for positions in report.example.shown:
-            axes.plot(*(100.0 * positions[:, across].T), color=GREY, linewidth=0.7, alpha=0.5, label="shown")
-        for predicted in report.example.predicted:
-            for positions, colour, style, name in (
-                (predicted.held_out, "black", "-", "held out"),
-                (predicted.promp, VERMILION, ":", "ProMP"),
-                (predicted.geodesic, BLUE, "-", "geodesic"),
-            ):
-                if positions is not None:
-                    axes.plot(*(100.0 * positions[:, across].T), style, color=colour, linewidth=1.4, label=name)
-        axes.set(xlabel=f"{names[0]} [cm]", ylabel=f"{names[1]} [cm]", aspect="equal")
-    for region, name in ((BOTTLE_REGION, "bottles"), (CUP_REGION, "cups")):
-        lower, size = 100.0 * np.array(region.lower), 100.0 * (np.array(region.upper) - region.lower)
-        above.add_patch(Rectangle(lower[::-1], size[1], size[0], fill=False, linestyle="--"))
-        above.text(*lower[::-1] + 0.5, name, fontsize=8)
-    above.set_title(f"seed {report.settings.seeds[0]} from above", loc="left")
-    behind.set_title("from behind", loc="left")
-    handles, labels = behind.get_legend_handles_labels()
-    named = dict(zip(labels, handles, strict=True))
-    figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=4)
-    found = {row: _by_demonstration(report, row) for row in ("geodesic", "promp")}
-    both = [(found["promp"][key], value) for key, value in found["geodesic"].items()]
-    if both:
-        distances.plot(*zip(*both, strict=True), "o", color=BLUE, alpha=0.7)
-        top = 1.1 * max(map(max, both))
-        distances.plot([0.0, top], [0.0, top], "k--", linewidth=0.8)
-        distances.set(xlim=(0.0, top), ylim=(0.0, top))
-    distances.set(xlabel="ProMP [mm]", ylabel="geodesic [mm]")
-    distances.set_title("DTW to the held-out, all seeds", loc="left")
-    distances.text(0.98, 0.02, "geodesic nearer", transform=distances.transAxes, ha="right")
-    _draw_rings(panels["rings"], report.answers)
-    write_figure(figure, path)
 
 
 def _draw_rings(axes: Any, answers: Sequence[EndsAnswer]) -> None:

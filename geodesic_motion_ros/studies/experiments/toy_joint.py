@@ -20,7 +20,6 @@ as the paper writes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
+from tqdm import tqdm
 
 from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
@@ -50,9 +50,9 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import (
     grid_around,
 )
 from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
+from geodesic_motion_ros.studies.experiments.study import Report, Study, seeds
 from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
-from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, legend_below, write_figure
 
@@ -76,8 +76,6 @@ TRAINING = JointTrainingSettings(
 )
 _DESCENT = GeodesicSettings(control_points=15, samples=100, iterations=20)
 _POSTURES = ("elbow to the left", "elbow to the right")
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -121,7 +119,7 @@ class ToyJointRow:
 
 
 @dataclass(frozen=True)
-class ToyJointReport:
+class ToyJointReport(Report):
     """All rows; what was shown, (2 SHOWN, T, 2) [rad]; and the latent space of the first seed."""
 
     robot: Robot
@@ -130,7 +128,6 @@ class ToyJointReport:
     landscape: Landscape
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes; curves and pictures are left out."""
         names = ("tool_mean_mm", "tool_largest_mm", "joints_largest_deg", "switches")
         return {
             "rows": [
@@ -156,6 +153,41 @@ class ToyJointReport:
             ]
             lines.append([row.metric, row.seed, f"{row.own_posture:.0%}", *cells, f"{row.across / row.within:.3g}"])
         return text_table(head, lines)
+
+    def draw(self, path: Path) -> None:
+        """Of the first seed: the arm along a geodesic of each posture, joint space, distances, and the latent space."""
+        figure = Figure(figsize=(10.5, 6.8), layout="constrained")
+        grid = figure.add_gridspec(2, 3)
+        row, count = self.rows[0], len(self.shown) // 2
+        for place, (number, title) in zip((0, 1), ((0, "a"), (PAIRS, "b")), strict=True):
+            axes = figure.add_subplot(grid[0, place])
+            _draw_arm(axes, self, row.geodesics[number], row.lines[number])
+            axes.set_title(f"{title}  {_POSTURES[place]}", loc="left", fontsize=11)
+        _draw_joints(figure.add_subplot(grid[0, 2]), self.shown, row)
+        landscape, joints = self.landscape, f"{DEVIATION_LABEL} of joints [rad]"
+        for place, values, title, label in (
+            (grid[1, 0], landscape.deviation, "d  variance measure: two clusters", joints),
+            (grid[1, 1], landscape.magnification, "e  magnification factor", MAGNIFICATION_LABEL),
+        ):
+            axes = figure.add_subplot(place)
+            draw_values(figure, axes, landscape, values, label, count)
+            for curve, colour, style in (
+                *((line, VERMILION, "--") for line in row.lines[::PAIRS]),
+                *((found, BLUE, "-") for found in row.geodesics[::PAIRS]),
+            ):
+                draw_haloed(axes, curve.latent, colour, style)
+            axes.set_title(title, loc="left", fontsize=11)
+        _draw_off(figure.add_subplot(grid[1, 2]), row)
+        handles = [
+            Line2D([], [], color=GREY, label="demonstrations (in d, e white)"),
+            Line2D([], [], color=GREY, linestyle=":", label="of the other posture"),
+            Line2D([], [], color=BLUE, linewidth=2.2, label="geodesic"),
+            Line2D([], [], color=VERMILION, linewidth=2.2, linestyle="--", label="straight line in the latent space"),
+            Line2D([], [], color=GREEN, linewidth=1.6, label="shortest path to the other posture"),
+            Line2D([], [], color=ORANGE, linewidth=1.6, label="the arm along the geodesic"),
+        ]
+        legend_below(figure, handles)
+        write_figure(figure, path)
 
 
 def planar_arm() -> Robot:
@@ -186,39 +218,27 @@ def toy_configurations(count: int = SHOWN, samples: int = SAMPLES, seed: int = 0
     return np.stack(curves)
 
 
-def measure_toy_joint(
-    seeds: Sequence[int] = (0, 1, 2),
-    settings: JointTrainingSettings = TRAINING,
-    shown: np.ndarray | None = None,
-    progress: Progress | None = None,
-) -> ToyJointReport:
+@dataclass(frozen=True)
+class ToyJoint(Study):
     """Learn both postures together, once for every seed, and measure.
 
-    Parameters
-    ----------
-    settings : its seed is replaced. shown : (2n, T, 2) [rad], n of each posture; None: `toy_configurations`.
-    progress : receives what begins.
-
-    Raises
-    ------
-    ParameterError : no seeds.
+    training : its seed is replaced. shown : (2n, T, 2) [rad], n of each posture; None: `toy_configurations`.
     """
-    if not seeds:
-        raise ParameterError("no seeds: at least one training is needed")
-    robot = planar_arm()
-    shown = toy_configurations() if shown is None else shown
-    rows: list[ToyJointRow] = []
-    landscape = None
-    for seed in seeds:
-        if progress is not None:
-            progress(f"seed {seed}")
-        vae = train_joint_model(shown, replace(settings, seed=seed), body_layer(robot, settings.metric))
-        toy = _Toy(robot, shown, vae)
-        landscape = landscape or toy.landscape()
-        rows += [_measured(toy, name, seed) for name in METRICS]
-    assert landscape is not None
-    rows.sort(key=lambda row: (list(METRICS).index(row.metric), row.seed))
-    return ToyJointReport(robot, shown, tuple(rows), landscape)
+
+    seeds: tuple[int, ...] = seeds("one training each")
+    training: JointTrainingSettings = TRAINING
+    shown: np.ndarray | None = None
+
+    def measure(self, out: Path) -> ToyJointReport:
+        robot, shown = planar_arm(), toy_configurations() if self.shown is None else self.shown
+        rows, landscapes = [], []
+        for seed in tqdm(self.seeds, desc="toy-joint", unit="seed"):
+            training = replace(self.training, seed=seed)
+            toy = _Toy(robot, shown, train_joint_model(shown, training, body_layer(robot, training.metric)))
+            landscapes += [] if landscapes else [toy.landscape()]
+            rows += [_measured(toy, name, seed) for name in METRICS]
+        rows.sort(key=lambda row: (list(METRICS).index(row.metric), row.seed))
+        return ToyJointReport(robot, shown, tuple(rows), landscapes[0])
 
 
 class _Toy:
@@ -278,42 +298,6 @@ def _measured(toy: _Toy, metric_name: str, seed: int) -> ToyJointRow:
         seed, metric_name, toy.own_posture(), tuple(geodesics), tuple(lines), crossings[0],
         float(np.mean(within)), float(np.mean(across)),
     )  # fmt: skip
-
-
-def draw_toy_joint(report: ToyJointReport, path: Path) -> None:
-    """Of the first seed: the arm along a geodesic of each posture, joint space, distances, and the latent space."""
-    figure = Figure(figsize=(10.5, 6.8), layout="constrained")
-    grid = figure.add_gridspec(2, 3)
-    row, count = report.rows[0], len(report.shown) // 2
-    for place, (number, title) in zip((0, 1), ((0, "a"), (PAIRS, "b")), strict=True):
-        axes = figure.add_subplot(grid[0, place])
-        _draw_arm(axes, report, row.geodesics[number], row.lines[number])
-        axes.set_title(f"{title}  {_POSTURES[place]}", loc="left", fontsize=11)
-    _draw_joints(figure.add_subplot(grid[0, 2]), report.shown, row)
-    landscape = report.landscape
-    for place, values, title, label in (
-        (grid[1, 0], landscape.deviation, "d  variance measure: two clusters", DEVIATION_LABEL + " of joints [rad]"),
-        (grid[1, 1], landscape.magnification, "e  magnification factor", MAGNIFICATION_LABEL),
-    ):
-        axes = figure.add_subplot(place)
-        draw_values(figure, axes, landscape, values, label, count)
-        for curve, colour, style in (
-            *((line, VERMILION, "--") for line in row.lines[::PAIRS]),
-            *((found, BLUE, "-") for found in row.geodesics[::PAIRS]),
-        ):
-            draw_haloed(axes, curve.latent, colour, style)
-        axes.set_title(title, loc="left", fontsize=11)
-    _draw_off(figure.add_subplot(grid[1, 2]), row)
-    handles = [
-        Line2D([], [], color=GREY, label="demonstrations (in d, e white)"),
-        Line2D([], [], color=GREY, linestyle=":", label="of the other posture"),
-        Line2D([], [], color=BLUE, linewidth=2.2, label="geodesic"),
-        Line2D([], [], color=VERMILION, linewidth=2.2, linestyle="--", label="straight line in the latent space"),
-        Line2D([], [], color=GREEN, linewidth=1.6, label="shortest path to the other posture"),
-        Line2D([], [], color=ORANGE, linewidth=1.6, label="the arm along the geodesic"),
-    ]
-    legend_below(figure, handles)
-    write_figure(figure, path)
 
 
 def _draw_arm(axes: Axes, report: ToyJointReport, geodesic: JointCurve, line: JointCurve) -> None:

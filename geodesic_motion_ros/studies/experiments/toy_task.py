@@ -22,7 +22,7 @@ once, as the paper writes it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
+from tqdm import tqdm
 
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
@@ -49,9 +50,9 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import (
     grid_around,
 )
 from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
+from geodesic_motion_ros.studies.experiments.study import Report, Study, seeds
 from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
 from geodesic_motion_ros.studies.tools.metric import PullbackMetric
-from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, legend_below, write_figure
 
@@ -71,8 +72,6 @@ ROWS = (("single", "angular"), ("single", "literal"), ("mixture", "angular"))
 #: Learned with less than a skill: two coordinates of position on two of orientation.
 TRAINING = TrainingSettings(sheet="raw", hidden=(64, 32), steps=2000, kernels=150)
 _DESCENT = GeodesicSettings(control_points=15, samples=100, iterations=40)
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,7 @@ class ToyRow:
 
 
 @dataclass(frozen=True)
-class ToyTaskReport:
+class ToyTaskReport(Report):
     """All rows, and of the first seed the latent spaces by likelihood."""
 
     shown: ToyPoses
@@ -140,7 +139,6 @@ class ToyTaskReport:
     landscapes: dict[str, Landscape]
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes; curves and pictures are left out."""
         rows = [
             {
                 "likelihood": row.likelihood, "metric": row.metric, "seed": row.seed, "own_sign": row.own_sign,
@@ -167,6 +165,35 @@ class ToyTaskReport:
         ]  # fmt: skip
         note = "a demonstration is {:.1f} mm and {:.1f} deg from the nearest pose of the others, on average"
         return text_table(head, lines, left=(0, 1)) + "\n" + note.format(*self.apart)
+
+    def draw(self, path: Path) -> None:
+        """The letters with the first seed's curves, its latent space in three views, how far curves leave the data."""
+        figure = Figure(figsize=(10.5, 6.8), layout="constrained")
+        grid = figure.add_gridspec(2, 3)
+        row = next(row for row in self.rows if (row.likelihood, row.metric) == ROWS[0])
+        _draw_plane(figure.add_subplot(grid[0, 0]), self.shown, row)
+        _draw_sphere(figure.add_subplot(grid[0, 1], projection="3d", computed_zorder=False), self.shown, row)
+        _draw_off(figure.add_subplot(grid[0, 2]), row)
+        single, mixture = self.landscapes["single"], self.landscapes["mixture"]
+        count, label = len(self.shown.positions), DEVIATION_LABEL + " of positions [m]"
+        for place, landscape, values, title, quantity in (
+            (grid[1, 0], single, single.deviation, "d  variance measure: two clusters", label),
+            (grid[1, 1], single, single.magnification, "e  magnification factor", MAGNIFICATION_LABEL),
+            (grid[1, 2], mixture, mixture.deviation, "f  the paper's mixture: one cluster", label),
+        ):
+            axes = figure.add_subplot(place)
+            draw_values(figure, axes, landscape, values, quantity, count)
+            axes.set_title(title, loc="left", fontsize=11)
+            if landscape is single:
+                _draw_curves(axes, row, lambda curve: curve.latent)
+        handles = [
+            Line2D([], [], color=GREY, label="demonstrations, $q$ (in d to f white)"),
+            Line2D([], [], color=GREY, linestyle=":", label="demonstrations, $-q$"),
+            Line2D([], [], color=BLUE, linewidth=2.2, label="geodesic"),
+            Line2D([], [], color=VERMILION, linewidth=2.2, linestyle="--", label="straight line in the latent space"),
+        ]
+        legend_below(figure, handles)
+        write_figure(figure, path)
 
 
 def toy_demonstrations(count: int = SHOWN, samples: int = SAMPLES, seed: int = 0) -> ToyPoses:
@@ -197,44 +224,30 @@ def _letter_j(share: np.ndarray) -> np.ndarray:
     return np.stack([0.16 - radius * (1.0 - np.cos(angle)), down], axis=1)
 
 
-def measure_toy_task(
-    seeds: Sequence[int] = (0, 1, 2),
-    settings: TrainingSettings = TRAINING,
-    shown: ToyPoses | None = None,
-    progress: Progress | None = None,
-) -> ToyTaskReport:
+@dataclass(frozen=True)
+class ToyTask(Study):
     """Learn the letters with either likelihood, once for every seed, and measure.
 
-    Parameters
-    ----------
-    settings : its seed and its orientation model are replaced. shown : None: `toy_demonstrations`. progress : receives
-        what begins.
-
-    Raises
-    ------
-    ParameterError : no seeds.
+    training : its seed and its orientation model are replaced. shown : None: `toy_demonstrations`.
     """
-    if not seeds:
-        raise ParameterError("no seeds: at least one training is needed")
-    shown = shown or toy_demonstrations()
-    count, samples = shown.positions.shape[:2]
-    fractions = np.tile(np.linspace(0.0, 1.0, samples), 2 * count)
-    rows, landscapes = [], {}
-    for seed in seeds:
-        for likelihood, orientation_model in LIKELIHOODS.items():
-            if progress is not None:
-                progress(f"{likelihood}, seed {seed}")
-            chosen = replace(settings, seed=seed, orientation_model=orientation_model)
-            toy = _Toy(shown, train_model(*shown.doubled, fractions, chosen))
-            landscapes.setdefault(likelihood, toy.landscape())
-            rows += [_measured(toy, metric, likelihood, seed) for _, metric in _of(likelihood)]
-    order = {name: number for number, name in enumerate(ROWS)}
-    rows.sort(key=lambda row: (order[row.likelihood, row.metric], row.seed))
-    return ToyTaskReport(shown, _apart(shown), tuple(rows), landscapes)
 
+    seeds: tuple[int, ...] = seeds("one training each")
+    training: TrainingSettings = TRAINING
+    shown: ToyPoses | None = None
 
-def _of(likelihood: str) -> Iterator[tuple[str, str]]:
-    return (row for row in ROWS if row[0] == likelihood)
+    def measure(self, out: Path) -> ToyTaskReport:
+        shown = self.shown or toy_demonstrations()
+        fractions = np.tile(np.linspace(0.0, 1.0, shown.positions.shape[1]), 2 * len(shown.positions))
+        rows, landscapes = [], {}
+        for seed in tqdm(self.seeds, desc="toy-task", unit="seed"):
+            for likelihood, orientation_model in LIKELIHOODS.items():
+                chosen = replace(self.training, seed=seed, orientation_model=orientation_model)
+                toy = _Toy(shown, train_model(*shown.doubled, fractions, chosen))
+                landscapes.setdefault(likelihood, toy.landscape())
+                rows += [_measured(toy, metric, likelihood, seed) for of, metric in ROWS if of == likelihood]
+        order = {name: number for number, name in enumerate(ROWS)}
+        rows.sort(key=lambda row: (order[row.likelihood, row.metric], row.seed))
+        return ToyTaskReport(shown, _apart(shown), tuple(rows), landscapes)
 
 
 class _Toy:
@@ -293,36 +306,6 @@ def _apart(shown: ToyPoses) -> tuple[float, float]:
         off.append(others.distances(shown.positions[number], shown.directions[number]))
     distance, angle = np.concatenate(off).mean(axis=0)
     return 1e3 * float(distance), math.degrees(angle)
-
-
-def draw_toy_task(report: ToyTaskReport, path: Path) -> None:
-    """The letters with the first seed's curves, its latent space in three views, and how far curves leave the data."""
-    figure = Figure(figsize=(10.5, 6.8), layout="constrained")
-    grid = figure.add_gridspec(2, 3)
-    row = next(row for row in report.rows if (row.likelihood, row.metric) == ROWS[0])
-    _draw_plane(figure.add_subplot(grid[0, 0]), report.shown, row)
-    _draw_sphere(figure.add_subplot(grid[0, 1], projection="3d", computed_zorder=False), report.shown, row)
-    _draw_off(figure.add_subplot(grid[0, 2]), row)
-    single, mixture = report.landscapes["single"], report.landscapes["mixture"]
-    count, label = len(report.shown.positions), DEVIATION_LABEL + " of positions [m]"
-    for place, landscape, values, title, quantity in (
-        (grid[1, 0], single, single.deviation, "d  variance measure: two clusters", label),
-        (grid[1, 1], single, single.magnification, "e  magnification factor", MAGNIFICATION_LABEL),
-        (grid[1, 2], mixture, mixture.deviation, "f  the paper's mixture: one cluster", label),
-    ):
-        axes = figure.add_subplot(place)
-        draw_values(figure, axes, landscape, values, quantity, count)
-        axes.set_title(title, loc="left", fontsize=11)
-        if landscape is single:
-            _draw_curves(axes, row, lambda curve: curve.latent)
-    handles = [
-        Line2D([], [], color=GREY, label="demonstrations, $q$ (in d to f white)"),
-        Line2D([], [], color=GREY, linestyle=":", label="demonstrations, $-q$"),
-        Line2D([], [], color=BLUE, linewidth=2.2, label="geodesic"),
-        Line2D([], [], color=VERMILION, linewidth=2.2, linestyle="--", label="straight line in the latent space"),
-    ]
-    legend_below(figure, handles)
-    write_figure(figure, path)
 
 
 def _draw_plane(axes: Axes, shown: ToyPoses, row: ToyRow) -> None:

@@ -16,28 +16,26 @@ from geodesic_motion_ros.studies.experiments import goals
 from geodesic_motion_ros.studies.experiments.goals import (
     COLUMNS,
     ROWS,
+    Goals,
     GoalsReport,
-    GoalsSettings,
-    draw_goals,
     drawn,
-    measure_goals,
     requested_ends,
     requested_of,
 )
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
-SETTINGS = GoalsSettings(shown=5, held_out=3, ends=2, seeds=(3,))
 SMALL = TrainingSettings(
     steps=500, hidden=(48, 32), samples=80, kernels=80, precision_samples=2, precision_iterations=40
 )
+SETTINGS = Goals(shown=5, held_out=3, ends=2, seeds=(3,), training=SMALL)
 
 
 @pytest.fixture(scope="module")
 def measured(stored_in, tmp_path_factory) -> tuple[GoalsReport, Skill]:
     """The report, and the skill that was measured."""
     with stored_in(goals) as taken:
-        report = measure_goals(SETTINGS, tmp_path_factory.mktemp("skills"), SMALL, show_progress=False)
+        report = SETTINGS.measure(tmp_path_factory.mktemp("goals"))
     (skill,) = taken
     return report, skill
 
@@ -119,7 +117,7 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     table = report.table()
     assert f"geodesic's DTW over ProMP's: {report.over_promp():.2f}" in table
     assert all(row in table for row in ROWS)
-    draw_goals(report, tmp_path / "goals.png")
+    report.draw(tmp_path / "goals.png")
     assert (tmp_path / "goals.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -131,9 +129,9 @@ def test_who_would_be_refused_is_named_in_the_table(report) -> None:
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
-    [({"shown": 1}, "at least 2"), ({"held_out": 0}, "at least 1"), ({"ends": 0}, "in each ring"),
+    [({"shown": 1}, "at least 2"), ({"held_out": 0}, "at least 1"), ({"ends": 0}, "at least 1"),
      ({"seeds": ()}, "at least one"), ({"seeds": (-1,)}, "none negative")],
 )  # fmt: skip
 def test_impossible_settings_are_refused(wrong, message) -> None:
     with pytest.raises(ParameterError, match=message):
-        GoalsSettings(**wrong)
+        Goals(**wrong)
