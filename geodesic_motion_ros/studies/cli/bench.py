@@ -6,6 +6,7 @@ import argparse
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, writable
 from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 _DESCRIPTION = """\
 Searches two graphs again and again while obstacles move: a large one that is made up (50x50x50 nodes, 26 neighbours,
@@ -109,5 +110,5 @@ def run(arguments: argparse.Namespace) -> None:
         report = measured_alone(skills[0], BenchSettings.quick() if arguments.quick else BenchSettings())
     print(report.table())
     if arguments.json is not None:
-        report.write_json(arguments.json)
+        write_json(arguments.json, report.as_dict())
         print(f"wrote {arguments.json}")

@@ -30,6 +30,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from geodesic_motion_ros.cli.arguments import metres
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -199,8 +200,6 @@ class AvoidanceReport(Report):
 
     def draw(self, path: Path) -> None:
         """What became of the scenes, by radius and by what demonstrations leave free; clearances of the answers."""
-        from matplotlib.figure import Figure
-
         figure = Figure(figsize=(12, 5), layout="constrained")
         outcomes, clearances = figure.subplots(1, 2)
         for radius in self.settings.radii:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.geometry.curves import PoseCurve
@@ -191,8 +192,6 @@ class CrossingReport(Report):
 
     def draw(self, path: Path) -> None:
         """Energies across the clusters beside those within, one point for each motion."""
-        from matplotlib.figure import Figure
-
         figure = Figure(figsize=(6, 5), layout="constrained")
         axes = figure.subplots()
         for task, items in self.crossings.items():

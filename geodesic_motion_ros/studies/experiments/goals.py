@@ -9,9 +9,7 @@ Those ends come from the distribution that was demonstrated. Besides, ends are r
 held-out demonstrations and *beyond* both regions, in rings (`requested_ends`); right is the held-out piece, or what
 the teacher means to do from there. Beside it stands the nearest demonstration, carried to the ends.
 
-Held-out ends are predicted wherever they lie. What the planner's usual limits say of them is counted apart: how far
-start and goal are carried from the demonstrated means, how much of that lies beyond the convex hull of what was shown,
-and whether the query would have been refused.
+Held-out ends are predicted wherever they lie.
 """
 
 from __future__ import annotations
@@ -24,14 +22,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.simulation.tabletop import Region
 from geodesic_motion_ros.simulation.teacher import (
     BOTTLE_REGION,
@@ -59,6 +57,7 @@ from geodesic_motion_ros.studies.experiments.study import OfOwnData, Report, opt
 from geodesic_motion_ros.studies.experiments.trained import task_training, trained_once
 from geodesic_motion_ros.studies.tools.similarity import compare
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, write_figure
 
 TASK = "pouring_anywhere"
 #: Held-out demonstrations of seed s are drawn with seed s + HELD_OUT_SEED.
@@ -97,7 +96,7 @@ class Goals(OfOwnData):
 
     def measure(self, out: Path) -> GoalsReport:
         """PeersMissingError: movement_primitives is not installed."""
-        reports, requested, answers, regressions, people, examples = [], [], [], [], [], []
+        reports, answers, regressions, people, examples = [], [], [], [], []
         base = self.training or task_training(self.steps)
         for seed in tqdm(self.seeds, desc="goals", unit="seed"):
             everything, fold = drawn(self, seed)
@@ -108,7 +107,6 @@ class Goals(OfOwnData):
                 sheets=["canonical"],
             )  # fmt: skip
             reports.append(report)
-            requested += requested_of(skill, seed, fold, everything)
             answers += answers_to(requested_ends(held_out, self, seed), {"geodesic": skill}, shown, seed)
             regressions.append(skill.canonical is not None and skill.canonical.regresses)
             people.append(_carried_people(everything))
@@ -116,38 +114,12 @@ class Goals(OfOwnData):
                 examples.append(_example(skill, shown, [everything[index] for index in fold[:EXAMPLES]]))
         mean = {column: float(np.mean([values[column] for values in people])) for column in people[0]}
         return GoalsReport(
-            self, tuple(reports), mean, tuple(requested), tuple(answers), tuple(regressions), examples[0]
+            self, tuple(reports), mean, tuple(answers), tuple(regressions), examples[0]
         )  # fmt: skip
 
     def saved(self) -> tuple[Demonstrations, str]:
         everything, fold = drawn(self, self.seeds[0])
         return everything, f"the last {len(fold)} are those held out"
-
-
-@dataclass(frozen=True)
-class End:
-    """How far [m], [rad] a start or goal lies from the mean of the shown ones, and beyond their convex hull."""
-
-    offset: float
-    offset_angle: float
-    beyond: float
-    beyond_angle: float
-
-
-@dataclass(frozen=True)
-class Requested:
-    """What the planner with its usual limits says of the start and goal of held-out demonstration `demonstration`."""
-
-    seed: int
-    demonstration: int
-    start: End
-    goal: End
-    code: str
-    reason: str
-
-    @property
-    def refused_for_its_ends(self) -> bool:
-        return self.code in ("START_OUT_OF_SUPPORT", "GOAL_OUT_OF_SUPPORT")
 
 
 @dataclass(frozen=True)
@@ -169,7 +141,7 @@ class Example:
 
 @dataclass(frozen=True)
 class GoalsReport(Report):
-    """The held-out table of every seed, what was requested, and motions of the first seed.
+    """The held-out table of every seed, answers to ends elsewhere, and motions of the first seed.
 
     `regressions` says for every seed whether start and goal choose between its demonstrations.
     """
@@ -177,7 +149,6 @@ class GoalsReport(Report):
     settings: Goals
     reports: tuple[ImitationReport, ...]
     people: Values
-    requested: tuple[Requested, ...]
     answers: tuple[EndsAnswer, ...]
     regressions: tuple[bool, ...]
     example: Example = field(repr=False)
@@ -199,8 +170,6 @@ class GoalsReport(Report):
             "rows": self.rows,
             "over_promp": self.over_promp(),
             "over_promp_by_seed": {report.seeds[0]: self.over_promp([report]) for report in self.reports},
-            "refused_for_their_ends": sum(item.refused_for_its_ends for item in self.requested),
-            "requested": [asdict(item) for item in self.requested],
             "ends": ends_figures(self.answers),
             "seeds": {
                 report.seeds[0]: report.as_dict() | {"regresses": regresses}
@@ -220,30 +189,12 @@ class GoalsReport(Report):
         shown = f"{self.settings.shown} shown, {self.settings.held_out} held out"
         return "\n".join([
             f"{TASK}: {shown}, seeds {', '.join(map(str, self.settings.seeds))}", text_table(head, body), "",
-            *self._ends(), "", *self._notes(), "", ends_table(self.answers),
+            *self._notes(), "", ends_table(self.answers),
         ])  # fmt: skip
 
-    def _ends(self) -> list[str]:
-        head = ["ends of the held-out", "median mm", "largest mm", "median deg", "largest deg"]
-        rows: list[list[str | float]] = []
-        for end in ("start", "goal"):
-            for far, words in (("offset", "carried from the mean"), ("beyond", "beyond what was shown")):
-                ends = [asdict(getattr(item, end)) for item in self.requested]
-                metres, radians = ([item[far + unit] for item in ends] for unit in ("", "_angle"))
-                lengths, angles = 1e3 * np.array(metres), np.degrees(radians)
-                rows.append([f"{end}, {words}", *_middle_and_largest(lengths), *_middle_and_largest(angles)])
-        return [text_table(head, rows)]
-
     def _notes(self) -> list[str]:
-        limits, refused = PlannerSettings(), [item for item in self.requested if item.refused_for_its_ends]
-        notes = [
-            f"{len(refused)} of {len(self.requested)} would be refused for their ends by the planner's usual limits, "
-            f"{1e3 * limits.maximum_offset:.0f} mm and {math.degrees(limits.maximum_offset_angle):.0f} deg beyond what "
-            "was shown",
-        ]
-        notes += [f"seed {item.seed}, held out {item.demonstration}: {item.reason}" for item in refused]
         choosing = f"{sum(self.regressions)} of {len(self.reports)} skills"
-        notes.append(f"start and goal choose between demonstrations in {choosing}")
+        notes = [f"start and goal choose between demonstrations in {choosing}"]
         ratio = self.over_promp()
         if ratio is not None:
             each = {report.seeds[0]: self.over_promp([report]) for report in self.reports}
@@ -253,11 +204,6 @@ class GoalsReport(Report):
 
     def draw(self, path: Path) -> None:
         """The first seed from above and from the side, the geodesic's distances beside ProMP's, and those by ring."""
-        from matplotlib.figure import Figure
-        from matplotlib.patches import Rectangle
-
-        from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, write_figure
-
         figure = Figure(figsize=(13.0, 6.4), layout="constrained")
         panels = figure.subplot_mosaic([["above", "distances"], ["behind", "rings"]], width_ratios=(1.5, 1.0))
         above, behind, distances = panels["above"], panels["behind"], panels["distances"]
@@ -328,24 +274,6 @@ def _share_outside(region: Region, distance: float, random: np.random.Generator)
     return share
 
 
-def requested_of(skill: Skill, seed: int, fold: Sequence[int], everything: Demonstrations) -> list[Requested]:
-    """Every held-out start and goal under the planner's usual limits, measured under none."""
-    usual, unlimited = PosePathPlanner(skill), PosePathPlanner(skill, EVERY_END)
-    requested = []
-    for index in fold:
-        start, goal = everything[index].curve.start, everything[index].curve.goal
-        query = unlimited.query(*start, *goal)
-        answer = usual.plan(*start, *goal)
-        verdict = answer.verdict if isinstance(answer, PosePath) else answer
-        far = {} if isinstance(query, Verdict) else query.misfits
-        ends = [
-            End(*(far.get(f"{end}_{name}", math.nan) for name in ("offset", "offset_angle", "beyond", "beyond_angle")))
-            for end in ("start", "goal")
-        ]
-        requested.append(Requested(seed, index, *ends, verdict.code.name, verdict.reason))
-    return requested
-
-
 def _example(skill: Skill, shown: Demonstrations, held_out: Sequence[Demonstration]) -> Example:
     planner = PosePathPlanner(skill, EVERY_END)
     predicted = []
@@ -378,13 +306,8 @@ def _rows(reports: Sequence[ImitationReport], people: Values) -> dict[str, dict[
     return chosen
 
 
-def _middle_and_largest(values: np.ndarray) -> tuple[float, float]:
-    return float(np.median(values)), float(np.max(values))
-
-
 def _draw_rings(axes: Any, answers: Sequence[EndsAnswer]) -> None:
     """Mean distance from the right motion with the limits lifted, and which share the usual limits answer."""
-    from geodesic_motion_ros.visualization.plots import BLUE, VERMILION
 
     figures = ends_figures(answers)
     for method, colour, shift in (("geodesic", BLUE, -0.2), (NEAREST, VERMILION, 0.2)):

@@ -31,6 +31,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
@@ -47,11 +48,12 @@ from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import (
     blocking_spheres,
 )
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, whole_box
-from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, posture_strips
+from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, numbered, posture_strips
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, Sphere, legend_below, write_figure
 
 #: Families of each set.
@@ -240,10 +242,6 @@ class GraspJointReport(Report):
 
     def draw(self, path: Path) -> None:
         """The first seed: above latent spaces with paths; below the arm on some of them, row by row."""
-        from matplotlib.figure import Figure
-
-        from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
-
         first = {(item.row, item.kind): item.answers for item in self.skills if item.seed == self.settings.seeds[0]}
         ours, literal = _telling(first["ours", "separated"], first["literal", "separated"])
         hybrid = _hybrid(first["ours", "meeting"])
@@ -370,9 +368,5 @@ def _caption(answer: SceneAnswer) -> str:
 
 def _strip(answer: SceneAnswer) -> np.ndarray:
     assert answer.played is not None
-    scene = answer.scene
-    spheres = {
-        str(i): (centre, float(radius))
-        for i, (centre, radius) in enumerate(zip(scene.centres, scene.radii, strict=True))
-    }
+    spheres = numbered(answer.scene.centres, answer.scene.radii)
     return posture_strips([answer.played.configurations[::_THINNED]], [spheres], width=400, height=270)

@@ -26,6 +26,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -239,9 +241,6 @@ class GraspTaskReport(Report):
 
     def draw(self, path: Path) -> None:
         """Targets in space; both clusters with a path within and one across; the quaternions of both."""
-        from matplotlib.figure import Figure
-        from matplotlib.lines import Line2D
-
         drawn = self.drawn
         figure = Figure(figsize=(13.0, 10.8), layout="constrained")
         grid = figure.add_gridspec(3, 2, height_ratios=(1.15, 1.0, 0.5))

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from geodesic_motion_ros.studies.experiments.crossing import Crossing
 from geodesic_motion_ros.studies.experiments.folds import Fold
-from geodesic_motion_ros.utils.tables import text_table, write_json
+from geodesic_motion_ros.utils.tables import text_table
 
 Values = dict[str, float]
 """Column -> value of one prediction, NaN where it has no meaning."""
@@ -106,10 +105,6 @@ class ImitationReport:
                 for item in self.measurements
             ],
         }
-
-    def write_json(self, path: str | Path) -> None:
-        """Write `as_dict` to a file, creating its folder."""
-        write_json(path, self.as_dict())
 
     def table(self) -> str:
         """The table as plain text, a dash where a value has no meaning."""

@@ -26,7 +26,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -50,7 +49,7 @@ from geodesic_motion_ros.studies.experiments.folds import Fold
 from geodesic_motion_ros.studies.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare, dtw_matching
 from geodesic_motion_ros.utils.errors import ParameterError
-from geodesic_motion_ros.utils.tables import text_table, write_json
+from geodesic_motion_ros.utils.tables import text_table
 
 TrainJoints = Callable[[JointDemonstrations, int, Progress], Skill]
 """train(demonstrations, seed, progress) -> skill."""
@@ -135,10 +134,6 @@ class JointImitationReport:
                 for item in self.measurements
             ],
         }  # fmt: skip
-
-    def write_json(self, path: str | Path) -> None:
-        """Write `as_dict` to a file, creating its folder."""
-        write_json(path, self.as_dict())
 
 
 def evaluate_joints(

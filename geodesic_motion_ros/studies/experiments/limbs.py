@@ -22,6 +22,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.spatial.distance import cdist
 
 from geodesic_motion_ros.learning.settings import TrainingSettings
@@ -54,6 +55,7 @@ from geodesic_motion_ros.studies.tools.panda_solutions import MOST, panda_soluti
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, Sphere, legend_below, write_figure
 
 TASK = "reach"
@@ -246,10 +248,6 @@ class LimbsReport(Report):
         the paths of the joint-space skill. Below: solutions of single poses, touched and free, and the motion of the
         whole arm.
         """
-        from matplotlib.figure import Figure
-
-        from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
-
         figure = Figure(figsize=(13.0, 9.2), layout="constrained")
         grid = figure.add_gridspec(3, 3, height_ratios=(4.6, 2.0, 2.0), width_ratios=(1.25, 1.0, 1.15))
         _heat_map(figure, figure.add_subplot(grid[0, 0]), self)

@@ -23,6 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
@@ -40,6 +42,7 @@ from geodesic_motion_ros.studies.experiments.baselines import mean_demonstration
 from geodesic_motion_ros.studies.experiments.study import OfOwnData, Report, option, seeds, steps
 from geodesic_motion_ros.studies.experiments.trained import task_training, trained_once
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 
 TASK = "past_a_pillar"
 #: A path follows a mode within this share of the distance between the modes; half would be in between.
@@ -239,11 +242,6 @@ class ModesReport(Report):
 
     def draw(self, path: Path) -> None:
         """The first seed from above: all answers, one case with its sphere, all answers with spheres on the first."""
-        from matplotlib.figure import Figure
-        from matplotlib.patches import Circle
-
-        from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
-
         figure = Figure(figsize=(10.5, 7.0), layout="constrained")
         every, one, switched = figure.subplots(1, 3, sharex=True, sharey=True)
         example = next((item for item in self.drawn if item.case.switched), self.drawn[0])

@@ -56,6 +56,11 @@ def _strip(
     return np.concatenate(pictures, axis=1)
 
 
+def numbered(centres: np.ndarray, radii: np.ndarray) -> dict[str, tuple[np.ndarray, float]]:
+    """Spheres (o, 3), (o,) [m] as `posture_strips` takes those of a motion."""
+    return {str(i): (centre, float(radius)) for i, (centre, radius) in enumerate(zip(centres, radii, strict=True))}
+
+
 def draw_strip(axes: Axes, strip: np.ndarray, title: str) -> None:
     """A strip as a panel of a picture."""
     axes.imshow(strip)

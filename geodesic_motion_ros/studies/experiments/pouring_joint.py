@@ -21,6 +21,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
@@ -36,11 +38,12 @@ from geodesic_motion_ros.studies.experiments.arm_players import Families, Litera
 from geodesic_motion_ros.studies.experiments.execution import Execution, play
 from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import passed_in_turn
 from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip
-from geodesic_motion_ros.studies.experiments.pouring_places import pouring_strip, standing_there
+from geodesic_motion_ros.studies.experiments.pouring_scene import pouring_strip, standing_there
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.joint_plots import FAMILY_COLOURS, draw_latent_tubes
 from geodesic_motion_ros.visualization.plots import BLUE, DrawnPath, write_figure
 
 TASK = "pouring_in_groups"
@@ -174,11 +177,6 @@ class PouringJointReport(Report):
         """The first seed: our path through the most groups in the latent space and from above, the groups of all our
         pairs over time, and the arm on that path and on the literal planner's between the same places.
         """
-        from matplotlib.figure import Figure
-        from matplotlib.lines import Line2D
-
-        from geodesic_motion_ros.visualization.joint_plots import FAMILY_COLOURS, draw_latent_tubes
-
         seed = self.settings.seeds[0]
         executed = [item for item in self.pourings if item.seed == seed and item.execution is not None]
         answered = [item for item in executed if item.row == "ours"]

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
@@ -39,17 +40,25 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.held_bottle import (
+from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip
+from geodesic_motion_ros.studies.experiments.pouring_motions import (
+    Chain,
+    Stream,
+    draw_moment,
+    past_a_moving_sphere,
+    pour_all_cups,
+)
+from geodesic_motion_ros.studies.experiments.pouring_scene import (
+    PLACES,
     SIDES,
     SPHERE_RADIUS,
+    at_bottle,
+    at_cup,
     bottle_distance,
     bottle_settings,
+    pouring_strip,
     sphere_beside,
 )
-from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip
-from geodesic_motion_ros.studies.experiments.pouring_chain import Chain, pour_all_cups
-from geodesic_motion_ros.studies.experiments.pouring_places import PLACES, at_bottle, at_cup, pouring_strip
-from geodesic_motion_ros.studies.experiments.pouring_stream import Stream, draw_moment, past_a_moving_sphere
 from geodesic_motion_ros.studies.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
@@ -217,8 +226,6 @@ class PouringTaskReport(Report):
         """The first seed: all pairs in the latent space and from above, the moving sphere at two times, and the chain;
         in a second picture beside the first, NAME_metric.png, the reshaped metric.
         """
-        from matplotlib.figure import Figure
-
         seed = self.settings.seeds[0]
         figure = Figure(figsize=(13.0, 9.6), layout="constrained")
         grid = figure.add_gridspec(3, 2, height_ratios=(5.2, 2.4, 2.2), width_ratios=(1.0, 1.0))

@@ -44,14 +44,14 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import (
     DEVIATION_LABEL,
     MAGNIFICATION_LABEL,
     Landscape,
+    ToyPaths,
     between_samples,
-    draw_haloed,
+    draw_off,
+    draw_pairs,
     draw_values,
     grid_around,
 )
-from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
 from geodesic_motion_ros.studies.experiments.study import Report, Study, seeds
-from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, legend_below, write_figure
@@ -60,7 +60,7 @@ from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, V
 SHOWN, SAMPLES = 5, 100
 #: Middle, width and height of the S [m], and how far demonstrations are from it [m].
 _MIDDLE, _SIZE, _SPREAD = np.array([0.38, 0.0]), (0.1, 0.2), 0.006
-SIDE, NEIGHBOURS, _BORDER = 100, 16, 0.25
+SIDE, _BORDER = 100, 0.25
 PAIRS = 2
 """Pairs of ends in each posture, one geodesic each."""
 METRICS = {"ours": JointMetricSettings(), "literal": JointMetricSettings(sigma_weight=1.0, joint_weight=1e-3)}
@@ -74,7 +74,8 @@ TRAINING = JointTrainingSettings(
     bandwidth_factor=1.3,
     precision_iterations=100,
 )
-_DESCENT = GeodesicSettings(control_points=15, samples=100, iterations=20)
+#: Steps of the descent.
+_DESCENT = 20
 _POSTURES = ("elbow to the left", "elbow to the right")
 
 
@@ -171,11 +172,7 @@ class ToyJointReport(Report):
         ):
             axes = figure.add_subplot(place)
             draw_values(figure, axes, landscape, values, label, count)
-            for curve, colour, style in (
-                *((line, VERMILION, "--") for line in row.lines[::PAIRS]),
-                *((found, BLUE, "-") for found in row.geodesics[::PAIRS]),
-            ):
-                draw_haloed(axes, curve.latent, colour, style)
+            draw_pairs(axes, *([curve.latent for curve in of[::PAIRS]] for of in (row.lines, row.geodesics)))
             axes.set_title(title, loc="left", fontsize=11)
         _draw_off(figure.add_subplot(grid[1, 2]), row)
         handles = [
@@ -281,22 +278,17 @@ class _Toy:
 
 
 def _measured(toy: _Toy, metric_name: str, seed: int) -> ToyJointRow:
-    metric, count = toy.metric(metric_name), toy.per_posture
-    graph = MetricGraph.on_grid(metric, toy.grid, np.ones(SIDE**2, dtype=bool), NEIGHBOURS)
-    geodesics, lines, crossings, within, across = [], [], [], [], []
-    for posture in range(2):
-        for number in range(PAIRS):
-            start = toy.codes[posture * count + number, 0]
-            goal, other = (toy.codes[side * count + (number + 1) % count, -1] for side in (posture, 1 - posture))
-            path, crossing = graph.path(start, goal), graph.path(start, other)
-            geodesics.append(toy.decoded(evenly(continuous_geodesic(metric, start, goal, path, _DESCENT).curve)))
-            lines.append(toy.decoded(evenly(np.stack([start, goal]))))
-            crossings.append(toy.decoded(evenly(crossing)))
-            within.append(latent_length(metric, path) ** 2)
-            across.append(latent_length(metric, crossing) ** 2)
+    codes, count = toy.codes, toy.per_posture
+    ends = [
+        (codes[posture * count + number, 0],
+         *(codes[side * count + (number + 1) % count, -1] for side in (posture, 1 - posture)))
+        for posture in range(2) for number in range(PAIRS)
+    ]  # fmt: skip
+    found = ToyPaths.between(toy.metric(metric_name), toy.grid, ends, _DESCENT)
+    geodesics, lines = (tuple(map(toy.decoded, curves)) for curves in (found.geodesics, found.lines))
+    crossing = toy.decoded(found.crossings[0])
     return ToyJointRow(
-        seed, metric_name, toy.own_posture(), tuple(geodesics), tuple(lines), crossings[0],
-        float(np.mean(within)), float(np.mean(across)),
+        seed, metric_name, toy.own_posture(), geodesics, lines, crossing, found.within, found.across
     )  # fmt: skip
 
 
@@ -309,8 +301,7 @@ def _draw_arm(axes: Axes, report: ToyJointReport, geodesic: JointCurve, line: Jo
         elbow = 0.3 * np.array([np.cos(shoulder), np.sin(shoulder)])
         arm = 100.0 * np.stack([np.zeros(2), elbow, tool])
         axes.plot(*arm.T, "-o", color=ORANGE, linewidth=1.3, markersize=2.5, alpha=0.55, zorder=2)
-    draw_haloed(axes, 100.0 * line.tool, VERMILION, "--")
-    draw_haloed(axes, 100.0 * geodesic.tool, BLUE, "-")
+    draw_pairs(axes, [100.0 * line.tool], [100.0 * geodesic.tool])
     axes.set(xlabel="x [cm]", ylabel="y [cm]", aspect="equal")
 
 
@@ -326,23 +317,15 @@ def _draw_joints(axes: Axes, shown: np.ndarray, row: ToyJointRow) -> None:
         style = "-" if number < count else ":"
         axes.plot(*np.degrees(configurations.T), style, color=GREY, linewidth=0.8)
     axes.plot(*np.degrees(row.crossing.configurations.T), color=GREEN, linewidth=1.6)
-    for curve, colour, style in (
-        *((line, VERMILION, "--") for line in row.lines[::PAIRS]),
-        *((found, BLUE, "-") for found in row.geodesics[::PAIRS]),
-    ):
-        draw_haloed(axes, np.degrees(curve.configurations), colour, style)
+    drawn = ([np.degrees(curve.configurations) for curve in of[::PAIRS]] for of in (row.lines, row.geodesics))
+    draw_pairs(axes, *drawn)
     axes.set(xlabel="shoulder [deg]", ylabel="elbow [deg]")
     axes.set_title("c  joint space", loc="left", fontsize=11)
 
 
 def _draw_off(axes: Axes, row: ToyJointRow) -> None:
-    for curves, colour, style in (
-        (row.lines, VERMILION, "--"),
-        (row.geodesics, BLUE, "-"),
-        ([row.crossing], GREEN, "-"),
-    ):
-        for curve in curves:
-            axes.plot(np.linspace(0.0, 1.0, len(curve.off)), 1e3 * curve.off[:, 0], style, color=colour, linewidth=1.6)
-    axes.set(xlabel="share of the path", ylabel="distance of the tool from the S [mm]", yscale="log", ylim=(1.0, 300.0))
-    axes.grid(alpha=0.3)
+    draw_off(axes, [curve.off[:, 0] for curve in row.lines], VERMILION, "--")
+    draw_off(axes, [curve.off[:, 0] for curve in row.geodesics], BLUE)
+    draw_off(axes, [row.crossing.off[:, 0]], GREEN)
+    axes.set(ylabel="distance of the tool from the S [mm]", yscale="log", ylim=(1.0, 300.0))
     axes.set_title(f"f  off the data: {len(row.lines)} pairs of ends", loc="left", fontsize=11)

@@ -22,7 +22,6 @@ once, as the paper writes it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -44,14 +43,14 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import (
     DEVIATION_LABEL,
     MAGNIFICATION_LABEL,
     Landscape,
+    ToyPaths,
     between_samples,
-    draw_haloed,
+    draw_off,
+    draw_pairs,
     draw_values,
     grid_around,
 )
-from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
 from geodesic_motion_ros.studies.experiments.study import Report, Study, seeds
-from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
 from geodesic_motion_ros.studies.tools.metric import PullbackMetric
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, legend_below, write_figure
@@ -60,8 +59,8 @@ from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, legen
 SHOWN, SAMPLES = 7, 100
 #: Half the opening of the C, and its radius on the sphere [rad].
 _OPENING, _C_RADIUS = np.radians(55.0), np.radians(40.0)
-#: Nodes of the latent grid along each axis, directions from each, and its free border as a share of the codes' box.
-SIDE, NEIGHBOURS, _BORDER = 100, 16, 0.25
+#: Nodes of the latent grid along each axis, and its free border as a share of the codes' box; steps of the descent.
+SIDE, _BORDER, _DESCENT = 100, 0.25, 40
 #: Pairs of ends, one geodesic each.
 PAIRS = 3
 LIKELIHOODS = {"single": "two_cluster", "mixture": "sign_blind"}
@@ -71,7 +70,6 @@ ROWS = (("single", "angular"), ("single", "literal"), ("mixture", "angular"))
 
 #: Learned with less than a skill: two coordinates of position on two of orientation.
 TRAINING = TrainingSettings(sheet="raw", hidden=(64, 32), steps=2000, kernels=150)
-_DESCENT = GeodesicSettings(control_points=15, samples=100, iterations=40)
 
 
 @dataclass(frozen=True)
@@ -185,7 +183,7 @@ class ToyTaskReport(Report):
             draw_values(figure, axes, landscape, values, quantity, count)
             axes.set_title(title, loc="left", fontsize=11)
             if landscape is single:
-                _draw_curves(axes, row, lambda curve: curve.latent)
+                draw_pairs(axes, *([curves[0].latent] for curves in (row.lines, row.geodesics)))
         handles = [
             Line2D([], [], color=GREY, label="demonstrations, $q$ (in d to f white)"),
             Line2D([], [], color=GREY, linestyle=":", label="demonstrations, $-q$"),
@@ -280,21 +278,13 @@ class _Toy:
 
 
 def _measured(toy: _Toy, metric_name: str, likelihood: str, seed: int) -> ToyRow:
-    metric, count = toy.metric(metric_name), len(toy.codes) // 2
-    graph = MetricGraph.on_grid(metric, toy.grid, np.ones(SIDE**2, dtype=bool), NEIGHBOURS)
-    geodesics, lines, within, across = [], [], [], []
-    for number in range(min(PAIRS, count)):
-        start, goal = toy.codes[number, 0], toy.codes[(number + 1) % count, -1]
-        opposite = toy.codes[(number + 1) % count + count, -1]
-        path = graph.path(start, goal)
-        found = continuous_geodesic(metric, start, goal, path, _DESCENT).curve
-        geodesics.append(toy.decoded(evenly(found)))
-        lines.append(toy.decoded(evenly(np.stack([start, goal]))))
-        within.append(latent_length(metric, path) ** 2)
-        across.append(latent_length(metric, graph.path(start, opposite)) ** 2)
+    codes, count = toy.codes, len(toy.codes) // 2
+    following = [(number, (number + 1) % count) for number in range(min(PAIRS, count))]
+    ends = [(codes[begin, 0], codes[end, -1], codes[end + count, -1]) for begin, end in following]
+    found = ToyPaths.between(toy.metric(metric_name), toy.grid, ends, _DESCENT)
+    geodesics, lines = (tuple(map(toy.decoded, curves)) for curves in (found.geodesics, found.lines))
     return ToyRow(
-        likelihood, metric_name, seed, toy.own_sign(), tuple(geodesics), tuple(lines),
-        float(np.mean(within)), float(np.mean(across)),
+        likelihood, metric_name, seed, toy.own_sign(), geodesics, lines, found.within, found.across
     )  # fmt: skip
 
 
@@ -311,7 +301,7 @@ def _apart(shown: ToyPoses) -> tuple[float, float]:
 def _draw_plane(axes: Axes, shown: ToyPoses, row: ToyRow) -> None:
     for positions in shown.positions:
         axes.plot(*(100.0 * positions.T), color=GREY, linewidth=0.8)
-    _draw_curves(axes, row, lambda curve: 100.0 * curve.positions)
+    draw_pairs(axes, *([100.0 * curves[0].positions] for curves in (row.lines, row.geodesics)))
     axes.set(xlabel="$x_1$ [cm]", ylabel="$x_2$ [cm]", aspect="equal")
     axes.margins(0.15)
     axes.set_title("a  positions in the plane", loc="left", fontsize=11)
@@ -324,7 +314,7 @@ def _draw_sphere(axes: Axes, shown: ToyPoses, row: ToyRow) -> None:
     for directions in shown.directions:
         axes.plot(*directions.T, color=GREY, linewidth=0.8, zorder=2)
         axes.plot(*-directions.T, ":", color=GREY, linewidth=0.8, zorder=1)
-    _draw_curves(axes, row, lambda curve: curve.directions)
+    draw_pairs(axes, *([curves[0].directions] for curves in (row.lines, row.geodesics)))
     axes.view_init(50.0, -75.0)
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.45)
     axes.set_axis_off()
@@ -332,15 +322,7 @@ def _draw_sphere(axes: Axes, shown: ToyPoses, row: ToyRow) -> None:
 
 
 def _draw_off(axes: Axes, row: ToyRow) -> None:
-    for curves, colour, style in ((row.geodesics, BLUE, "-"), (row.lines, VERMILION, "--")):
-        for curve in curves:
-            share = np.linspace(0.0, 1.0, len(curve.off))
-            axes.plot(share, 1e3 * curve.off[:, 0], style, color=colour, linewidth=1.6)
-    axes.set(xlabel="share of the path", ylabel="distance of positions from the data [mm]")
-    axes.grid(alpha=0.3)
+    draw_off(axes, [curve.off[:, 0] for curve in row.geodesics], BLUE)
+    draw_off(axes, [curve.off[:, 0] for curve in row.lines], VERMILION, "--")
+    axes.set_ylabel("distance of positions from the data [mm]")
     axes.set_title(f"c  off the data: {len(row.lines)} pairs of ends", loc="left", fontsize=11)
-
-
-def _draw_curves(axes: Axes, row: ToyRow, of: Callable[[ToyCurve], np.ndarray]) -> None:
-    for curves, colour, style in ((row.lines, VERMILION, "--"), (row.geodesics, BLUE, "-")):
-        draw_haloed(axes, of(curves[0]), colour, style)

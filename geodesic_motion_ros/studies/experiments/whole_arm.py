@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.image import imsave
 from tqdm import tqdm
 
 from geodesic_motion_ros.cli.arguments import name_list
@@ -23,7 +25,7 @@ from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.blocked_arm import KINDS, BlockedPaths, BlockedScene, Kind, every
 from geodesic_motion_ros.studies.experiments.moving_arm import MovingArmScene, MovingArmStage
 from geodesic_motion_ros.studies.experiments.moving_spheres import draw_clearances, moving_figures, play_scenes
-from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
+from geodesic_motion_ros.studies.experiments.posture_strip import numbered, posture_strips
 from geodesic_motion_ros.studies.experiments.study import OfSkill, Report, option
 from geodesic_motion_ros.studies.experiments.tubes import TubePath, tube_path
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -164,9 +166,6 @@ class WholeArmReport(Report):
 
         The switch is the one whose sphere is deepest in the arm halfway on the nominal path.
         """
-        from matplotlib.figure import Figure
-        from matplotlib.image import imsave
-
         standing = {
             f"{kind}, {{}} of {len(scenes)} answered": [s.answer.clearance for s in scenes if s.answer.answered]
             for kind, scenes in self.blocked.items()
@@ -200,20 +199,13 @@ def switch_strip(scene: BlockedScene, width: int = 600, height: int = 400) -> np
     """
     references = [scene.nominal, scene.reference or scene.nominal]
     motions = [every(_PICTURE_PERIOD, reference) for reference in references]
-    return posture_strips(motions, ({}, _spheres(scene)), width, height)
+    return posture_strips(motions, ({}, numbered(scene.centres, scene.radii)), width, height)
 
 
 def _halfway_clearance(scene: BlockedScene) -> float:
     """How far the arm is from the spheres halfway on the nominal path [m]."""
     model, halfway = CollisionModel.panda(), scene.nominal.sample(0.5 * scene.nominal.duration)[0]
     return configuration_clearance(model, Robot.panda(), halfway, scene.centres, scene.radii)[0]
-
-
-def _spheres(scene: BlockedScene) -> dict[str, tuple[np.ndarray, float]]:
-    return {
-        str(i): (centre, float(radius))
-        for i, (centre, radius) in enumerate(zip(scene.centres, scene.radii, strict=True))
-    }
 
 
 def _as_dict(scene: BlockedScene) -> dict[str, Any]:

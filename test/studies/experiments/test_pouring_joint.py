@@ -68,7 +68,6 @@ def test_the_arm_does_what_the_reference_says(report) -> None:
     for item in report.pourings:
         execution = item.execution
         assert execution.tracking_error < 0.02
-        assert execution.goal_error < 1e-3
         assert item.missed < 1e-3 or item.row == "literal"
         np.testing.assert_allclose(np.diff(execution.times), execution.times[1], atol=1e-9)
         assert len(execution.times) == len(item.by_skill) == len(item.by_tool)

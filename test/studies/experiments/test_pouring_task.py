@@ -12,9 +12,8 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.held_bottle import bottle_settings
-from geodesic_motion_ros.studies.experiments.pouring_chain import pour_all_cups
-from geodesic_motion_ros.studies.experiments.pouring_stream import past_a_moving_sphere
+from geodesic_motion_ros.studies.experiments.pouring_motions import past_a_moving_sphere, pour_all_cups
+from geodesic_motion_ros.studies.experiments.pouring_scene import bottle_settings
 from geodesic_motion_ros.studies.experiments.pouring_task import (
     PouringTask,
     PouringTaskReport,
