@@ -8,11 +8,9 @@ half free   at least half of them pass the sphere: there is a path that people t
 some free   fewer than half, but one at least
 none free   all of them run into the sphere: nobody demonstrated a path, and the planner should say so
 
-They are evaluated in two placements. `carried`: with their ends moved to the present start and goal, both offsets
-fading linearly in arc length, which is what a canonical sheet carried to a query is made of. `recorded`: where people
-moved, which is what the raw sheet has learned; to a path from another start they say less, since a sphere on that path
-may leave them free only because none of them came there. On both sheets a path may change over from one demonstration
-to another: `none free` does not always mean that there is no path.
+They are evaluated with their ends moved to the present start and goal, both offsets fading linearly in arc length,
+which is what a canonical sheet carried to a query is made of. A path may change over from one demonstration to another:
+`none free` does not always mean that there is no path.
 
 Spheres that cover the start or the goal are left out: being refused there proves nothing.
 
@@ -54,8 +52,6 @@ INTERIOR = (0.25, 0.75)
 
 Freedom = Literal["half free", "some free", "none free"]
 FREEDOMS: tuple[Freedom, ...] = ("half free", "some free", "none free")
-Placement = Literal["recorded", "carried"]
-PLACEMENTS: tuple[Placement, ...] = ("carried", "recorded")
 
 
 @dataclass(frozen=True)
@@ -95,7 +91,7 @@ class Avoidance(OfTrainings):
             planner = PosePathPlanner(trained.skill, chosen)
             for index, item in zip(trained.fold, trained.held_out, strict=True):
                 query = Query(trained.task, index, trained.seed, item.curve.start, item.curve.goal)
-                made = _scenes_of(query, planner, placed(trained.shown, query.start, query.goal), self)
+                made = _scenes_of(query, planner, carried(trained.shown, query.start, query.goal), self)
                 refused += made is None
                 scenes += made or []
         return AvoidanceReport(self, tuple(scenes), refused)
@@ -109,7 +105,7 @@ class Scene:
     ----------
     task, demonstration, seed : whose start and goal, and which training of the skill.
     radius, centre, fraction : of the sphere [m], and where on the path it was put.
-    free_share : share of the training demonstrations that stay clear, per placement.
+    free_share : share of the training demonstrations that stay clear, carried to start and goal.
     code, reason : the verdict. answered : whether there was a reference.
     certified : clearance [m] the planner promises; measured : the same on the dense check; NaN without a reference.
     off_support : whether the reference leaves the skill's support.
@@ -121,7 +117,7 @@ class Scene:
     radius: float
     centre: tuple[float, float, float]
     fraction: float
-    free_share: dict[Placement, float]
+    free_share: float
     code: str
     reason: str
     answered: bool
@@ -129,12 +125,12 @@ class Scene:
     measured: float
     off_support: bool
 
-    def freedom(self, placement: Placement) -> Freedom:
+    @property
+    def freedom(self) -> Freedom:
         """How many demonstrations stay clear, in words."""
-        share = self.free_share[placement]
-        if share >= 0.5:
+        if self.free_share >= 0.5:
             return "half free"
-        return "some free" if share > 0.0 else "none free"
+        return "some free" if self.free_share > 0.0 else "none free"
 
     @property
     def through(self) -> bool:
@@ -154,22 +150,19 @@ class AvoidanceReport(Report):
     scenes: tuple[Scene, ...]
     queries_without_path: int
 
-    def summary(self, placement: Placement, scenes: Sequence[Scene] | None = None) -> dict[Freedom, Figures]:
-        """The figures of all scenes, or of some, by what the demonstrations in one placement leave free."""
+    def summary(self, scenes: Sequence[Scene] | None = None) -> dict[Freedom, Figures]:
+        """The figures of all scenes, or of some, by how many demonstrations are free."""
         chosen = self.scenes if scenes is None else scenes
-        return {kind: _figures([scene for scene in chosen if scene.freedom(placement) == kind]) for kind in FREEDOMS}
+        return {kind: _figures([scene for scene in chosen if scene.freedom == kind]) for kind in FREEDOMS}
 
     def as_dict(self) -> dict[str, Any]:
         return {
             "tool_radius": self.settings.tool_radius,
             "radii": list(self.settings.radii),
             "queries_without_path": self.queries_without_path,
-            "summary": {placement: self.summary(placement) for placement in PLACEMENTS},
+            "summary": self.summary(),
             "by_task_and_radius": {
-                f"{task}, {1000 * radius:.0f} mm": {
-                    placement: self.summary(placement, scenes) for placement in PLACEMENTS
-                }
-                for (task, radius), scenes in self._groups()
+                f"{task}, {1000 * radius:.0f} mm": self.summary(scenes) for (task, radius), scenes in self._groups()
             },
             "scenes": [asdict(scene) | {"through": scene.through} for scene in self.scenes],
         }
@@ -180,12 +173,11 @@ class AvoidanceReport(Report):
             "spheres", "demonstrations", "scenes", "answered", "through", "off support", "infeasible %", "least mm",
             "median mm",
         ]  # fmt: skip
-        parts = [(f"{task}, {1000 * radius:.0f} mm", "carried", scenes) for (task, radius), scenes in self._groups()]
-        parts += [(f"all, {placement}", placement, list(self.scenes)) for placement in PLACEMENTS]
+        parts = [(f"{task}, {1000 * radius:.0f} mm", scenes) for (task, radius), scenes in self._groups()]
         rows = [
             [name if kind == FREEDOMS[0] else "", kind, *figures.values()]
-            for name, placement, scenes in parts
-            for kind, figures in self.summary(placement, scenes).items()
+            for name, scenes in [*parts, ("all", list(self.scenes))]
+            for kind, figures in self.summary(scenes).items()
         ]
         notes = [
             f"tool radius {1000 * self.settings.tool_radius:.0f} mm; clearance measured every {1e3 * CHECK_STEP} mm"
@@ -205,7 +197,7 @@ class AvoidanceReport(Report):
         for radius in self.settings.radii:
             scenes = [scene for scene in self.scenes if scene.radius == radius]
             names = [f"{1000 * radius:.0f} mm, {kind}" for kind in FREEDOMS]
-            figures = list(self.summary("carried", scenes).values())
+            figures = list(self.summary(scenes).values())
             answered = np.array([values["answered"] for values in figures])
             refused = np.array([values["scenes"] for values in figures]) - answered
             outcomes.barh(names, answered, color="tab:green", label="answered, clear")
@@ -235,10 +227,14 @@ class Query:
     goal: Pose
 
 
-def placed(shown: Demonstrations, start: Pose, goal: Pose) -> dict[Placement, list[PoseCurve]]:
-    """The demonstrations where they were recorded, and with their ends moved to a start and a goal pose."""
-    moved = [PoseCurve(*correct_ends(item.positions, item.quaternions, start, goal)) for item in shown]
-    return {"recorded": [item.curve for item in shown], "carried": moved}
+def carried(shown: Demonstrations, start: Pose, goal: Pose) -> list[PoseCurve]:
+    """The demonstrations with their ends moved to a start and a goal pose."""
+    return [PoseCurve(*correct_ends(item.positions, item.quaternions, start, goal)) for item in shown]
+
+
+def free_share(curves: Sequence[PoseCurve], centre: np.ndarray, radius: float, settings: PlannerSettings) -> float:
+    """Share of curves along which the tool stays clear of a sphere."""
+    return float(np.mean([measured_clearance(curve, centre, radius, settings) > 0.0 for curve in curves]))
 
 
 def measured_clearance(curve: PoseCurve, centre: np.ndarray, radius: float, settings: PlannerSettings) -> float:
@@ -261,7 +257,7 @@ def measured_clearance(curve: PoseCurve, centre: np.ndarray, radius: float, sett
 
 
 def _scenes_of(
-    query: Query, planner: PosePathPlanner, shown: dict[Placement, list[PoseCurve]], settings: Avoidance
+    query: Query, planner: PosePathPlanner, shown: list[PoseCurve], settings: Avoidance
 ) -> list[Scene] | None:
     """The scenes on the path of one query; None where there is no path even without obstacles."""
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
@@ -287,7 +283,7 @@ def _covers(centre: np.ndarray, radius: float, query: Query) -> bool:
 def _scene(
     query: Query,
     planner: PosePathPlanner,
-    shown: dict[Placement, list[PoseCurve]],
+    shown: list[PoseCurve],
     fraction: float,
     centre: np.ndarray,
     radius: float,
@@ -295,12 +291,7 @@ def _scene(
     """Put the sphere there and plan."""
     planner.set_obstacles(centre[None], np.array([radius]))
     path = planner.plan(*query.start, *query.goal)
-    free = {
-        placement: float(
-            np.mean([measured_clearance(curve, centre, radius, planner.settings) > 0.0 for curve in curves])
-        )
-        for placement, curves in shown.items()
-    }
+    free = free_share(shown, centre, radius, planner.settings)
     measured, off_support = math.nan, False
     if isinstance(path, PosePath):
         sigma, _ = planner.skill.decoder.uncertainty(path.latent)

@@ -66,6 +66,7 @@ from geodesic_motion_ros.studies.experiments.requested_ends import (
 )
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_ros.studies.tools.averages import mean
 from geodesic_motion_ros.studies.tools.similarity import distance_to_closest
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import (
@@ -181,9 +182,9 @@ class GraspTaskReport(Report):
         return {
             "targets": len(requested),
             "answered": len(answered),
-            "carried_mm": _mean([1e3 * item.carried for item in answered]),
-            "turn_deg": _mean([math.degrees(item.turn) for item in answered]),
-            "off_mm": _mean([1e3 * item.off for item in answered]),
+            "carried_mm": mean([1e3 * item.carried for item in answered]),
+            "turn_deg": mean([math.degrees(item.turn) for item in answered]),
+            "off_mm": mean([1e3 * item.off for item in answered]),
             "farthest_off_mm": max((1e3 * item.off for item in answered), default=None),
         }
 
@@ -392,7 +393,3 @@ def _components(axes: Any, quaternions: np.ndarray, recorded: np.ndarray) -> Non
     axes.plot([], [], color=GREY, linewidth=0.9, label="a demonstration, $\\pm q$")
     axes.set(xlim=(0.0, 1.0), ylim=(-1.05, 1.05), xlabel="share of the path's nodes", ylabel="component")
     axes.grid(alpha=0.3)
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if values else None

@@ -37,10 +37,11 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.simulation.teacher import PILLAR, SIDES, draw_passing_query, two_mode_demonstrations
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.avoidance import measured_clearance, placed
+from geodesic_motion_ros.studies.experiments.avoidance import carried, free_share, measured_clearance
 from geodesic_motion_ros.studies.experiments.baselines import mean_demonstration
 from geodesic_motion_ros.studies.experiments.study import OfOwnData, Report, option, seeds, steps
 from geodesic_motion_ros.studies.experiments.trained import task_training, trained_once
+from geodesic_motion_ros.studies.tools.averages import mean
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 
@@ -190,17 +191,17 @@ class ModesReport(Report):
         return {
             "cases": len(cases),
             "on_the_left": sum(answer.side == SIDES[0] for answer in answers),
-            "follow_percent": _percent([case.free.follows for case in cases]),
+            "follow_percent": mean([100.0 * case.free.follows for case in cases]),
             "farthest_off_mm": 1e3 * max((answer.distance for answer in answers), default=math.nan),
             "between_mm": 1e3 * float(np.mean([case.mean.between for case in cases])),
-            "switch_percent": _percent([case.switched for case in cases]),
+            "switch_percent": mean([100.0 * case.switched for case in cases]),
             "blocked_unanswered": len(blocked) - len(clear),
             "through_the_sphere": sum(not value > 0.0 for value in clear),
             "least_clearance_mm": min(clear, default=None),
-            "own_mode_blocked_percent": _percent([item.own_free == 0.0 for item in blocked]),
-            "other_mode_free_percent": _percent([item.other_free == 1.0 for item in blocked]),
-            "mean_follows_percent": _percent([case.mean.follows for case in cases]),
-            "mean_through_pillar_percent": _percent([not case.mean.pillar > 0.0 for case in cases]),
+            "own_mode_blocked_percent": mean([100.0 * (item.own_free == 0.0) for item in blocked]),
+            "other_mode_free_percent": mean([100.0 * (item.other_free == 1.0) for item in blocked]),
+            "mean_follows_percent": mean([100.0 * case.mean.follows for case in cases]),
+            "mean_through_pillar_percent": mean([100.0 * (not case.mean.pillar > 0.0) for case in cases]),
         }
 
     def as_dict(self) -> dict[str, Any]:
@@ -304,7 +305,7 @@ def _case(
         centre = interpolate(at, path.positions, path.quaternions, np.array([fraction]))[0][0]
         planner.set_obstacles(centre[None], np.array([radius]))
         second = planner.plan(*start, *goal)
-        shares = [_free_share(side, start, goal, centre, radius, planner.settings) for side in sides]
+        shares = [free_share(carried(side, start, goal), centre, radius, planner.settings) for side in sides]
         own = SIDES.index(free.side)
         clearance = math.nan
         if isinstance(second, PosePath):
@@ -354,20 +355,8 @@ def _middle_distance(curve: PoseCurve, other: PoseCurve) -> float:
     return float(cKDTree(other.resampled(_SAMPLES).positions).query(middle)[0].mean())
 
 
-def _free_share(
-    side: Demonstrations, start: Pose, goal: Pose, centre: np.ndarray, radius: float, settings: PlannerSettings
-) -> float:
-    """Share of demonstrations that stay clear of a sphere when they are carried to a start and goal."""
-    carried = placed(side, start, goal)["carried"]
-    return float(np.mean([measured_clearance(curve, centre, radius, settings) > 0.0 for curve in carried]))
-
-
 def _positions(path: PosePath | Verdict | None) -> np.ndarray | None:
     return path.positions if isinstance(path, PosePath) else None
-
-
-def _percent(values: Sequence[bool]) -> float | None:
-    return 100.0 * float(np.mean(values)) if values else None
 
 
 def _in_words(answer: Answer) -> str:

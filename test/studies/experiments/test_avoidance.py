@@ -12,8 +12,8 @@ from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.studies.experiments.avoidance import (
     Avoidance,
+    carried,
     measured_clearance,
-    placed,
 )
 from geodesic_motion_ros.studies.experiments.trained import Trained
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -52,8 +52,8 @@ def test_small_spheres_are_passed_and_what_covers_everything_is_declared_infeasi
     large = [scene for scene in report.scenes if scene.radius == 0.25]
     assert len(small) == 6
     assert large
-    assert {scene.freedom("recorded") for scene in small} == {"half free"}
-    assert {scene.freedom("recorded") for scene in large} == {"none free"}
+    assert {scene.freedom for scene in small} == {"half free"}
+    assert {scene.freedom for scene in large} == {"none free"}
     assert sum(scene.answered for scene in small) >= 5
     assert not any(scene.answered for scene in large)
     assert not any(scene.through for scene in report.scenes)
@@ -101,18 +101,16 @@ def test_clearance_is_measured_between_samples_and_at_the_tools_points() -> None
 
 def test_carried_demonstrations_meet_both_ends(reaches) -> None:
     start, goal = reaches[0].curve.start, reaches[6].curve.goal
-    curves = placed(reaches, (start[0] + 0.01, start[1]), goal)
-    for recorded, carried, item in zip(curves["recorded"], curves["carried"], reaches, strict=True):
-        np.testing.assert_array_equal(recorded.positions, item.positions)
-        np.testing.assert_allclose(carried.positions[[0, -1]], [start[0] + 0.01, goal[0]], atol=1e-12)
+    for curve in carried(reaches, (start[0] + 0.01, start[1]), goal):
+        np.testing.assert_allclose(curve.positions[[0, -1]], [start[0] + 0.01, goal[0]], atol=1e-12)
 
 
 def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     content = json.loads(write_json(tmp_path / "avoidance.json", report.as_dict()).read_text())
     assert len(content["scenes"]) == len(report.scenes)
-    counted = [figures["scenes"] for figures in content["summary"]["recorded"].values()]
+    counted = [figures["scenes"] for figures in content["summary"].values()]
     assert sum(counted) == len(report.scenes)
-    assert content["summary"]["recorded"]["none free"]["infeasible_percent"] == 100.0
+    assert content["summary"]["none free"]["infeasible_percent"] == 100.0
     assert "fan, 20 mm" in report.table()
     report.draw(tmp_path / "avoidance.png")
     assert (tmp_path / "avoidance.png").read_bytes().startswith(b"\x89PNG")
