@@ -1,14 +1,5 @@
-"""`bench`: how fast the search engine answers, beside well-known graph libraries."""
+"""`bench`: how fast the search engine answers, beside well-known graph libraries.
 
-from __future__ import annotations
-
-import argparse
-
-from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, writable
-from geodesic_motion_ros.utils.errors import ParameterError
-from geodesic_motion_ros.utils.tables import write_json
-
-_DESCRIPTION = """\
 Searches two graphs again and again while obstacles move: a large one that is made up (50x50x50 nodes, 26 neighbours,
 8 body points) and that of a skill. Prints one table for each, the stages of the planner's tick on the skill, and how a
 tick grows with nodes, obstacles and body points. About five minutes, a few GB of memory, no network.
@@ -46,6 +37,15 @@ cost, p99  of the band over that of the lattice's path, by the metric of the sea
 
 A loaded machine lengthens wall times; cpu and the ratios hold.
 """
+
+from __future__ import annotations
+
+import argparse
+
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, writable
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
+
 _EPILOG = """\
 examples:
   geodesic-motion bench
@@ -64,7 +64,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser of the command line."""
     parser = commands.add_parser(
         "bench", help="how fast the search answers while obstacles move, beside graph libraries",
-        description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
+        description=__doc__, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     parser.add_argument(
         "--skill", nargs="+", metavar="SKILL",
