@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -131,11 +131,12 @@ class OfRecordings(Study):
     #: Whether recordings may be of joints as well.
     joints: ClassVar[bool] = False
 
-    def split(self) -> Iterator[tuple[str, Recording, tuple[Fold, ...]]]:
-        """Every recording, with its name and its folds."""
-        for name, each in self.recordings.items():
-            count = len(each)
-            yield name, each, parse_folds(self.folds, count) if self.folds else default_folds(count)
+    def split(self) -> list[tuple[str, Recording, tuple[Fold, ...]]]:
+        """Every recording, with its name and its folds; ParameterError names a part of them that does not fit."""
+        return [
+            (name, each, parse_folds(self.folds, len(each)) if self.folds else default_folds(len(each)))
+            for name, each in self.recordings.items()
+        ]
 
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
