@@ -73,7 +73,7 @@ _PICTURE_PERIOD = 0.02
 class Limbs(Study):
     """Show, train and count; `skill` is of the same task in joint space, with two families or more.
 
-    shown : demonstrations that are learned from, with the seed `trained`.
+    shown : demonstrations that are learned from; seed : of the training.
     """
 
     skill: str = option(
@@ -83,13 +83,13 @@ class Limbs(Study):
     side: int = option(150, "nodes along each side of the latent grid", least=2)
     solutions: int = option(100, "of the inverse kinematics for each node", least=2)
     shown: int = 8
-    trained: int = 0
+    seed: int = 0
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     joint_planner: PlannerSettings = field(default_factory=PlannerSettings)
 
     def measure(self, out: Path) -> LimbsReport:
         shown = reach_to_grasp(self.shown, 0, families=1).tool_demonstrations(Robot.panda())
-        tool = trained_once(TASK, shown, TrainingSettings(**BRIEFLY, seed=self.trained), out / "skills")
+        tool = trained_once(TASK, shown, TrainingSettings(**BRIEFLY, seed=self.seed), out / "skills")
         return self.compared(tool, Skill.load(self.skill))
 
     def compared(self, skill: Skill, joint_skill: Skill) -> LimbsReport:
