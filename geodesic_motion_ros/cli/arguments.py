@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -159,13 +160,15 @@ def metres(text: str) -> tuple[float, ...]:
 
 
 def writable(path: Path | None) -> None:
-    """Refuse a file that cannot be written, before anything long is begun: ParameterError."""
+    """Refuse a file that cannot be written, before anything long is begun: ParameterError. Leaves no file there."""
     if path is None:
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a"):
-            pass
+        if path.exists():
+            path.open("a").close()
+        else:
+            TemporaryFile(dir=path.parent).close()
     except OSError as error:
         raise ParameterError(f"{path} cannot be written ({error.strerror}): give another file") from error
 

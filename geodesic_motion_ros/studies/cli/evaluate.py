@@ -19,6 +19,7 @@ from geodesic_motion_ros.cli.arguments import (
     refuse_other_space,
     writable,
 )
+from geodesic_motion_ros.utils.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -110,7 +111,7 @@ def run(arguments: argparse.Namespace) -> None:
     report = measure(demonstrations, folds, arguments)
     print(report.table())
     if arguments.json is not None:
-        report.write_json(arguments.json)
+        write_json(arguments.json, report.as_dict())
         print(f"wrote {arguments.json}")
 
 

@@ -13,6 +13,7 @@ from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.moving import MovingBench, MovingTicks, NewGoals, recorded_searches
 from geodesic_motion_ros.studies.benchmarks.moving_report import MovingReport, MovingSettings, measure_moving
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch
+from geodesic_motion_ros.utils.tables import write_json
 
 SKILLS = ("panda_pouring", "panda_reach_to_grasp")
 TINY = MovingSettings(motions=1, plays=1, compared=2)
@@ -81,7 +82,7 @@ def test_searches_are_recorded_inside_alone(bench: MovingBench) -> None:
 
 
 def test_the_report_has_every_skill_and_number(report: MovingReport, tmp_path: Path) -> None:
-    report.write_json(tmp_path / "bench.json")
+    write_json(tmp_path / "bench.json", report.as_dict())
     content = json.loads((tmp_path / "bench.json").read_text())
     assert tuple(content) == SKILLS
     for figures in content.values():
