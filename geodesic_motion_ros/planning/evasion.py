@@ -49,7 +49,7 @@ def evaded(
         if horizon < situation.settings.prediction:
             plan = solver.evade_displaced(query, state, obstacles, horizon, situation.reach, deadline)
         else:
-            plan = solver.evade(query, state, obstacles, deadline)
+            plan = solver.evade(query, state, obstacles, situation.stop.reference, deadline)
         if plan is not None:
             return _taken(query, plan, verdict, situation), last_failed
         if deadline.passed:

@@ -20,10 +20,10 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
-from geodesic_motion_ros.planning.certificate import ArmCertifier
+from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
-from geodesic_motion_ros.planning.path_timer import PathTimer, meeting
+from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
 from geodesic_motion_ros.planning.plan import Approach, ArmQuery, MotionState, PathEnds, Plan
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, MarginSearch, cheapest_path, path_verdict
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
@@ -34,6 +34,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
+from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
@@ -188,19 +189,37 @@ class Solver:
         return Plan(found, state.time, verdict)
 
     def evade(
-        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, deadline: Deadline = NEVER
+        self,
+        query: ArmQuery,
+        state: MotionState,
+        obstacles: Obstacles,
+        stop: JointReference,
+        deadline: Deadline = NEVER,
     ) -> Plan | None:
-        """A certified path to a place nearby that nothing is expected to come to; None where none is found in time."""
-        reshaping = self._reshaping(query, obstacles.swept(self.settings.prediction))
+        """A certified motion to a place nearby that nothing is expected to come to; None where none is found in time.
+
+        An arm in motion stops first, as it can go back then, or else sets out as it moves.
+
+        stop : the soonest stop from the state.
+        """
+        prediction = self.settings.prediction
+        reshaping = self._reshaping(query, obstacles.swept(prediction, constants.EVASION_INSTANTS))
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        start, steps = _latent_start(query, state), constants.EVASION_STEPS
-        for path in paths_to_targets(self.graph, query, start, reshaping, steps, apart):
-            # To pass what is coming narrowly is better than to be met by it.
-            plan = self._certified(query, state, path, obstacles, 0.0, True, evading=True)
-            if plan.trajectory is not None:
-                return plan
-            if deadline.passed:
-                return None
+        moves = bool(np.any(state.velocity))
+        for begin, first in ((state.after(stop), stop), (state, None)) if moves else ((state, None),):
+            start = _latent_start(query, begin)
+            for path in paths_to_targets(self.graph, query, start, reshaping, constants.EVASION_STEPS, apart):
+                timed = self._timer.timed(query, begin, path, False, math.inf)
+                if timed.reference is not None:
+                    whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
+                    # To pass what is coming narrowly is better than to be met by it.
+                    certificate = self.certifier.certify(whole, obstacles, prediction, beyond=False)
+                    objection = self.certifier.objection(certificate)
+                    verdict = self._path_verdict(query, path, timed, certificate, objection)
+                    if verdict.ok:
+                        return Plan(self.certifier.judged(whole, certificate), state.time, verdict)
+                if deadline.passed:
+                    return None
         return None
 
     def evade_displaced(
@@ -378,16 +397,14 @@ class Solver:
         obstacles: Obstacles,
         margin: float,
         optimistic: bool,
-        evading: bool = False,
         longest: float = math.inf,
     ) -> Plan:
         """Time a path (`PathTimer.timed`), and judge the very motion that will be played.
 
-        evading : the path does not lead to the goal, but ends where it ends.
         longest : as of `solve`.
         """
-        timed = self._timer.timed(query, state, path, not evading, longest)
-        latent, reference = timed.latent, timed.reference
+        timed = self._timer.timed(query, state, path, True, longest)
+        reference = timed.reference
         if reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         if reference.duration >= longest:
@@ -396,16 +413,16 @@ class Solver:
         prediction = self.settings.prediction
         certificate = self.certifier.certify_swept(timed.swept, obstacles, prediction, beyond=not optimistic)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
-        if objection is not None and evading:
-            # Another target is tried, whatever else may be wrong with this one.
-            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection))
-        verdict = path_verdict(
-            self.skill, self.graph, query, self.graph.sigma_at(latent), path,
-            float(np.min(certificate.clearance)), timed.correction,
-            None if objection is None else f"on the best path {objection}",
-        )  # fmt: skip
+        objection = None if objection is None else f"on the best path {objection}"
+        verdict = self._path_verdict(query, path, timed, certificate, objection)
         found = self.certifier.judged(reference, certificate) if verdict.ok else None
         return Plan(found, state.time, verdict)
+
+    def _path_verdict(
+        self, query: ArmQuery, path: LatentPath, timed: TimedPath, certificate: Certificate, objection: str | None
+    ) -> Verdict:
+        sigma, clearance = self.graph.sigma_at(timed.latent), float(np.min(certificate.clearance))
+        return path_verdict(self.skill, self.graph, query, sigma, path, clearance, timed.correction, objection)
 
     def seen_beside(self, base: np.ndarray) -> SeenVolume:
         """Where the arm may be that leaves configurations (k, eta) of a base path."""

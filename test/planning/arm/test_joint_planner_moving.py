@@ -210,6 +210,29 @@ def test_an_arm_that_can_only_evade_narrowly_does(stream, start, goal, nominal, 
     assert min(least_clearance([one], sphere) for one, sphere in zip(evading, spheres, strict=True)) > 0.0
 
 
+def test_an_arm_in_motion_stops_and_goes_back_where_that_evades(stream, nominal, least_clearance) -> None:
+    """It is certified as one motion. The control: where the arm comes to rest it would be hit."""
+    planner, radius = stream.planner, np.array([0.05])
+    begin, velocity = np.array([0.51, 0.525, 0.4]), np.array([0.082, -0.298, 0.026])
+    stream.run(3.13)
+    assert nominal.duration > 3.13
+    planner.set_obstacles(begin[None], radius, velocity[None], stream.now)
+    since = stream.now
+    plan = stream.run(stream.period)[0]
+    assert plan.mode is Mode.EVADING
+    times = np.linspace(0.0, plan.reference.duration, 200)
+    positions, velocities, _ = plan.reference.samples(times)
+    speeds = np.max(np.abs(velocities), axis=1)
+    rest = 10 + int(np.argmin(speeds[10:-10]))
+    assert speeds[0] > 0.1
+    assert speeds[rest] < 0.02
+    assert np.max(speeds[rest:]) > 0.1
+    passing = plan.begin - since + times
+    spheres = [((begin + time * velocity)[None], radius) for time in passing]
+    assert min(least_clearance([one], sphere) for one, sphere in zip(positions, spheres, strict=True)) > 0.0
+    assert min(least_clearance([positions[rest]], sphere) for sphere in spheres[rest:]) < 0.0
+
+
 def stopping_sphere(stream, shown: float) -> float:
     """Least clearance [m] of the arm's collision spheres from one of 4 cm that is shown at a time [s].
 
