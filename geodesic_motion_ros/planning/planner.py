@@ -325,9 +325,9 @@ class ReactivePlanner:
         objection = obstacles.objection()
         if objection:
             return Verdict(VerdictCode.BAD_INPUT, objection)
-        unmoved = self._inputs.obstacles.unmoved_in(obstacles)
-        since = self._inputs.unmoved_since if unmoved else self._ticked
-        self._inputs = replace(self._inputs, obstacles=obstacles, unmoved_since=since)
+        unchanged = self._inputs.obstacles.is_unchanged(obstacles)
+        since = self._inputs.unchanged_since if unchanged else self._ticked
+        self._inputs = replace(self._inputs, obstacles=obstacles, unchanged_since=since)
         return Verdict(VerdictCode.OK)
 
     @property
@@ -555,7 +555,7 @@ class ReactivePlanner:
             return searching
         if search is not None and search.request.is_same(request):
             return replace(searching, memory=replace(searching.memory, detour=search))
-        since = min(memory.blocked_since, self._inputs.unmoved_since)
+        since = min(memory.blocked_since, self._inputs.unchanged_since)
         if now < since + self.settings.patience - TIME_ROUNDING:
             return searching
         return replace(searching, detour=request)
@@ -594,7 +594,7 @@ class ReactivePlanner:
         """Whether what is followed is still the best path, as nothing has changed."""
         if not self.settings.avoidance:
             return True
-        return followed.obstacles is not None and followed.obstacles.unmoved_in(situation.obstacles)
+        return followed.obstacles is not None and followed.obstacles.is_unchanged(situation.obstacles)
 
     def _improved(self, situation: Situation, query: Query, followed: Followed) -> _Decision:
         """What is followed and free, or a new path where that is a gain."""

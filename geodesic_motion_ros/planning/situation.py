@@ -249,7 +249,7 @@ class Situation:
 
         A certificate takes for granted that they move on; one that stops before it has passed must not be met either.
         """
-        if self.expected.stand or not self.settings.avoidance:
+        if self.expected.is_static or not self.settings.avoidance:
             return True
         margin = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         stopping = self._stopping(candidate, self.state.time + constants.REPLAN_DELAY)
