@@ -78,6 +78,11 @@ class Inputs:
     frame: TaskFrame
     unchanged_since: float = 0.0
 
+    def with_obstacles(self, obstacles: Obstacles, now: float) -> Inputs:
+        """With those that are received at a time [s] in the place of the ones before."""
+        since = self.unchanged_since if self.obstacles.is_unchanged(obstacles) else now
+        return replace(self, obstacles=obstacles, unchanged_since=since)
+
     @cached_property
     def enlarged(self) -> Obstacles:
         """The obstacles as large as they are taken to be: larger by how far they may be from where they were received
