@@ -98,7 +98,7 @@ class Solver:
         else:
             plan = Plan(None, state.time, refusal)
         blocked = plan.trajectory is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-        if blocked and optimistic and not obstacles.stand and not deadline.passed:
+        if blocked and optimistic and not obstacles.is_static and not deadline.passed:
             other = self._first_certified(query, state, obstacles, optimistic, deadline, None, longest)
             if other.trajectory is not None:
                 return replace(other, optimistic=True)
@@ -118,7 +118,7 @@ class Solver:
         search = self._search(query, state, obstacles, attempts[0].optimistic, deadline)
         if isinstance(search, Verdict):
             return Plan(None, state.time, search)
-        margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
+        margin = 0.0 if obstacles.is_static else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         tried: set[bytes] = set()
         first: LatentPath | None = None
@@ -151,7 +151,7 @@ class Solver:
         ends = self._end_clearance(query, state, avoided, optimistic)
         if isinstance(ends, Verdict):
             return ends
-        swept = avoided.at_rest if optimistic else avoided.swept(self.settings.prediction)
+        swept = avoided.static_subset if optimistic else avoided.swept(self.settings.prediction)
         return self._search_among(query, state, swept, ends, deadline)
 
     def _search_among(
@@ -179,7 +179,7 @@ class Solver:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         certificate = self.certifier.certify_swept(timed.swept, obstacles, self.settings.prediction)
         standing = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        objection = self.certifier.objection(certificate, 0.0 if obstacles.stand else standing)
+        objection = self.certifier.objection(certificate, 0.0 if obstacles.is_static else standing)
         objection = objection or self.certifier.unseen(timed.swept, seen)
         verdict = Verdict(
             VerdictCode.NO_FEASIBLE_PATH if objection else VerdictCode.OK, f"on the detour {objection}" if objection
@@ -279,7 +279,7 @@ class Solver:
         refusal : that the goal is covered; the plan's verdict states the same, and how near it leads.
         remaining : what the approach that is being played leaves of the path [m]; inf: there is none.
         """
-        if self._clearance(query.goal, obstacles.at_rest.beside(self.scene.solids)) > 0.0:
+        if self._clearance(query.goal, obstacles.static_subset.beside(self.scene.solids)) > 0.0:
             return None
         horizon = self.settings.prediction
         swept = obstacles.swept(horizon).beside(self.scene.solids)
@@ -290,7 +290,8 @@ class Solver:
         curve, latent, correction = path
         # An arm that stands nearer than that may stay so, but not come nearer.
         kept = min(constants.APPROACH_MARGIN_FACTOR * self.settings.obstacle_margin, _SAME_CLEARANCE * here)
-        margin = 0.0 if obstacles.stand else kept * constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
+        from_moving = kept * constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
+        margin = 0.0 if obstacles.is_static else from_moving
         placed = self.collision.positions(self.robot, curve)
         end, left = int(np.argmax(np.append(self.certifier.between(placed, swept) < kept, True))), _lengths_left(placed)
         for _ in range(1 + constants.APPROACH_CUTS):
@@ -353,7 +354,7 @@ class Solver:
         The goal is to be free of where obstacles are expected to halt; optimistic: of those alone that stand.
         """
         prediction = self.settings.prediction
-        later = obstacles.at_rest if optimistic else obstacles.at(obstacles.time + prediction, prediction)
+        later = obstacles.static_subset if optimistic else obstacles.at(obstacles.time + prediction, prediction)
         nearest = []
         for where, configuration, code, there in (
             ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),

@@ -435,7 +435,7 @@ def detected(
 def test_what_stands_is_the_same_to_the_last_bit_for_long_and_covers_where_it_is(turned: float | None) -> None:
     """A box too, turned a little in each detection. Not one of the detections themselves is like another."""
     seen = list(detected(ObstacleTracker(), HERE, 1e-2, 20.0, turned=turned))[60:]
-    assert all(one.moved_on(one.version, 1.6, 0.0).stand for one in seen)
+    assert all(one.moved_on(one.version, 1.6, 0.0).is_static for one in seen)
     places = [one.centres.tobytes() + one.radii.tobytes() + one.solids.tobytes() for one in seen]
     # 3 s at least in the mean; the first seconds, in which less is known, are counted.
     assert len(set(places)) <= 6

@@ -13,6 +13,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.situation import Situation
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.utils.deadline import Deadline
@@ -98,9 +99,8 @@ def test_a_goal_that_is_covered_is_waited_for(stream, goal, nominal) -> None:
 
 
 def test_what_has_failed_is_not_tried_again_until_something_changes(stream, goal, nominal, monkeypatch) -> None:
-    planner, searches = stream.planner, []
-    solve = planner._solver.solve
-    monkeypatch.setattr(planner._solver, "solve", lambda *arguments: searches.append(0) or solve(*arguments))
+    planner, searches, solve = stream.planner, [], Solver.solve
+    monkeypatch.setattr(Solver, "solve", lambda *arguments: searches.append(0) or solve(*arguments))
     stream.run(0.3 * nominal.duration)
     hand, _ = planner.robot.forward(goal)
     planner.set_obstacles(hand[None], np.array([0.05]))

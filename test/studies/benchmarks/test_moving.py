@@ -47,7 +47,7 @@ def test_nothing_is_at_the_arm_as_a_motion_begins(bench: MovingBench, count: int
     motion = bench.motions[0]
     obstacles = bench.spheres(motion, count, np.random.default_rng(1))
     assert obstacle_clearance(bench.planner.collision, bench.planner.robot, motion.start, obstacles)[0] > 0.05
-    assert not obstacles.stand
+    assert not obstacles.is_static
 
 
 def test_the_same_seed_makes_the_same_spheres(bench: MovingBench) -> None:
