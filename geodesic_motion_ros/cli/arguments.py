@@ -27,6 +27,11 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.skill.skill import Skill
 
 
+#: Of recordings, by the space that is learned from them.
+RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ("robot",)}
+_RECORDINGS = {"task": "recordings of the tool", "joint": "recordings of joints"}
+
+
 @contextmanager
 def needing(what: str, remedy: str) -> Iterator[None]:
     """Imports of what may not be installed: what needs it, and what to do then, is stated in one line."""
@@ -119,15 +124,34 @@ def add_bag_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--strict", action="store_true", help="refuse every flaw of a recording, repair none")
 
 
-def read_recorded(arguments: argparse.Namespace, paths: Sequence[Path], of_bags: bool) -> Recording:
-    """What a file, or bags, hold, flaws found and repaired; DemonstrationError says what cannot be used."""
+def read_recorded(
+    arguments: argparse.Namespace,
+    paths: Sequence[Path],
+    of_bags: bool,
+    options: dict[str, tuple[str, ...]] = RECORDING_OPTIONS,
+) -> Recording:
+    """What a file, or bags, hold, flaws found and repaired.
+
+    options : names of those, by space, that are refused where they were given and the recording is of another space.
+
+    Raises
+    ------
+    DemonstrationError : says what cannot be used. ParameterError : an option of another space, or that is missing.
+    """
     if of_bags:
         if arguments.units not in (None, "m"):
             raise ParameterError(f"--units {arguments.units}: messages have metres, nothing is scaled")
         how = Split.parse(arguments.split, arguments.pause, arguments.first)
-        return Recording.of_bags(paths, arguments.topic, how, arguments.robot or "panda")
+        recording = Recording.of_bags(paths, arguments.topic, how, arguments.robot or "panda")
+        space = "joint" if recording.robot else "task"
+        if arguments.space not in (None, space):
+            raise ParameterError(f"--space {arguments.space}: {paths[0]} has {_RECORDINGS[space]}")
+        refuse_other_space(arguments, space, options, paths[0])
+        return recording
     (path,) = paths
-    if recorded_space(arguments, path) == "joint":
+    space = recorded_space(arguments, path)
+    refuse_other_space(arguments, space, options, path)
+    if space == "joint":
         robot = arguments.robot or "panda"
         return Recording.of_files(joint_takes(path, robot, arguments.rate), robot)
     units = _units(arguments, path)
@@ -167,10 +191,6 @@ def read_joint_recording(arguments: argparse.Namespace, path: Path) -> JointDemo
     """The joints of one file, as they are; DemonstrationError says what is wrong with it."""
     return read_joint_demonstrations(path, arguments.robot or "panda", arguments.rate)
 
-
-#: Of recordings, by the space that is learned from them.
-RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ("robot",)}
-_RECORDINGS = {"task": "recordings of the tool", "joint": "recordings of joints"}
 
 Demonstrated = TypeVar("Demonstrated", Demonstrations, JointDemonstrations)
 

@@ -21,7 +21,6 @@ from geodesic_motion_ros.cli.arguments import (
     indices,
     pictured,
     read_recorded,
-    refuse_other_space,
     seed,
     writable,
 )
@@ -163,9 +162,9 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 
     paths = tuple(arguments.bag or (arguments.demos,))
-    recording = read_recorded(arguments, paths, of_bags=arguments.bag is not None)
+    options = {name: module.OPTIONS for name, module in _SPACES.items()}
+    recording = read_recorded(arguments, paths, of_bags=arguments.bag is not None, options=options)
     space = "joint" if recording.robot else "task"
-    refuse_other_space(arguments, space, {name: module.OPTIONS for name, module in _SPACES.items()}, paths[0])
     _note_the_flaws(recording)
     training = (
         train_joint.JointTraining if space == "joint" else train_task.TaskTraining

@@ -252,8 +252,8 @@ def _at(times: np.ndarray, poses: np.ndarray, at: np.ndarray) -> tuple[np.ndarra
 def _seconds(received: np.ndarray, stamps: np.ndarray, name: str) -> tuple[np.ndarray, tuple[Flaw, ...]]:
     """Times (T,) [s] from the first on: those of the headers, or of the recorder where headers have none that rise."""
     if len(stamps) > 1 and (np.any(stamps <= 0) or np.mean(np.diff(stamps) > 0) < RISING_SHARE):
-        unset = "have no stamps" if np.any(stamps <= 0) else "have stamps that do not rise"
-        flaw = Flaw(name, 0.0, f"headers {unset}", Action.REPAIRED, "the times of the recorder are used")
+        unset = "without stamps" if np.any(stamps <= 0) else "with stamps that do not rise"
+        flaw = Flaw(name, 0.0, f"has headers {unset}", Action.REPAIRED, "the times of the recorder are used")
         return (received - received[0]) / 1e9, (flaw,)
     return (stamps - stamps[0]) / 1e9, ()
 

@@ -82,7 +82,7 @@ def _rising_times(take: Take) -> tuple[Take, list[Flaw]]:
     wrong = np.flatnonzero(np.append(False, take.times[1:] <= latest[:-1]))
     if not len(wrong):
         return take, []
-    what = f"{len(wrong)} of {len(take)} samples have a time that repeats or falls"
+    what = f"has {len(wrong)} of {len(take)} samples with a time that repeats or falls"
     time = float(take.times[wrong[0]])
     if len(wrong) > LARGEST_SHARE * len(take):
         how = f"times must rise; at most {LARGEST_SHARE:.0%} are repaired"
@@ -110,7 +110,7 @@ def _without_spikes(take: Take) -> tuple[Take, list[Flaw]]:
     if not len(fast):
         return take, []
     if len(fast) > LARGEST_SHARE * len(speeds):
-        what = f"{len(fast)} of {len(speeds)} steps are faster than an arm: {_speed(take, fast[0])}"
+        what = f"has {len(fast)} of {len(speeds)} steps faster than an arm: {_speed(take, fast[0])}"
         time = float(take.times[fast[0]])
         return take, [Flaw(take.name, time, what, Action.KEPT, "are the rate and the units right?")]
     values, flaws, cut, next_step = take.values.copy(), [], np.zeros(len(take), dtype=bool), 0
@@ -127,7 +127,7 @@ def _without_spikes(take: Take) -> tuple[Take, list[Flaw]]:
             size, how = 1, "the end is cut"
         else:
             continue
-        what = f"spike of {size} sample{'s' if size > 1 else ''}, {_speed(take, step)}"
+        what = f"has a spike of {size} sample{'s' if size > 1 else ''}, {_speed(take, step)}"
         flaws.append(Flaw(take.name, float(take.times[step]), what, Action.REPAIRED, how))
     return replace(take, values=values).part(~cut), flaws
 
@@ -154,7 +154,7 @@ def _bridged_jumps(take: Take) -> tuple[Take, list[Flaw]]:
     flaws, steps = [], np.diff(take.times)
     for step in fast:
         moved = np.abs(take.values[step + 1] - take.values[step])
-        time, what = float(take.times[step]), f"jump, {_speed(take, step)}: samples are lost"
+        time, what = float(take.times[step]), f"jumps, {_speed(take, step)}: samples are lost"
         if np.all(moved <= per_column(BRIDGED, take.names)):
             lost = speeds[step] * max(steps[step], float(np.median(steps))) - steps[step]
             steps[step] += lost
@@ -173,7 +173,7 @@ def _gaps(take: Take) -> list[Flaw]:
         action, how = (
             (Action.REPAIRED, "a straight line") if bridged else (Action.LEFT_OUT, "too far for a straight line")
         )
-        flaws.append(Flaw(take.name, float(take.times[step]), f"gap of {steps[step]:.2f} s", action, how))
+        flaws.append(Flaw(take.name, float(take.times[step]), f"has a gap of {steps[step]:.2f} s", action, how))
     return flaws
 
 
@@ -188,7 +188,7 @@ def _jitter(take: Take) -> list[Flaw]:
     late = np.mean((steps > JITTER * usual) | (steps < usual / JITTER)) if len(steps) else 0.0
     if late <= LARGEST_SHARE:
         return []
-    what = f"jitter: {late:.0%} of the steps are not within a factor of {JITTER:g} of {1e3 * usual:.1f} ms"
+    what = f"has jitter: {late:.0%} of the steps are not within a factor of {JITTER:g} of {1e3 * usual:.1f} ms"
     return [Flaw(take.name, float(take.times[0]), what, Action.KEPT, "learning counts length, not time")]
 
 
@@ -196,7 +196,7 @@ def _few_samples(take: Take) -> list[Flaw]:
     duration = float(take.times[-1] - take.times[0]) if len(take) else 0.0
     rate = (len(take) - 1) / duration if duration > 0.0 else 0.0
     begin = float(take.times[0]) if len(take) else 0.0
-    what = f"{len(take)} samples, {rate:.2g} a second"
+    what = f"has {len(take)} samples, {rate:.2g} a second"
     if len(take) < FEWEST:
         return [Flaw(take.name, begin, what, Action.LEFT_OUT, f"at least {FEWEST} make a motion")]
     if rate < LOWEST_RATE:
@@ -246,17 +246,17 @@ def find_strangers(tool: Demonstrations, ends: Sequence[np.ndarray] = ()) -> lis
     distances = {end: _between(tool, end) for end in (0, -1)}
     for index, item in enumerate(tool):
         if _ends_early(tool, index, distances[-1], length):
-            before = 1e3 * _nearest(distances[-1])[index]
-            what = f"interrupted: ends {before:.0f} mm from the others, at {item.length / length:.0%} of their length"
+            apart, share = 1e3 * _nearest(distances[-1])[index], item.length / length
+            what = f"is interrupted: ends {apart:.0f} mm from the others, at {share:.0%} of their length"
             flaws[item.name] = Flaw(item.name, float(item.times[-1]), what, Action.LEFT_OUT)
     for end, verb in ((0, "starts"), (-1, "ends")):
         nearest = _nearest(distances[end])
         limit = max(STRANGE_SHARE * length, STRANGE_TIMES * float(np.median(nearest)))
         for index in np.flatnonzero(nearest > limit):
             item = tool[int(index)]
-            what = f"another task: {verb} {1e3 * nearest[index]:.0f} mm from where any other does"
+            what = f"is of another task: {verb} {1e3 * nearest[index]:.0f} mm from where any other does"
             flaws.setdefault(item.name, Flaw(item.name, float(item.times[end]), what, Action.LEFT_OUT))
-    if ends:
+    if len(ends):
         flaws = _postures(tool, np.array(ends)) | flaws
     if not flaws and (tasks := _two_tasks(tool)):
         return [tasks]
@@ -296,7 +296,7 @@ def _postures(tool: Demonstrations, ends: np.ndarray) -> dict[str, Flaw]:
         limit = max(ANOTHER_POSTURE, STRANGE_TIMES * float(np.median(nearest)))
         for index in np.flatnonzero(nearest > limit):
             item = tool[int(index)]
-            what = f"another posture: {verb} {nearest[index]:.2f} rad from any other"
+            what = f"is in another posture: {verb} {nearest[index]:.2f} rad from any other"
             flaws[item.name] = Flaw(item.name, float(item.times[end]), what, Action.LEFT_OUT)
     return flaws
 
@@ -319,5 +319,5 @@ def _two_tasks(tool: Demonstrations) -> Flaw | None:
         for group in range(groups.max() + 1)
     )
     second = tool[int(np.argmax(groups))]
-    what = f"{groups.max() + 1} tasks, apart at both ends: {listed}"
+    what = f"is of another of {groups.max() + 1} tasks, apart at both ends: {listed}"
     return Flaw(second.name, float(second.times[0]), what, Action.REFUSED, "one skill is learned from one task")

@@ -100,9 +100,9 @@ def split(
     for span in spans:
         part = _moving_part(take, span, how)
         if part is None:
-            flaws.append(Flaw(span.name, span.begin, "nothing moves", Action.LEFT_OUT))
+            flaws.append(Flaw(span.name, span.begin, "does not move", Action.LEFT_OUT))
         elif len(part) < FEWEST or part.times[-1] - part.times[0] < SHORTEST:
-            size = f"a motion of {len(part)} samples in {part.times[-1] - part.times[0]:.2f} s"
+            size = f"has {len(part)} samples in {part.times[-1] - part.times[0]:.2f} s"
             flaws.append(Flaw(span.name, span.begin, size, Action.LEFT_OUT, "no demonstration is that short"))
         else:
             motions.append(part)
@@ -175,7 +175,8 @@ def marked_spans(
             begun = (time, _unused(label or f"{name}_{len(spans)}", spans))
     if begun is not None:
         spans.append(Span(begun[0], last, begun[1]))
-        flaws.append(Flaw(begun[1], begun[0], "no marker ends it", Action.REPAIRED, "it ends with the recording"))
+        how = "it ends with the recording"
+        flaws.append(Flaw(begun[1], begun[0], "has no marker that ends it", Action.REPAIRED, how))
     if not spans:
         raise DemonstrationError(f"{name}: {len(markers)} markers, and none of them begins a demonstration")
     return spans, flaws
@@ -193,11 +194,13 @@ def without_returns(motions: list[Take], first: int = 1) -> tuple[list[Take], li
     number `first`, and so a motion that is interrupted does not exchange the others' roles. Where the first motion ends
     near its start (LOOP) nothing has to lead back, and nothing is left out.
     """
+    if not motions:
+        return [], []
     if first > len(motions):
         raise DemonstrationError(f"motion {first} cannot be the first demonstration: there are {len(motions)} motions")
-    scale = per_column(STILL, motions[0].names) if motions else np.ones(1)
+    scale = per_column(STILL, motions[0].names)
     ends = [(motion.values[0] / scale, motion.values[-1] / scale) for motion in motions[first - 1 :]]
-    if not ends or np.linalg.norm(ends[0][1] - ends[0][0]) < LOOP * _extent(motions[first - 1], scale):
+    if np.linalg.norm(ends[0][1] - ends[0][0]) < LOOP * _extent(motions[first - 1], scale):
         return motions, []
     starts, goals = [ends[0][0]], [ends[0][1]]
     kept, back = [motions[first - 1]], motions[: first - 1]

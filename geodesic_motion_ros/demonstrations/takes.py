@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.checks import columns
+from geodesic_motion_ros.demonstrations.checks import columns, times_in_seconds
 from geodesic_motion_ros.demonstrations.recorded_tables import POSITION, QUATERNION
 
 POSE = (*POSITION, *QUATERNION)
@@ -16,7 +16,7 @@ POSE = (*POSITION, *QUATERNION)
 
 @dataclass(frozen=True, eq=False)
 class Take:
-    """Samples in the order in which they were recorded; DemonstrationError where one is not a finite number.
+    """Samples in the order in which they were recorded; DemonstrationError where one is not finite, or not in seconds.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Take:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", columns(self.values, self.names, self.name))
-        object.__setattr__(self, "times", columns(np.reshape(self.times, (-1, 1)), ("t",), self.name)[:, 0])
+        object.__setattr__(self, "times", times_in_seconds(self.times, self.name))
 
     def __len__(self) -> int:
         return len(self.times)
@@ -67,7 +67,7 @@ class Flaw:
     ----------
     demonstration : its name.
     time : of its beginning [s], as in the recording.
-    what : a few words with the figures.
+    what : a few words with the figures, as in "the demonstration ...".
     action, how : what is done about it, and how in a few words.
     """
 
@@ -79,7 +79,7 @@ class Flaw:
 
     def __str__(self) -> str:
         done = f"{self.action.value}: {self.how}" if self.how else self.action.value
-        return f"'{self.demonstration}' at {self.time:.2f} s: {self.what}; {done}"
+        return f"'{self.demonstration}' {self.what}, at {self.time:.2f} s; {done}"
 
 
 def per_column(sizes: Mapping[str, float], names: Sequence[str]) -> np.ndarray:

@@ -30,14 +30,13 @@ def draw_recording(
 ) -> None:
     """Write a picture with a row for each take, at most MOST_TAKES.
 
-    motions : the demonstrations in the takes, those in `left_out` shaded in another colour.
+    motions : the demonstrations, all in the only take or one called like each; `left_out` are shaded otherwise.
     """
     drawn = takes[:MOST_TAKES]
     figure = Figure(figsize=(11.0, 1.2 + 1.9 * len(drawn)), layout="constrained")
     rows = np.atleast_1d(figure.subplots(len(drawn), 1, squeeze=False)[:, 0])
     for axes, take in zip(rows, drawn, strict=True):
-        own = [motion for motion in motions if motion.name == take.name or motion.name.startswith(f"{take.name}_")]
-        own = own or (list(motions) if len(takes) == 1 else [])
+        own = [motion for motion in motions if len(takes) == 1 or motion.name == take.name]
         names = {take.name, *(motion.name for motion in own)}
         found = [flaw for flaw in flaws if flaw.demonstration in names]
         _draw_take(axes, take, own, left_out, found)

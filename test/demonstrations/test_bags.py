@@ -77,7 +77,7 @@ def test_transforms_are_composed_through_the_frames_between(kind, bag, tmp_path)
 def test_without_stamps_the_times_of_the_recorder_are_used_and_it_is_stated(bag, tmp_path) -> None:
     read = joints_of(bag.write(tmp_path / "zeros", {"/joint_states": joint_messages(stamps=0.0 * TIMES)}))
     np.testing.assert_allclose(read.take.times, TIMES - TIMES[0], atol=1e-6)
-    assert [flaw.what for flaw in read.flaws] == ["headers have no stamps"]
+    assert [flaw.what for flaw in read.flaws] == ["has headers without stamps"]
 
 
 def test_stamps_count_before_the_times_at_which_messages_came(bag, tmp_path) -> None:
