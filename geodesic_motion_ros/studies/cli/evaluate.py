@@ -97,8 +97,9 @@ def run(arguments: argparse.Namespace) -> None:
     """Measure, print the table, write the file."""
     from geodesic_motion_ros.studies.experiments.folds import all_folds, default_folds, parse_folds
 
-    space = recorded_space(arguments)
-    refuse_other_space(arguments, space, {"task": (*RECORDING_OPTIONS["task"], "sheets"), "joint": ("robot",)})
+    space = recorded_space(arguments, arguments.demos)
+    refuse_other_space(arguments, space, {"task": (*RECORDING_OPTIONS["task"], "sheets"), "joint": ("robot",)},
+                       arguments.demos)
     read = read_joint_recording if space == "joint" else read_recording
     demonstrations = read(arguments, arguments.demos)
     count = len(demonstrations)
