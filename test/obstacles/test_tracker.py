@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
-from geodesic_motion_ros.obstacles.tracker import MOTION_LASTS, REORDER_WINDOW, ObstacleSet, ObstacleTracker
+from geodesic_motion_ros.obstacles.track import MOTION_LASTS, REORDER_WINDOW
+from geodesic_motion_ros.obstacles.tracker import ObstacleSet, ObstacleTracker
 
 HERE, THERE = np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.5, 0.6])
 
@@ -130,12 +131,16 @@ def test_an_overtaken_add_does_not_revive_a_deleted_obstacle():
 
 
 def test_deleted_keys_are_forgotten_after_the_window():
+    """From then on messages from before the deletion count; until then none does."""
     tracker = ObstacleTracker()
     for number in range(100):
         tracker.put("obstacles", ("", number), HERE, 0.05, now=0.0)
     tracker.delete_all("obstacles", now=0.1)
-    tracker.current(0.1 + 1.01 * REORDER_WINDOW)
-    assert not any(tracker._tracks.values())
+    for share, forgotten in ((0.9, False), (1.01, True)):
+        now = 0.1 + share * REORDER_WINDOW
+        tracker.current(now)
+        added = [tracker.put("obstacles", ("", number), HERE, 0.05, now, transit=now - 0.05) for number in range(100)]
+        assert all(added) if forgotten else not any(added)
 
 
 def test_without_stamps_every_message_counts():
