@@ -9,19 +9,22 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+from geodesic_motion_ros.demonstrations.bags import BagTake
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import (
     METRES_PER_UNIT,
     holds_joints,
+    is_mapped,
     joint_takes,
     pose_takes,
     read_demonstrations,
     read_joint_demonstrations,
 )
-from geodesic_motion_ros.demonstrations.recorded_tables import DEFAULT_COLUMNS
+from geodesic_motion_ros.demonstrations.recorded_tables import DEFAULT_COLUMNS, DEMONSTRATION
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.splitting import PAUSE, Split
+from geodesic_motion_ros.demonstrations.text_tables import of_poses, parse_mapping
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:
@@ -67,7 +70,8 @@ def add_recording(
     source = group.add_mutually_exclusive_group(required=required)
     source.add_argument(
         "--demos", type=Path, metavar="FILE", nargs="+" if several else None,
-        help="recorded demonstrations: .npy (N, T, columns), .npz, or .csv with a column `demonstration`",
+        help="recorded demonstrations: .npy (N, T, columns), .npz, .csv with a column `demonstration`, or text "
+        "with any header, see --columns",
     )  # fmt: skip
     if bags:
         source.add_argument(
@@ -88,7 +92,9 @@ def add_formats(group: argparse._ArgumentGroup, required: bool = False, joints: 
     group.add_argument(
         "--columns", metavar="NAMES",
         help="columns of the file in their order; `t` [s] where it has times, `qx,qy,qz,qw` at the end for quaternions "
-        f"as in ROS messages, `px,py,pz` without orientation, `px,py` for a plane; {DEFAULT_COLUMNS} without it",
+        f"as in ROS messages, `px,py,pz` without orientation, `px,py` for a plane; {DEFAULT_COLUMNS} without it. Of "
+        "text with any header (.csv, .txt) our names and those of the file, the rest is passed over: "
+        "t=stamp,px=x,py=y,pz=z, or t=stamp,panda_joint1=q0,...; without demonstration=NAME it is split as a bag is",
     )  # fmt: skip
     group.add_argument(
         "--rate", type=float, default=100.0, metavar="HZ", help="samples a second of files without times"
@@ -151,16 +157,31 @@ def read_recorded(
         return recording
     (path,) = paths
     space = recorded_space(arguments, path)
+    columns = arguments.columns or DEFAULT_COLUMNS
+    mapping = parse_mapping(columns) if is_mapped(path, columns) else None
+    if mapping is not None:  # of joints too
+        options = options | {"task": tuple(name for name in options["task"] if name != "columns")}
     refuse_other_space(arguments, space, options, path)
     if space == "joint":
         robot = arguments.robot or "panda"
-        return Recording.of_files(joint_takes(path, robot, arguments.rate), robot)
-    units = _units(arguments, path)
-    return Recording.of_files(pose_takes(path, units, arguments.columns or DEFAULT_COLUMNS, arguments.rate))
+        takes = joint_takes(path, robot, arguments.rate, columns)
+    else:
+        robot = ""
+        takes = pose_takes(path, _units(arguments, path), columns, arguments.rate)
+    if mapping is None or DEMONSTRATION in mapping:
+        return Recording.of_files(takes, robot)
+    # nothing in the file says where a demonstration begins
+    how = Split.parse(arguments.split, arguments.pause, arguments.first)
+    if how.marker:
+        raise ParameterError(f"--split {how.marker}: topics of markers are in bags; {path} is none")
+    return Recording.of_long_takes([BagTake(take, ()) for take in takes], how, robot)
 
 
 def recorded_space(arguments: argparse.Namespace, path: Path) -> Literal["task", "joint"]:
     """What a file is a recording of: what --space says, else what the file says of itself."""
+    columns = arguments.columns or DEFAULT_COLUMNS
+    if is_mapped(path, columns):
+        return arguments.space or ("task" if of_poses(parse_mapping(columns)) else "joint")
     return arguments.space or ("joint" if holds_joints(path) else "task")
 
 

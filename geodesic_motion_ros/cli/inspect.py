@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.skill.skill import Skill
 
 #: Recordings in files; bags are known by `is_bag`.
-_FILES = (".csv", ".npy", ".npz")
+_FILES = (".csv", ".npy", ".npz", ".txt")
 _DESCRIPTION = """\
 Shows what a skill holds: what it was learned from, how well, where it begins and ends, how large its latent graph is
 and from which thresholds on the planner refuses a path. Writes the picture of its latent space; that of a joint-space

@@ -17,6 +17,7 @@ from geodesic_motion_ros.demonstrations.recorded_tables import (
     DEMONSTRATION,
     POSITION,
     QUATERNION,
+    SHORT,
     TIME,
     Table,
     joint_tables,
@@ -25,6 +26,7 @@ from geodesic_motion_ros.demonstrations.recorded_tables import (
     pose_tables,
 )
 from geodesic_motion_ros.demonstrations.takes import POSE, Take
+from geodesic_motion_ros.demonstrations.text_tables import parse_mapping, text_tables
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH
@@ -51,7 +53,8 @@ def read_demonstrations(
         others are those of `columns`, in any order; `t` may always be among them.
     units : "m", "cm" or "mm", of the positions.
     columns : names of the columns, separated by commas, in the order of the file: `px,py,pz,qw,qx,qy,qz`, with `t` [s]
-        where the file has times. `px,py,pz` alone: no orientation. `px,py` alone: planar, at z = 0.
+        where the file has times. `px,py,pz` alone: no orientation. `px,py` alone: planar, at z = 0. Of text with any
+        header (`.txt`, `.csv`) our names and those of the file: `t=stamp,px=x,py=y,pz=z`.
     rate_hz : samples a second of files that have no times.
 
     Returns
@@ -73,7 +76,10 @@ def read_demonstrations(
 def pose_takes(path: Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float = 100.0) -> list[Take]:
     """The same as it was recorded, in metres: one take for each demonstration, its times not checked."""
     scale = _metres_per(units)
-    tables = pose_tables(path, parse_columns(columns), rate_hz)
+    if is_mapped(path, columns):
+        tables = text_tables(path, parse_mapping(columns))
+    else:
+        tables = pose_tables(path, parse_columns(columns), rate_hz)
     _check_reach(tables, scale, units, path)
     with _naming(path):
         takes = [_pose_take(name, table, scale, rate_hz) for name, table in tables.items()]
@@ -120,16 +126,21 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
         return joint_demonstrations_of(takes, robot)
 
 
-def joint_takes(path: Path, robot: str, rate_hz: float = 100.0) -> list[Take]:
-    """The same as it was recorded: one take for each demonstration, joints as the robot's, times not checked."""
+def joint_takes(path: Path, robot: str, rate_hz: float = 100.0, columns: str = DEFAULT_COLUMNS) -> list[Take]:
+    """The same as it was recorded: one take for each demonstration, joints as the robot's, times not checked.
+
+    columns : of text with any header, our names and those of the file; of other files nothing.
+    """
     # compiled kernels, which readers of poses and the help of the command line do without
     from geodesic_motion_ros.robot.kinematics import Robot
 
     names = Robot.named(robot).joint_names
+    mapped = is_mapped(path, columns)
+    tables = text_tables(path, parse_mapping(columns), names) if mapped else joint_tables(path, names, robot, rate_hz)
     with _naming(path):
         return [
             Take(name, _times(table, len(table[names[0]]), rate_hz), np.array([table[one] for one in names]).T, names)
-            for name, table in joint_tables(path, names, robot, rate_hz).items()
+            for name, table in tables.items()
         ]
 
 
@@ -142,6 +153,12 @@ def joint_demonstrations_of(takes: Sequence[Take], robot: str) -> JointDemonstra
     demonstrations = JointDemonstrations(items, arm.joint_names, robot)
     demonstrations.check_robot(arm)
     return demonstrations
+
+
+def is_mapped(path: Path, columns: str) -> bool:
+    """Whether a file is read as text with any header: a csv whose columns have other names, or other text."""
+    renamed = "=" in columns or not SHORT.keys().isdisjoint(name.strip() for name in columns.split(","))
+    return path.suffix.lower() == ".txt" or (renamed and path.suffix.lower() == ".csv")
 
 
 def holds_joints(path: str | Path) -> bool:

@@ -51,30 +51,32 @@ class Recording:
         ------
         DemonstrationError : a bag cannot be read, lacks the topic, or nothing moves in it; topics of both kinds.
         """
-        takes: list[Take] = []
-        motions: list[Take] = []
-        flaws: list[Flaw] = []
+        reads = []
         for path in paths:
             source, found = bags.chosen_source(path, topic)
             names = _joint_names(robot) if found.kind == bags.JOINTS else ()
-            read = bags.read_take(path, source, names, how.marker)
-            take, repaired = repair_samples(read.take)
-            flaws += [*read.flaws, *repaired]
-            takes.append(read.take)
-            if any(flaw.action is Action.REFUSED for flaw in repaired):
-                continue
-            try:
-                parts, between = split(take, how, read.markers)
-            except DemonstrationError as error:
-                raise DemonstrationError(f"{path}: {error}") from error
-            motions += parts
-            flaws += between
+            reads.append(bags.read_take(path, source, names, how.marker))
+        takes = [read.take for read in reads]
         if len({take.of_joints for take in takes}) > 1:
             raise DemonstrationError("some of the bags have joints and some have poses: name one topic with --topic")
         names = [take.name for take in takes]
         if len(set(names)) < len(names):
             raise DemonstrationError("two bags have the same name; demonstrations are called by it: rename one")
-        return cls._of(takes, motions, flaws, robot if takes[0].of_joints else "")
+        return cls.of_long_takes(reads, how, robot if takes[0].of_joints else "")
+
+    @classmethod
+    def of_long_takes(cls, reads: Sequence[bags.BagTake], how: Split, robot: str = "") -> Recording:
+        """Takes with one or more demonstrations each. DemonstrationError: nothing moves in one."""
+        motions: list[Take] = []
+        flaws: list[Flaw] = []
+        for read in reads:
+            take, repaired = repair_samples(read.take)
+            flaws += [*read.flaws, *repaired]
+            if not any(flaw.action is Action.REFUSED for flaw in repaired):
+                parts, between = split(take, how, read.markers)
+                motions += parts
+                flaws += between
+        return cls._of([read.take for read in reads], motions, flaws, robot)
 
     @classmethod
     def _of(cls, takes: Sequence[Take], motions: Sequence[Take], flaws: list[Flaw], robot: str) -> Recording:

@@ -98,6 +98,18 @@ def test_inspect_reads_whatever_train_reads(recording, tmp_path, capsys) -> None
     assert "demonstration 'still_1' does not move" in printed.err
 
 
+def test_text_in_one_go_is_split_as_a_bag_is(tmp_path, capsys) -> None:
+    rows = [" ".join(map(str, (0.02 * number, *place))) for number, place in enumerate(poses())]
+    (tmp_path / "log.txt").write_text("\n".join(["# stamp x y z", *rows]))
+    arguments = ["inspect", str(tmp_path / "log.txt"), "--units", "m", "--columns", "t=stamp,px=x,py=y,pz=z"]
+    arguments += ["--json", str(tmp_path / "log.json"), "--picture", str(tmp_path / "log.png")]
+    assert main(arguments) == 0
+    found = json.loads((tmp_path / "log.json").read_text())
+    assert [row["name"] for row in found["demonstrations"]] == ["log_0", "log_1", "log_2", "log_3"]
+    assert main([*arguments, "--split", "/mark"]) == 2
+    assert "topics of markers are in bags" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
