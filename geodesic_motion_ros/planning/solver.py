@@ -205,8 +205,7 @@ class Solver:
         prediction = self.settings.prediction
         reshaping = self._reshaping(query, obstacles.swept(prediction, constants.EVASION_INSTANTS))
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        moves = bool(np.any(state.velocity))
-        for begin, first in ((state.after(stop), stop), (state, None)) if moves else ((state, None),):
+        for begin, first in self._evasion_begins(state, obstacles, stop):
             start = _latent_start(query, begin)
             for path in paths_to_targets(self.graph, query, start, reshaping, constants.EVASION_STEPS, apart):
                 timed = self._timer.timed(query, begin, path, False, math.inf)
@@ -221,6 +220,18 @@ class Solver:
                 if deadline.passed:
                     return None
         return None
+
+    def _evasion_begins(
+        self, state: MotionState, obstacles: Obstacles, stop: JointReference
+    ) -> list[tuple[MotionState, JointReference | None]]:
+        """From where evasion may set out, and what is played until then: at rest after a stop that nothing meets; or in
+        motion.
+        """
+        if not np.any(state.velocity):
+            return [(state, None)]
+        stopping = self.certifier.certify(stop, obstacles, stop.duration, beyond=False)
+        met = self.certifier.objection(stopping) is not None
+        return [(state, None)] if met else [(state.after(stop), stop), (state, None)]
 
     def evade_displaced(
         self,

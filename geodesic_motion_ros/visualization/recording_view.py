@@ -19,6 +19,7 @@ MOST_TAKES = 20
 #: More samples of a line than this are thinned out.
 _MOST_SAMPLES = 4000
 _COLOURS = {Action.KEPT: GREY, Action.REPAIRED: ORANGE, Action.LEFT_OUT: VERMILION, Action.REFUSED: VERMILION}
+_LINES = (GREY, "kept"), (ORANGE, "repaired"), (VERMILION, "left out or refused")
 
 
 def draw_recording(
@@ -44,8 +45,8 @@ def draw_recording(
     handles = [
         *(Line2D([], [], color=f"C{number % 10}", label=name) for number, name in enumerate(drawn[0].names)),
         Patch(color=BLUE, alpha=0.12, label="demonstration"),
-        Patch(color=VERMILION, alpha=0.15, label="left out"),
-        *(Line2D([], [], color=_COLOURS[action], ls="--", label=action.value) for action in list(_COLOURS)[:3]),
+        Patch(color=VERMILION, alpha=0.15, label="demonstration that is left out"),
+        *(Line2D([], [], color=colour, ls="--", label=f"flaw, {done}") for colour, done in _LINES),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=8)
     write_figure(figure, path)
