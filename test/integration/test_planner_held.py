@@ -37,8 +37,7 @@ class TestHeldObjects:
 
     def test_a_goal_is_reached_with_what_is_attached_in_motion(self, bench, planner_options, start_joints, skill):
         bench.watch_planner()
-        # However busy the machine is, the arm that the bench plays is where it was sent a moment ago.
-        bench.add(PlannerNode, **planner_options | {"tracking_tolerance": 0.2, "tracking_tolerance_angle": 1.0})
+        bench.add(PlannerNode, **planner_options)
         bench.send_joint_states(start_joints)
         bench.send_goal(skill.goal_pose)
         bench.wait_for_code("OK")

@@ -68,7 +68,8 @@ class TestStates:
         self, bench, planner_options, start_joints, skill
     ):
         bench.watch_planner()
-        bench.add(PlannerNode, **planner_options | {"tracking_tolerance_joint": 0.05})
+        tolerances = {"tracking_tolerance": 0.05, "tracking_tolerance_angle": 0.35, "tracking_tolerance_joint": 0.05}
+        bench.add(PlannerNode, **planner_options | tolerances)
         timer = bench.send_joint_states(start_joints, follows=False)
         bench.send_goal(skill.goal_pose)
         bench.wait_for_code("BAD_INPUT", "the arm is")  # it stands still, whatever it is sent

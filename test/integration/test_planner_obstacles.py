@@ -43,10 +43,8 @@ class TestObstacles:
     @pytest.mark.parametrize("policy", ["hold", "keep"])
     def test_policy_when_an_obstacle_topic_falls_silent(self, bench, planner_options, start_joints, skill, policy):
         bench.watch_planner()
-        # However busy the machine is, the arm that the bench plays is where it was sent a moment ago.
-        follows = {"tracking_tolerance": 0.2, "tracking_tolerance_angle": 1.0}
         silence = {"obstacle_timeout": 0.5, "obstacle_silence_policy": policy}
-        bench.add(PlannerNode, **planner_options | silence | follows)
+        bench.add(PlannerNode, **planner_options | silence)
         bench.listen(DiagnosticArray, "/diagnostics")
         bench.send_joint_states(start_joints)
         bench.send_goal(skill.goal_pose)
