@@ -27,8 +27,8 @@ JOINTS, POSES = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 EMPTY, BOOL, STRING = "std_msgs/msg/Empty", "std_msgs/msg/Bool", "std_msgs/msg/String"
 STATIC = "/tf_static"
+#: Of one topic: half an hour at 1 kHz.
 MOST_MESSAGES = 2_000_000
-"""Of one topic: half an hour at 1 kHz."""
 #: Stamps of a header are used where at least this share of them rises; clocks that are not set give zeros.
 RISING_SHARE = 0.5
 #: Frames from the base to the tool.
@@ -80,8 +80,9 @@ class BagTake:
 
 @dataclass(frozen=True)
 class _Message:
+    """received : [ns] of the recorder's clock."""
+
     received: int
-    """[ns] of the recorder's clock."""
     content: Any
 
 
@@ -174,8 +175,8 @@ def read_take(path: Path, source: Source, joint_names: Sequence[str] = (), marke
     return BagTake(Take(path.stem, seconds, values, names), flaws, markers)
 
 
+#: When they were received (T,) and stamped (T,) [ns], and their values (T, C).
 Samples = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""When they were received (T,) and stamped (T,) [ns], and their values (T, C)."""
 
 
 def _joints(messages: list[_Message], names: tuple[str, ...], path: Path) -> Samples:

@@ -55,8 +55,8 @@ class Action(Enum):
     REPAIRED = "repaired"
     LEFT_OUT = "left out"
     REFUSED = "refused"
+    #: What lies between demonstrations, and is no flaw of them.
     PASSED_OVER = "passed over"
-    """What lies between demonstrations, and is no flaw of them."""
 
 
 @dataclass(frozen=True)
