@@ -23,7 +23,7 @@ p { margin: .4rem 0; max-width: 48rem; }
 .bad { color: var(--bad); }
 nav a { margin-right: 1rem; color: var(--mark); white-space: nowrap; }
 .cards { display: flex; flex-wrap: wrap; gap: .7rem; margin: 1rem 0; }
-.cards div { flex: 1 1 9rem; padding: .6rem .8rem; border-radius: .5rem; background: var(--card); font-size: .85rem; }
+.cards div { flex: 1 1 7rem; padding: .6rem .8rem; border-radius: .5rem; background: var(--card); font-size: .85rem; }
 .cards b { display: block; font-size: 1.35rem; }
 .scroll { overflow-x: auto; }
 table { margin: .6rem 0; border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
@@ -33,7 +33,7 @@ th { font-weight: 500; }
 .columns p { display: flex; justify-content: space-between; gap: 1rem; margin: 0; border-bottom: 1px solid var(--line);
   font-size: .85rem; break-inside: avoid; overflow-wrap: anywhere; }
 figure { margin: .8rem 0; break-inside: avoid; }
-figure img { max-width: 100%; border-radius: .4rem; background: #fff; }
+figure img { max-width: 100%; height: auto; border-radius: .4rem; background: #fff; }
 figcaption { font-size: .85rem; }
 code { padding: 0 .25rem; border-radius: .25rem; background: var(--card); font-size: .88em; overflow-wrap: anywhere; }
 @media print { :root { --ink: #000; --soft: #444; --line: #bbb; --page: #fff; --card: #f2f2f2; --mark: #000;
@@ -100,7 +100,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], digits: int = 2) 
 
 
 def figure(picture: bytes, caption: str) -> str:
-    """A PNG with a caption under it."""
+    """A PNG of 150 pixels an inch with a caption under it, shown with 100 an inch where there is room."""
+    width = int.from_bytes(picture[16:20], "big") * 2 // 3  # of the first chunk of a PNG
     data = base64.b64encode(picture).decode()
-    shown = f'<img alt="{html.escape(caption)}" src="data:image/png;base64,{data}">'
+    shown = f'<img alt="{html.escape(caption)}" width="{width}" src="data:image/png;base64,{data}">'
     return f"<figure>\n{shown}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>\n"

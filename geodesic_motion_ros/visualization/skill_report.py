@@ -143,7 +143,7 @@ def _flat(settings: Mapping[str, Any], above: str = "") -> dict[str, str]:
         if isinstance(value, Mapping):
             flat |= _flat(value, f"{above}{name}.")
         else:
-            flat[f"{above}{name}"] = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+            flat[f"{above}{name}"] = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
     return flat
 
 
@@ -173,7 +173,7 @@ def recordings_section(skill: Skill, recording: Recording | None) -> str:
             done = Action.REPAIRED.value if Action.REPAIRED in found.get(name, ()) else Action.KEPT.value
         rows.append((name, row["from"], row["to"], row["samples"], row["rate"], row["length"], done))
     unit = "rad" if recording.robot else "m"
-    head = ("demonstration", "from [s]", "to [s]", "samples", "per s", f"length [{unit}]", "")
+    head = ("demonstration", "from [s]", "to [s]", "samples", "per s", f"length [{unit}]", "outcome")
     flaws = [(flaw["demonstration"], flaw["time"], flaw["what"], flaw["action"]) for flaw in described["flaws"]]
     if not flaws:
         return table(head, rows) + note("Nothing was found in them.")
@@ -219,8 +219,8 @@ def held_out_section(skill: Skill) -> str:
     held_out = ", ".join(map(str, quality.get("held_out", ())))
     return (
         note(
-            f"Held out: demonstrations {held_out}, counted from 0 among those that remain. Given their start and goal "
-            "alone; means, the smaller the nearer to what the person did."
+            f"Held out: {held_out} (counted from 0 among those that were not left out). Predicted from their start and "
+            "goal alone; means, the smaller the nearer to what the person did."
         )
         + table(("", *(_COLUMNS[column] for column in columns)), rows)
         + note(f"One split only: `{command}` measures several.", "soft")

@@ -54,8 +54,9 @@ def draw_spread(path: str | os.PathLike[str], skill: Skill, motion: JointReferen
         axes.margins(x=0.0)
     for axes in panels[len(names) :]:
         axes.set_axis_off()
+    for axes in panels[len(panels) - 2 : len(names)]:
+        axes.set_xlabel("share of the arc [%]", fontsize=9)
     panels[len(names) - 2].tick_params(labelbottom=True)  # the last one of its column
-    figure.supxlabel("share of the arc [%]", fontsize=9)
     single = np.max(modes) == 0
     handles = [
         *(
