@@ -45,7 +45,7 @@ _LATENT = {
     "task": "Left the plane that was learned, dark where moving is dear, with the demonstrations and the shortest "
     "paths between their ends; right the same curves decoded, as the tool moves.",
     "joint": "Left the latent space, walled in where the demonstrations' support ends, with the demonstrations and "
-    "the shortest paths; right the arm. Vermilion is the path around a sphere of 5 cm on the arm, where there is one.",
+    "the shortest paths; right the arm. Vermilion is the path around a sphere on the arm, where there is one.",
 }
 
 
