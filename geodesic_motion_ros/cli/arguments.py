@@ -17,6 +17,7 @@ from geodesic_motion_ros.demonstrations.readers import (
     read_joint_demonstrations,
 )
 from geodesic_motion_ros.demonstrations.recorded_tables import DEFAULT_COLUMNS
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:
@@ -72,7 +73,8 @@ def add_recording(
             help="what the file holds: poses of the tool, or configurations of the whole arm [rad]; without it as the "
             "file says of itself",
         )  # fmt: skip
-        group.add_argument("--robot", help="whose joints were recorded; panda without it")
+        group.add_argument("--robot", help="that was recorded, or is to do it: the name of a shipped one, or "
+            f"the path of a folder that `geodesic-motion robot` made; {DEFAULT_ROBOT} without it")
 
 
 def recorded_space(arguments: argparse.Namespace) -> Literal["task", "joint"]:
@@ -101,11 +103,11 @@ def read_recording(arguments: argparse.Namespace, path: Path) -> Demonstrations:
 
 def read_joint_recording(arguments: argparse.Namespace, path: Path) -> JointDemonstrations:
     """The joints of one file; DemonstrationError says what is wrong with it."""
-    return read_joint_demonstrations(path, arguments.robot or "panda", arguments.rate)
+    return read_joint_demonstrations(path, arguments.robot or DEFAULT_ROBOT, arguments.rate)
 
 
 #: Of recordings, by the space that is learned from them.
-RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ("robot",)}
+RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ()}
 _RECORDINGS = {"task": "recordings of the tool", "joint": "recordings of joints"}
 
 Recording = TypeVar("Recording", Demonstrations, JointDemonstrations)

@@ -12,6 +12,7 @@ import numpy as np
 
 from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given, read_recording
 from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ class TaskTraining:
     demonstrations: Demonstrations
     held_out: tuple[int, ...]
     settings: TrainingSettings
+    robot: str
 
     @classmethod
     def from_arguments(cls, arguments: argparse.Namespace, shared: tuple[str, ...]) -> TaskTraining:
@@ -58,7 +60,9 @@ class TaskTraining:
         metric = replace(settings_of().metric, **given(arguments, "sigma_weight", "orientation_scale"))
         demonstrations = read_recording(arguments, arguments.demos)
         settings = settings_of(metric=metric, **given(arguments, *shared, *_SETTINGS))
-        training = cls(demonstrations, arguments.held_out or (), settings)
+        robot = arguments.robot or DEFAULT_ROBOT
+        RobotDescription.named(robot)  # refused now, not after the training
+        training = cls(demonstrations, arguments.held_out or (), settings, robot)
         refuse_motionless(training.tool_demonstrations())
         return training
 
@@ -69,7 +73,9 @@ class TaskTraining:
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
         from geodesic_motion_ros.learning.training import train_task_space_skill
 
-        return train_task_space_skill(self.tool_demonstrations(), self.settings, name, progress, provenance)
+        return train_task_space_skill(
+            self.tool_demonstrations(), self.settings, name, progress, provenance, self.robot
+        )
 
 
 def refuse_motionless(demonstrations: Demonstrations) -> None:

@@ -78,12 +78,34 @@ def read_dynamic_limits(path: str | Path, joint_names: tuple[str, ...]) -> tuple
     ------
     RobotError : a joint or one of its two limits is missing, or a limit is not a positive number.
     """
+    table = _joint_limits(path)
+    limits = [[_positive(table, joint, key, path) for joint in joint_names] for key in ("max_acceleration", "max_jerk")]
+    return np.array(limits[0]), np.array(limits[1])
+
+
+def read_velocity_limits(path: str | Path, joint_names: tuple[str, ...], otherwise: np.ndarray) -> np.ndarray:
+    """Velocity limits (n,) [rad/s] of a joint_limits.yaml, for joints without one there those of (n,) `otherwise`.
+
+    Raises
+    ------
+    RobotError : a limit is not a positive number.
+    """
+    table = _joint_limits(path)
+    key = "max_velocity"
+    has_one = [isinstance(table.get(joint), Mapping) and key in table[joint] for joint in joint_names]
+    pairs = zip(joint_names, has_one, otherwise, strict=True)
+    return np.array([_positive(table, joint, key, path) if here else limit for joint, here, limit in pairs])
+
+
+def _joint_limits(path: str | Path) -> Mapping:
+    """The mapping of a joint_limits.yaml, by joint."""
     try:
         table = yaml.safe_load(Path(path).read_text())["joint_limits"]
     except (OSError, yaml.YAMLError, TypeError, KeyError) as error:
         raise RobotError(f"{path} must be a YAML file with a mapping `joint_limits`: {error}") from error
-    limits = [[_positive(table, joint, key, path) for joint in joint_names] for key in ("max_acceleration", "max_jerk")]
-    return np.array(limits[0]), np.array(limits[1])
+    if not isinstance(table, Mapping):
+        raise RobotError(f"{path}: joint_limits is {table}; it must hold joints with their limits")
+    return table
 
 
 def _parse(path: str | Path) -> ElementTree.Element:
@@ -174,7 +196,7 @@ def _floats(text: str, count: int, what: str) -> list[float]:
 
 
 def _positive(table: Mapping, joint: str, key: str, path: str | Path) -> float:
-    entry = table.get(joint) if isinstance(table, Mapping) else None
+    entry = table.get(joint)
     value = entry.get(key) if isinstance(entry, Mapping) else None
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < np.inf:
         raise RobotError(f"{key} of joint '{joint}' in {Path(path).name} is {value}: expected a positive number")

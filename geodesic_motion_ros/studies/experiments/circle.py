@@ -147,7 +147,7 @@ def shown_circles(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0
     """As `simulation.joint_teacher` tells the arm, without physics: each circle in every family's swivel angle."""
     from geodesic_motion_ros.simulation.joint_teacher import CIRCLE_SWIVEL, circle_guidances
 
-    robot, guidances = Robot.panda(), circle_guidances(per_family, seed)
+    robot, guidances = Robot.named("panda"), circle_guidances(per_family, seed)
     curves = [commanded(robot, each, samples, swivel - CIRCLE_SWIVEL) for swivel in SWIVELS for each in guidances]
     return Circles(np.stack(curves), len(SWIVELS))
 
@@ -173,7 +173,7 @@ def measure_circle(
     """
     if not seeds or not dimensions:
         raise ParameterError("no seeds or no dimensions: at least one training is needed")
-    robot, shown = Robot.panda(), shown or shown_circles()
+    robot, shown = Robot.named("panda"), shown or shown_circles()
     learned = models(shown.configurations, robot, dimensions, seeds, settings, progress, folder)
     return CircleReport(shown, tuple(_measured(vae, shown, robot, chosen) for vae, chosen in learned))
 

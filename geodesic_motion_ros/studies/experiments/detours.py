@@ -19,7 +19,7 @@ from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import LARGEST_DETOUR, PlannerSettings
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ExperimentError, ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
@@ -160,7 +160,7 @@ def draw_detours(report: DetoursReport, path: Path) -> None:
     figure = Figure(figsize=(4.0 * len(report.runs), 4.15), layout="constrained")
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.0, hspace=0.0)
     panels = figure.subplots(1, len(report.runs), squeeze=False)[0]
-    with PandaWorld(scene=DeclaredScene.named("table")) as world:
+    with ArmWorld(scene=DeclaredScene.named("table")) as world:
         world.set_obstacles({"sphere": (report.centre, report.radius)})
         for axes, run in zip(panels, report.runs, strict=True):
             tool = np.array([world.robot.forward(posture)[0] for posture in run.postures])

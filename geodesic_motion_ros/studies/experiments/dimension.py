@@ -137,7 +137,7 @@ def shown_reaches(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0
     """As `simulation.joint_teacher` tells the arm, without physics."""
     from geodesic_motion_ros.simulation.joint_teacher import reach_guidances
 
-    robot = Robot.panda()
+    robot = Robot.named("panda")
     curves = [commanded(robot, each, samples) for each in reach_guidances(per_family, seed, FAMILIES, connected=False)]
     return Reaches(np.stack(curves).reshape(FAMILIES, per_family, samples, -1))
 
@@ -162,7 +162,7 @@ def measure_dimension(
     """
     if not seeds or not dimensions or not set(dimensions) <= set(SIDES):
         raise ParameterError(f"dimensions {tuple(dimensions)}, seeds {tuple(seeds)}: give some, dimensions from 2 to 5")
-    robot, shown = Robot.panda(), shown or shown_reaches()
+    robot, shown = Robot.named("panda"), shown or shown_reaches()
     learned = models(shown.shown, robot, dimensions, seeds, settings, progress)
     return DimensionReport(tuple(row for vae, chosen in learned for row in _measured(vae, shown, robot, chosen)))
 

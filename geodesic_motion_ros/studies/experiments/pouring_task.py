@@ -213,7 +213,7 @@ def measure_pouring_task(
     from geodesic_motion_ros.learning.settings import TrainingSettings
 
     base = training or TrainingSettings(**BRIEFLY)
-    shown = pouring(settings.shown, 0).tool_demonstrations(Robot.panda())
+    shown = pouring(settings.shown, 0).tool_demonstrations(Robot.named("panda"))
     pairs: list[Pair] = []
     blocked: list[Blocked] = []
     chains: list[Chain] = []

@@ -39,7 +39,7 @@ DECIMALS = 4
 
 def write_panda_spheres(path: Path) -> None:
     """Write the file that `CollisionModel.panda` reads, robot/panda_spheres.yaml; takes about two minutes."""
-    with CollisionGeometry.panda() as geometry:
+    with CollisionGeometry("panda") as geometry:
         spheres = {
             part.name: file_spheres(part.vertices, PANDA_PROTRUSIONS.get(part.name, PROTRUSION))
             for part in geometry.parts

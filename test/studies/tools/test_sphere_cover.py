@@ -22,7 +22,7 @@ from geodesic_motion_ros.utils.errors import ParameterError
 
 @pytest.fixture(scope="module")
 def geometry() -> Iterator[CollisionGeometry]:
-    with CollisionGeometry.panda() as geometry:
+    with CollisionGeometry("panda") as geometry:
         yield geometry
 
 
@@ -78,7 +78,7 @@ def test_the_shipped_spheres_stick_out_no_more_than_they_may(geometry: Collision
     """Beyond the protrusion there is PyBullet's margin, and rounding of centre and radius. They hold the meshes:
     see the tests of the model.
     """
-    model = CollisionModel.panda()
+    model = CollisionModel.named("panda")
     for link in dict.fromkeys(model.points.names):
         spheres = model.of_link(link)
         beyond = []
@@ -96,7 +96,7 @@ def test_a_cover_that_is_made_here_is_about_as_large_as_the_shipped_one(
 ) -> None:
     """Its spheres are others: on a symmetric mesh several candidates cover equally much, and rounding decides."""
     made = sum(len(file_spheres(part.vertices, protrusion(part.name))) for part in geometry.parts if part.link == link)
-    assert 0.5 * made <= len(CollisionModel.panda().of_link(link)) <= 2.0 * made
+    assert 0.5 * made <= len(CollisionModel.named("panda").of_link(link)) <= 2.0 * made
 
 
 def test_rounding_takes_nothing_away() -> None:
