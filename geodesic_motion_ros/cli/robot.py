@@ -87,6 +87,8 @@ def run(arguments: argparse.Namespace) -> None:
     for pair in made.pairs:
         touching, overlapping = 100.0 * pair.touching, 100.0 * pair.overlapping
         chosen = "" if pair.spheres is None else f", {len(pair.spheres)} pairs of spheres chosen"
+        if touching > 5.0:
+            chosen += "; if they do not really: the hull of a mesh is larger than the mesh, cut it into convex parts"
         print(
             f"kept apart: {' and '.join(pair.links)}; in the postures drawn their bodies nearly touch in "
             f"{touching:.1f} %, their spheres overlap in {overlapping:.1f} %{chosen}"

@@ -26,6 +26,8 @@ THINNEST = 0.004
 """Bodies that are too thin for a protrusion are covered with half of it, and so on down to this [m]."""
 POSTURES = 2000
 """Drawn, of which the ready posture is the best."""
+APART = 0.01
+"""Distance [m] of the spheres that are kept apart, in a ready posture that is proposed."""
 _FRAME_INERTIA = (
     '<inertial><mass value="0.001"/><inertia ixx="1e-6" ixy="0" ixz="0" iyy="1e-6" iyz="0" izz="1e-6"/></inertial>'
 )
@@ -85,7 +87,7 @@ def make_robot(
     robot = Robot.from_urdf(urdf, base_link, tool_link)
     bodies = collision_bodies(robot, beside)
     spheres = cover_bodies(robot, bodies)
-    posture = robot.checked(np.array(ready)) if ready is not None else propose_ready(robot, spheres)
+    posture = None if ready is None else robot.checked(np.array(ready))
     out.mkdir(parents=True, exist_ok=True)
     try:
         pairs = _write(robot, bodies, spheres, posture, limits, out, name or out.name, beside or {})
@@ -99,7 +101,7 @@ def _write(
     robot: Robot,
     bodies: Sequence[Body],
     spheres: Mapping[str, np.ndarray],
-    posture: np.ndarray,
+    posture: np.ndarray | None,
     limits: Limits,
     out: Path,
     name: str,
@@ -109,9 +111,13 @@ def _write(
     urdf = out / robot.urdf.name
     _write_urdf(robot, urdf)
     _write_limits(robot, limits, out / "joint_limits.yaml")
-    robot = Robot(urdf, robot.base_link, robot.tool_link, out / "joint_limits.yaml", tuple(posture))
     pairs = draw_self_pairs(robot, spheres, bodies)
     (out / "spheres.yaml").write_text(_spheres_text(bodies, spheres, pairs))
+    model = CollisionModel.load(out / "spheres.yaml", robot)
+    posture = propose_ready(robot, model) if posture is None else posture
+    clearance, (one, other) = self_clearance(model, robot, posture)
+    if clearance <= 0.0:
+        raise RobotError(f"at the ready posture {model.link_of(one)} touches {model.link_of(other)}: give another one")
     described = {
         "name": name, "urdf": urdf.name, "base_link": robot.base_link, "tool_link": robot.tool_link,
         "limits": "joint_limits.yaml", "limits_source": limits.source, "ready": [float(x) for x in posture],
@@ -120,10 +126,6 @@ def _write(
     if beside:
         described["simulation"] = {"joints": {joint: float(value) for joint, value in beside.items()}}
     (out / FILE).write_text(yaml.safe_dump(described, sort_keys=False, default_flow_style=None, width=110))
-    model = CollisionModel.load(out / "spheres.yaml", robot)
-    clearance, (one, other) = self_clearance(model, robot, robot.ready)
-    if clearance <= 0.0:
-        raise RobotError(f"at the ready posture {model.link_of(one)} touches {model.link_of(other)}: give another one")
     return pairs
 
 
@@ -137,8 +139,8 @@ def cover_bodies(robot: Robot, bodies: Sequence[Body]) -> dict[str, np.ndarray]:
     return {link: np.concatenate(rows) for link, rows in found.items()}
 
 
-def propose_ready(robot: Robot, spheres: Mapping[str, np.ndarray]) -> np.ndarray:
-    """A posture (n,) [rad] far from limits and singularities, the tool before and above the base, spheres apart.
+def propose_ready(robot: Robot, model: CollisionModel) -> np.ndarray:
+    """A posture (n,) [rad] far from limits and singularities, the tool before and above the base, `APART` from itself.
 
     Of drawn ones within the middle half of the joints' ranges, that of the largest manipulability, the product of the
     singular values of J, times the smallest distance from a limit as a share of its range.
@@ -150,43 +152,19 @@ def propose_ready(robot: Robot, spheres: Mapping[str, np.ndarray]) -> np.ndarray
     bounded = np.isfinite(robot.lower)
     lower, upper = np.where(bounded, robot.lower, -np.pi), np.where(bounded, robot.upper, np.pi)
     middle = 0.5 * (lower + upper)
-    drawn = middle + 0.5 * (robot.sample(POSTURES, np.random.default_rng(0)) - middle)
-    links = list(spheres)
-    turned = np.append(0, np.cumsum(robot.chain[3] >= 0))
+    drawn = np.round(middle + 0.5 * (robot.sample(POSTURES, np.random.default_rng(0)) - middle), 3)
     best, posture = 0.0, None
     for q in drawn:
-        rotations, origins = robot.link_frames(q)
-        if origins[-1, 2] < 0.1 or origins[-1, 0] < 0.2 * robot.reach:
+        tool, _ = robot.forward(q)
+        if tool[2] < 0.1 * robot.reach or tool[0] < 0.2 * robot.reach:
             continue
         rooms = np.minimum(q - lower, upper - q)[bounded] / (upper - lower)[bounded]
         score = np.min(rooms, initial=0.5) * np.prod(np.linalg.svd(robot.jacobian(q), compute_uv=False))
-        if score <= best or not _apart(robot, spheres, links, turned, rotations, origins):
-            continue
-        best, posture = score, q
+        if score > best and self_clearance(model, robot, q)[0] >= APART:
+            best, posture = score, q
     if posture is None:
         raise RobotError("no posture was found with the tool before and above the base: give one with --ready")
-    return np.round(posture, 3)
-
-
-def _apart(
-    robot: Robot,
-    spheres: Mapping[str, np.ndarray],
-    links: Sequence[str],
-    turned: np.ndarray,
-    rotations: np.ndarray,
-    origins: np.ndarray,
-) -> bool:
-    """Whether spheres of links that three joints or more move against each other are apart."""
-    placed = {}
-    for link in links:
-        frame = robot.link_names.index(link)
-        placed[link] = spheres[link][:, :3] @ rotations[frame].T + origins[frame], turned[frame], spheres[link][:, 3]
-    for i, one in enumerate(links):
-        for other in links[i + 1 :]:
-            (a, first, r), (b, second, s) = placed[one], placed[other]
-            if second - first >= 3 and np.min(np.linalg.norm(a[:, None] - b, axis=-1) - r[:, None] - s) < 0.0:
-                return False
-    return True
+    return posture
 
 
 def _covered(body: Body, protrusion: float) -> np.ndarray:
